@@ -131,7 +131,7 @@ def _report_all_else(place: str) -> int:
         "processor_s": 1.0,
         "wall_s": 1.0,
         "peak_mib": 1,
-        "work": {"codec": place},
+        "commit": place,
     }
     Path("logs").mkdir()
     Path("logs/a.log").write_text(json.dumps(cost))
@@ -306,18 +306,6 @@ def _manifest(place: str) -> int:
     return main(["conformance", "gpcc", "--streams", "."])
 
 
-def _times_of_a_run(place: str) -> int:
-    log = Path("results/logs/encode_curve/objects/thing/draco.log")
-    log.parent.mkdir(parents=True)
-    work = {"codec": place, "points": 10, "rates": 1}
-    cost = {"job": "encode_curve", "processor_s": 1.0, "wall_s": 1.0, "peak_mib": 1, "work": work}
-    log.write_text(json.dumps(cost))
-    Path("config.yaml").write_text(json.dumps(STUDY))
-    Path("Snakefile").touch()
-    words = ["reproduce", "--config", "config.yaml", "--snakefile", "Snakefile"]
-    return main([*words, "--estimate", "results"])
-
-
 def _rows_of_a_run(place: str) -> int:
     """Result rows that become a table."""
     row = {"dataset": "a", "cloud": "b", "rate": "r1", "codec": place, "class": place, "bpp": 1.0}
@@ -362,7 +350,6 @@ READERS: dict[Callable[[str], int], str | None] = {
     _weights: "w.safetensors|weights",
     _start_of_training: "w.safetensors",
     _manifest: None,
-    _times_of_a_run: None,
     _rows_of_a_run: None,
     _job: rf"job: '{{}}' {IS_CODE}",
 }

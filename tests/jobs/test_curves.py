@@ -99,9 +99,7 @@ def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
             Decode(codec=codec).run(stream, Path("alone.ply"))
             assert Path("alone.ply").read_bytes() == shown[f"{rate}.ply"]
     assert list(shown) == [f"{rate}.ply" for rate in RATES[1:]]
-    assert done["call_s"] == pytest.approx(sum(row["decode_s"] for row in results))
-    assert (done["codec"], done["points"], done["rates"]) == (codec, 3000, 3)
-    assert done["truth"]
+    assert done == {"rates": 3}
 
 
 def test_the_rates_of_a_curve_share_the_search_for_a_surface(

@@ -87,7 +87,7 @@ def write_logs(folder: Path, share: float) -> None:
     """Logs of a curve that was coded and measured in 10 s of processor time, and of a figure."""
     when = {"ended": "2026-05-03T10:00:00+00:00", "commit": "0123456789ab"}
     for job, wall in (("encode_curve", 6), ("evaluate_curve", 4), ("figure", 100)):
-        cost = {"job": job, "processor_s": wall, "wall_s": wall / share, "work": {}, **when}
+        cost = {"job": job, "processor_s": wall, "wall_s": wall / share, **when}
         if job == "figure":  # what others took while it was drawn says nothing
             cost["wall_s"] = 10 * wall
         write_bytes(folder / f"{job}.log", f"{json.dumps(cost)}\n".encode())

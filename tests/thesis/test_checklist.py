@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 from pathlib import Path
@@ -13,7 +12,6 @@ import yaml
 from snakemake.cli import parse_args
 
 from puckbench.cli import main
-from puckbench.planning.stages import job_kinds
 from puckbench.thesis.checklist import Item, Reproduction
 
 ROOT = Path(__file__).parents[2]
@@ -111,18 +109,6 @@ def test_what_snakemake_says_comes_first(asked: Reproduction) -> None:
     assert {item.name: item for item in asked.items({str(pending)})}["fig_5_1"].state == "stale"
 
 
-def test_all_jobs_of_the_configuration_are_counted(asked: Reproduction) -> None:
-    kinds = job_kinds(asked.bench)
-    counts: dict[str, int] = {}
-    for kind in kinds:
-        counts[kind.job] = counts.get(kind.job, 0) + kind.jobs
-    expected = {"scene": 2, "sample": 2, "prepare": 2, "encode_curve": 2, "evaluate_curve": 2}
-    assert expected.items() <= counts.items()
-    assert counts["figure"] == len(asked.bench.outputs.figures) > 20
-    assert counts["table"] == len(asked.bench.outputs.tables) > 5
-    assert counts["residuals"] == 5
-
-
 def test_the_command_prints_the_list(
     asked: Reproduction, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -131,21 +117,3 @@ def test_the_command_prints_the_list(
     assert "data of objects  data/CAPOD: no such folder" in text
     assert main(["reproduce", "--config", "no.yaml", "--snakefile", str(SNAKEFILE)]) == 2
     assert "no.yaml: no such file" in capsys.readouterr().err
-
-
-def test_an_estimate_says_what_it_rests_on(
-    asked: Reproduction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    results = tmp_path / "run" / "results"
-    log = results / "logs" / "coded" / "a" / "b" / "draco.log"
-    log.parent.mkdir(parents=True)
-    cost = {"job": "encode_curve", "processor_s": 3600, "wall_s": 3600, "peak_mib": 9}
-    cost["work"] = {"codec": "draco", "points": 1000, "rates": 1, "repeats": 3, "call_s": 1.0}
-    log.write_text(json.dumps(cost) + "\n")
-    words = ["--config", str(asked.path), "--snakefile", str(SNAKEFILE), "--stand-in"]
-    assert main(["reproduce", *words, "--estimate", "run", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    rests = "(from 1 job; some from curves with other numbers of rates)"
-    assert result["encode_curve draco"] == f"4.00 core-hours: 2 jobs of 7200.0 s {rests}"
-    assert result["evaluate_curve draco"] == "2 jobs, not measured"
-    assert result["total"] == "4.0 core-hours"

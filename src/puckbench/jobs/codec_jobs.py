@@ -65,15 +65,6 @@ class TimedJob(CodecJob):
         """Whether one rate of a codec, the user's own, is run twice to compare the results."""
         return self.repeats == 1 and not type(codec).__module__.startswith("puckbench.")
 
-    def work(self, points: int, rates: int, call_s: float) -> dict[str, Any]:
-        return {
-            "codec": self.codec,
-            "points": points,
-            "rates": rates,
-            "repeats": self.repeats,
-            "call_s": call_s,
-        }
-
 
 def ready(codec: Codec) -> Codec:
     """Load weights and compiled loops; raise InputError if the codec cannot run here."""

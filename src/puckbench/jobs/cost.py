@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,16 +12,12 @@ from pydantic import AfterValidator
 from puckbench.core.files import json_of, text_end
 from puckbench.core.models import Model, parsed
 
-WORK = ("codec", "points", "rates", "repeats", "call_s", "truth")
-"""Entries of a job's result that its cost contains: codec, points of the cloud, rates of the curve,
-repetitions of the timed calls, seconds of one call for each rate in total, and whether decoded
-clouds were compared with the true surface."""
 BEGIN = '{"job": '
 """Beginning of the last line in the log of a finished job."""
 _TAIL_BYTES = 2048
 
 
-def cost_line(name: str, done: Mapping[str, Any]) -> str:
+def cost_line(name: str) -> str:
     """Return a job's cost as JSON, with child processes, without a forked job's imports."""
     import resource
 
@@ -33,7 +29,6 @@ def cost_line(name: str, done: Mapping[str, Any]) -> str:
         "processor_s": round(sum(use.ru_utime + use.ru_stime for use in usages), 3),
         "wall_s": round(_age_s(), 3),
         "peak_mib": max(use.ru_maxrss for use in usages) // 1024,
-        "work": {key: done[key] for key in WORK if key in done},
         "ended": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     commit = source_commit()
@@ -57,21 +52,11 @@ def _age_s() -> float:
     return uptime - int(fields[19]) / os.sysconf("SC_CLK_TCK")
 
 
-class _Work(Model, extra="ignore"):
-    codec: str | None = None
-    points: int = 0
-    rates: int = 0
-    repeats: int = 0
-    call_s: float = 0.0
-    truth: bool = False
-
-
 class _Cost(Model, extra="ignore"):
     job: str
     processor_s: float
     wall_s: float
     peak_mib: int = 0
-    work: _Work = _Work()
     ended: Annotated[str | None, AfterValidator(_moment)] = None
     commit: str = ""
 

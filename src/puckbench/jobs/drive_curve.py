@@ -92,8 +92,7 @@ class EncodeDrive(TimedJob):
             coded[rate] = CodedDrive(tuple(timed.result), record)
             progress(done, len(rates))
         write_coded_drive(curve, coded)
-        seconds = sum(item.record["encode_s"] for item in coded.values())
-        return self.work(points, len(coded), seconds)
+        return {"rates": len(coded)}
 
 
 def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
@@ -130,8 +129,7 @@ class MeasureDrive(TimedJob):
                 coded = read_coded_drive(curve)
                 results = [self._decoded(original, item) for item in coded.values()]
         write_rows(rows, [{**described, **row} for row in results])
-        seconds = sum(row.get("decode_s", 0.0) for row in results)
-        return self.work(original.points, len(results), seconds)
+        return {"rates": len(results)}
 
     def _undecoded(self, drive: Drive) -> Iterable[dict[str, Any]]:
         bare = tuple(PointCloud(turn.xyz) for turn in drive.turns)

@@ -180,6 +180,4 @@ class EvaluateCurve(Evaluating):
                 results.append(self.row(originals, self.decoded(stream, again=done == 1)))
                 progress(done, len(coded))
         write_rows(rows, results)
-        seconds = sum(row["decode_s"] for row in results)
-        work = self.work(len(originals.reference.cloud), len(coded), seconds)
-        return {**work, "truth": originals.truth is not None}
+        return {"rates": len(coded)}

@@ -54,10 +54,10 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
     job = JOBS.get(name).of_record(record, f"job {name}")
     parameters = signature(job.run).parameters
     lists = {key for key, parameter in parameters.items() if "tuple" in str(parameter.annotation)}
-    results = job.run(
+    job.run(
         **{key: tuple(paths) if key in lists else paths[0] for key, paths in files.items() if paths}
     )
-    print(cost_line(name, results))  # noqa: T201
+    print(cost_line(name))  # noqa: T201
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from puckbench.planning.job_times import JobKind
-from puckbench.planning.plan import DataSetPlan
 from puckbench.planning.workflow import Workflow
 
 
@@ -70,40 +68,3 @@ def stages_of(bench: Workflow) -> dict[str, Stage]:
 def _clouds_by(bench: Workflow, make: str) -> frozenset[str]:
     datasets = [data for data in bench.plan.datasets.values() if data.settings.make == make]
     return frozenset(f"{data.name}/{cloud}" for data in datasets for cloud in data.clouds)
-
-
-def job_kinds(bench: Workflow) -> list[JobKind]:
-    """Return all jobs of a plan, as groups of similar jobs."""
-    outputs, study = bench.outputs, bench.plan.study
-    kinds = [JobKind("scene", len(stages_of(bench)["scenes"].planned))]
-    for data in bench.plan.datasets.values():
-        kinds += _cloud_kinds(data)
-        kinds += _curve_kinds(bench, data)
-    gathered = dict(outputs.gathered)
-    if study is not None:
-        kinds += [JobKind(job, len(study.models)) for job in ("residuals", "wall_points")]
-        gathered |= bench.study.gathered
-    kinds += [JobKind(table.job.name, 1) for table in gathered.values()]
-    kinds += [JobKind("table", len(outputs.tables)), JobKind("figure", len(outputs.figures))]
-    return [kind for kind in kinds if kind.jobs]
-
-
-def _cloud_kinds(data: DataSetPlan) -> Iterator[JobKind]:
-    count, points, make = len(data.clouds), data.points, data.settings.make
-    for job in (*([make] if make != "cloud" else []), "prepare"):
-        yield JobKind(job, count, points)
-    if data.is_scanned_from_truth:
-        yield JobKind("evaluate", count, points, truth=True)
-
-
-def _curve_kinds(bench: Workflow, data: DataSetPlan) -> Iterator[JobKind]:
-    plan, count, points = bench.plan, len(data.clouds), data.points
-    for codec in (codec for codec in plan.codecs if plan.codes(codec, data.name)):
-        for curve in bench.coding.curves:
-            if (curve.codec, curve.frame) == (codec, data.frame):
-                work = (count, points, codec, len(curve.rates), plan.config.timing.repeats)
-                yield JobKind("encode_curve", *work)
-                yield JobKind("evaluate_curve", *work, data.has_truth)
-        if data.name in plan.labelled and codec in plan.of_surfaces:
-            rates = len(plan.rates(codec, data.frame))
-            yield JobKind("recovery_curve", count, points, codec, rates)

@@ -4,7 +4,7 @@ import argparse
 import csv
 import subprocess
 import sys
-from collections import Counter, defaultdict
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,7 @@ from puckbench.cli.types import integer
 from puckbench.core.errors import InputError
 
 if TYPE_CHECKING:
-    from puckbench.planning.job_times import TimeEstimate
     from puckbench.thesis.checklist import Reproduction
-
-_EXTRAPOLATED = 1.1
-"""Ratio of planned to measured points above which an estimate is called an extrapolation."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,13 +28,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="ask Snakemake, which also sees changed code (takes minutes)",
     )
-    parser.add_argument(
-        "--estimate",
-        type=Path,
-        metavar="RUN",
-        help="estimate the core-hours of the whole configuration from the jobs of the run in this "
-        "folder",
-    )
 
 
 @COMMANDS.register(
@@ -51,8 +40,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
     changes = {"stand_in": True} if options.stand_in else {}
     reproduction = Reproduction(options.config, options.snakefile, changes, options.cores)
-    if options.estimate:
-        return _estimated(reproduction, options.estimate)
     pending = _pending(reproduction) if options.exact and not reproduction.absent else None
     left = None if pending is None else _jobs_by_rule(pending, reproduction.results)
     items = reproduction.items(None if pending is None else [file for file, _ in pending])
@@ -85,56 +72,3 @@ def _jobs_by_rule(pending: list[tuple[str, str]], results: Path) -> dict[str, in
         (rule, Path(file).relative_to(results).with_suffix("").parts[1:]) for file, rule in pending
     }
     return dict(Counter(rule for rule, _ in names))
-
-
-def _estimated(reproduction: Reproduction, run_folder: Path) -> dict[str, Any]:
-    from puckbench.planning.job_times import estimated, read_job_times
-    from puckbench.planning.stages import job_kinds
-
-    estimates = estimated(job_kinds(reproduction.bench), read_job_times(run_folder))
-    groups: dict[str, list[TimeEstimate]] = defaultdict(list)
-    for estimate in estimates:
-        groups[f"{estimate.kind.job} {estimate.kind.codec}".rstrip()].append(estimate)
-    answer: dict[str, Any] = {name: _line(group) for name, group in groups.items()}
-    measured = _measured(estimates)
-    answer["total"] = f"{_hours(measured):.1f} core-hours"
-    answer["covers"] = (
-        f"{_jobs(measured)} of {_jobs(estimates)} jobs; the others were not measured and are not "
-        "in the total"
-    )
-    return answer
-
-
-def _measured(estimates: list[TimeEstimate]) -> list[TimeEstimate]:
-    return [estimate for estimate in estimates if estimate.seconds is not None]
-
-
-def _hours(estimates: list[TimeEstimate]) -> float:
-    return sum(estimate.hours for estimate in estimates)
-
-
-def _jobs(estimates: list[TimeEstimate]) -> int:
-    return sum(estimate.kind.jobs for estimate in estimates)
-
-
-def _line(group: list[TimeEstimate]) -> str:
-    jobs, measured = _jobs(group), _measured(group)
-    if not measured:
-        return f"{jobs} jobs, not measured"
-    hours, measured_jobs = _hours(measured), _jobs(measured)
-    sample = _sample(measured)
-    notes = [f"from {sample} job{'s' if sample > 1 else ''}"]
-    reach = max(estimate.reach for estimate in measured)
-    if reach > _EXTRAPOLATED:
-        notes.append(f"extrapolated to {reach:.1f} times their points")
-    if measured_jobs < jobs:
-        notes.append(f"{jobs - measured_jobs} jobs not measured")
-    if not all(estimate.exact for estimate in measured):
-        notes.append("some from curves with other numbers of rates")
-    seconds = 3600 * hours / measured_jobs
-    return f"{hours:.2f} core-hours: {jobs} jobs of {seconds:.1f} s ({'; '.join(notes)})"
-
-
-def _sample(measured: list[TimeEstimate]) -> int:
-    kinds = {(each.kind.truth, each.kind.rates): each.measured for each in measured}
-    return sum(kinds.values())
