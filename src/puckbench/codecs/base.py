@@ -145,7 +145,7 @@ class Codec(CodecFacts, ABC):
         """Decode points and, if the stream has them, returns and attributes."""
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)
-        cloud = self._decode_with_attributes(content)
+            cloud = self._decode_with_attributes(content)
         if cloud is None:
             return PointCloud(self.decode(stream))
         return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
@@ -186,21 +186,19 @@ class Codec(CodecFacts, ABC):
         step = parameters.get("step_m") if self.is_single_precision else None
         shift = shift_of(points, step) if self.shifts_far_clouds else None
         points = points if shift is None else points - shift
-        if attributes:
-            with naming(f"codec {self.name}"):
+        with naming(f"codec {self.name}"):
+            if attributes:
                 check_attributes(attributes, len(points))
-            stream = self._encode_with_attributes(points, attributes, parameters)
-        elif shared is None:
-            stream = self._encode(points, parameters)
-        else:
-            shared.saved = NO_COST
-            stream = self._encode_sharing(points, parameters, shared)
-        if not isinstance(stream, bytes):
-            raise InputError(
-                f"codec {self.name}: _encode returned {type(stream).__name__}, not bytes"
-            )
-        if not stream:
-            raise InputError(f"codec {self.name}: _encode returned an empty stream")
+                stream = self._encode_with_attributes(points, attributes, parameters)
+            elif shared is None:
+                stream = self._encode(points, parameters)
+            else:
+                shared.saved = NO_COST
+                stream = self._encode_sharing(points, parameters, shared)
+            if not isinstance(stream, bytes):
+                raise InputError(f"_encode returned {type(stream).__name__}, not bytes")
+            if not stream:
+                raise InputError("_encode returned an empty stream")
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:
@@ -210,9 +208,9 @@ class Codec(CodecFacts, ABC):
         """
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)
-        points = self._decode(content)
-        if getattr(points, "shape", (0, 0))[1:] != (3,):
-            raise InputError(f"codec {self.name}: _decode returned {_described(points)}")
+            points = self._decode(content)
+            if getattr(points, "shape", (0, 0))[1:] != (3,):
+                raise InputError(f"_decode returned {_described(points)}")
         return points if shift is None else moved(points, shift)
 
     def decode_mesh(self, stream: bytes) -> Mesh:
@@ -224,12 +222,12 @@ class Codec(CodecFacts, ABC):
         """
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)
-        mesh = self._decode_mesh(content)
+            mesh = self._decode_mesh(content)
         return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
         """Decode a stream's surfaces; raise InputError as `_decode` does."""
-        raise InputError(f"codec {self.name}: codes points, not surfaces")
+        raise InputError("codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
         """Encode as `_encode` does, and store or reuse results in an object of `shared_work`.
@@ -242,7 +240,7 @@ class Codec(CodecFacts, ABC):
         self, points: Floats, attributes: Attributes, parameters: Parameters
     ) -> bytes:
         """Encode as `_encode` does, with values (n,) or (n, 3) of the points by name."""
-        raise InputError(f"codec {self.name}: codes positions only")
+        raise InputError("codes positions only")
 
     def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
         """Decode as `_decode` does, or return None if the stream has no attributes."""

@@ -5,7 +5,6 @@ from importlib.metadata import version
 
 from puckbench.codecs.base import Availability, Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import naming
 from puckbench.geometry.cloud import Floats
 from puckbench.storage.cloudini import MAGIC, decode_cloudini, encode_cloudini
 from puckbench.storage.steps import MOST_STEPS
@@ -41,9 +40,7 @@ class Cloudini(Codec):
         import pureini  # noqa: F401
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        with naming(f"codec {self.name}"):
-            return encode_cloudini(points, float(parameters["step_m"]))
+        return encode_cloudini(points, float(parameters["step_m"]))
 
     def _decode(self, stream: bytes) -> Floats:
-        with naming(f"codec {self.name}"):
-            return decode_cloudini(stream)
+        return decode_cloudini(stream)

@@ -96,7 +96,7 @@ class Draco(Codec):
         import DracoPy
 
         if np.abs(points).max() > np.finfo(np.float32).max / 2:
-            raise InputError(f"codec {self.name}: coordinates exceed Draco's single precision")
+            raise InputError("coordinates exceed Draco's single precision")
         stream: bytes = DracoPy.encode(
             points.astype(np.float32),
             **_quantisation(points, parameters),
@@ -104,7 +104,7 @@ class Draco(Codec):
             preserve_order=self.options.method == "sequential",
         )
         if len(points) > _most_points(stream):
-            raise InputError(f"codec {self.name}: {len(points)} points fall on too few positions")
+            raise InputError(f"{len(points)} points fall on too few positions")
         return stream
 
     def _decode(self, stream: bytes) -> Floats:
@@ -114,16 +114,16 @@ class Draco(Codec):
         try:
             points = DracoPy.decode(stream).points
         except (DracoPy.FileTypeException, ValueError, MemoryError) as error:
-            raise InputError(f"codec {self.name}: the stream is damaged") from error
+            raise InputError("the stream is damaged") from error
         if points is None or len(points) == 0 or not np.isfinite(points).all():
-            raise InputError(f"codec {self.name}: the stream is damaged (no finite points)")
+            raise InputError("the stream is damaged (no finite points)")
         return np.asarray(points, dtype=np.float64)
 
     def _check_header(self, stream: bytes) -> None:
         if len(stream) < _HEADER.size:
-            raise InputError(f"codec {self.name}: the stream is truncated")
+            raise InputError("the stream is truncated")
         magic, _, _, kind, _, _, points = _HEADER.unpack_from(stream)
         if magic != b"DRACO" or kind != _POINT_CLOUD:
-            raise InputError(f"codec {self.name}: not a Draco point-cloud stream")
+            raise InputError("not a Draco point-cloud stream")
         if points > _most_points(stream):
-            raise InputError(f"codec {self.name}: the stream is damaged (claims {points} points)")
+            raise InputError(f"the stream is damaged (claims {points} points)")

@@ -68,7 +68,7 @@ class DracoCli(ExternalCodec):
 
     def _decode(self, stream: bytes) -> Floats:
         if not stream.startswith(b"DRACO"):
-            raise InputError(f"codec {self.name}: not a Draco stream")
+            raise InputError("not a Draco stream")
         with folder() as at:
             (at / "in.drc").write_bytes(stream)
             self.run((self.programs[1], "-i", at / "in.drc", "-o", at / "out.ply"), at / "in.drc")

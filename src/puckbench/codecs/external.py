@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.base import Availability, Codec, Cost, SharedWork
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import InputError
 from puckbench.core.programs import run_program
 from puckbench.geometry.attributes import Attributes
 from puckbench.geometry.cloud import Floats
@@ -70,10 +70,8 @@ class ExternalCodec(Codec):
         """
         size = source.stat().st_size
         memory_bytes = _MEMORY_BYTES + size * _MEMORY_PER_BYTE
-        with naming(f"codec {self.name}"):
-            cost, self.output = run_program(
-                command, memory_bytes, _SECONDS + size * _SECONDS_PER_BYTE
-            )
+        seconds = _SECONDS + size * _SECONDS_PER_BYTE
+        cost, self.output = run_program(command, memory_bytes, seconds)
         self._cost = self._cost.plus(cost) if self._cost else cost
 
 

@@ -140,15 +140,13 @@ class GridCodec(Codec):
         step = float(parameters.get("step_m", self.options.step))
         grid = input_grid(points, step, scale_of(parameters))
         if self.options.raw and grid != DEFAULT_GRID:
-            raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
-        with naming(f"codec {self.name}"):
-            stream = self._code(points, grid, parameters, returns, attributes)
+            raise InputError("a bare stream cannot hold the unit or the offset")
+        stream = self._code(points, grid, parameters, returns, attributes)
         return stream if self.options.raw else wrap(stream, grid)
 
     def _decode(self, stream: bytes) -> Floats:
-        with naming(f"codec {self.name}"):
-            bare, grid = unwrap(stream)
-            return input_coordinates(self._units(bare), grid)
+        bare, grid = unwrap(stream)
+        return input_coordinates(self._units(bare), grid)
 
     def _merges(self, parameters: Parameters) -> bool:
         if self.options.duplicates != "by_rate":
@@ -235,10 +233,9 @@ class OwnCodec(GridCodec):
         return self._encoded(points, parameters, attributes=attributes)
 
     def _decode_with_attributes(self, stream: bytes) -> PointCloud:
-        with naming(f"codec {self.name}"):
-            bare, grid = unwrap(stream)
-            units, values = self._decoded(bare)
-            points = input_coordinates(units, grid)
+        bare, grid = unwrap(stream)
+        units, values = self._decoded(bare)
+        points = input_coordinates(units, grid)
         if values.get(COLOUR, _NO_COLOURS).dtype != np.uint8:
             wide = values.pop(COLOUR)
             values |= {f"{name}_16": wide[:, c] for c, name in enumerate(("red", "green", "blue"))}
@@ -346,7 +343,8 @@ class SensorCodec(OwnCodec):
         check_points(points, f"codec {self.name}")
         values = returns.reflectivities() if self.options.attributes else None
         held = NO_ATTRIBUTES if values is None else {REFLECTANCE: values}
-        return self._encoded(points, parameters, returns, held)
+        with naming(f"codec {self.name}"):
+            return self._encoded(points, parameters, returns, held)
 
 
 def frame_qp(step_m: float) -> int:

@@ -58,21 +58,17 @@ class Laz(Codec):
         import lazrs  # noqa: F401
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        with naming(f"codec {self.name}"):
-            return encode_laz(points, float(parameters["step_m"]))
+        return encode_laz(points, float(parameters["step_m"]))
 
     def _encode_with_attributes(
         self, points: Floats, attributes: Attributes, parameters: Parameters
     ) -> bytes:
         values = attributes[REFLECTANCE].astype(np.uint16)
-        with naming(f"codec {self.name}"):
-            return encode_laz(points, float(parameters["step_m"]), values)
+        return encode_laz(points, float(parameters["step_m"]), values)
 
     def _decode_with_attributes(self, stream: bytes) -> PointCloud:
-        with naming(f"codec {self.name}"):
-            points, intensities = decode_laz(stream)
+        points, intensities = decode_laz(stream)
         return cloud_with(points, {REFLECTANCE: intensities} if intensities.any() else {})
 
     def _decode(self, stream: bytes) -> Floats:
-        with naming(f"codec {self.name}"):
-            return decode_laz(stream)[0]
+        return decode_laz(stream)[0]

@@ -10,14 +10,14 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypedDict, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypedDict, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
 from puckbench.coding.unit import multiplied, with_unit, without_unit
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import InputError
 from puckbench.core.files import sha256
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
@@ -71,6 +71,8 @@ class Learned(Codec, Generic[W]):
     """
 
     network: NetworkType
+    published_weights: ClassVar[str] = ""
+    """Folder to which `puckbench data` writes the weights of the codec's authors."""
     Options: type[LearnedOptions] = LearnedOptions
     options: LearnedOptions
     memory = Memory(1500, 1500)
@@ -106,7 +108,11 @@ class Learned(Codec, Generic[W]):
         return self.network.files(self._where())
 
     def _where(self) -> str:
-        return self.options.weights
+        where = self.options.weights
+        if where == self.published_weights and not Path(where).is_dir():
+            source = Path(where).name
+            raise InputError(f"no weights in {where}: fetch them (puckbench data {source})")
+        return where
 
     def _known_files(self) -> Iterator[Path]:
         """Yield the files to search for a stream's weights: the option's, and puckbench's."""
@@ -123,14 +129,6 @@ class Learned(Codec, Generic[W]):
         points = _trial_cloud()
         for parameters in rates:
             self._decode(self._encode(points, parameters))
-
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        with naming(f"codec {self.name}"):
-            return self._stream(points, parameters)
-
-    def _decode(self, stream: bytes) -> Floats:
-        with naming(f"codec {self.name}"):
-            return self._points(stream)
 
     def _weights(self, parameters: Parameters) -> W:
         path = self._path(parameters)
@@ -158,12 +156,6 @@ class Learned(Codec, Generic[W]):
     @abstractmethod
     def _read(self, path: Path) -> W: ...
 
-    @abstractmethod
-    def _stream(self, points: Floats, parameters: Parameters) -> bytes: ...
-
-    @abstractmethod
-    def _points(self, stream: bytes) -> Floats: ...
-
 
 class PublishedOptions(LearnedOptions):
     weights: str = Field(PUBLISHED_WEIGHTS, description="a folder with the authors' weights")
@@ -176,18 +168,13 @@ class LearnedByLambda(Learned[R]):
     puckbench's changes.
     """
 
+    published_weights = PUBLISHED_WEIGHTS
     Options: type[PublishedOptions] = PublishedOptions
     options: PublishedOptions
     context_mixing = False
     """Whether the latent is coded by context mixing instead of the weights' fixed tables."""
     point_reconstruction = False
     """Whether as many points are decoded as were encoded, instead of the centre of each voxel."""
-
-    def _where(self) -> str:
-        where = self.options.weights
-        if where == PUBLISHED_WEIGHTS and not Path(where).is_dir():
-            raise InputError(f"no weights in {where}: fetch them (puckbench data pcgc_weights)")
-        return where
 
     def _known_files(self) -> Iterator[Path]:
         yield from super()._known_files()
@@ -201,9 +188,6 @@ class LearnedByLambda(Learned[R]):
     def _grid(self, parameters: Parameters) -> GridArguments:
         """Return arguments that choose a rate's grid; by default it is the input's."""
         return GridArguments()
-
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        return super()._encode(self._as_read(points), parameters)
 
     def _path(self, parameters: Parameters) -> Path | None:
         return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
@@ -257,13 +241,9 @@ class Improved(LearnedByLambda[R]):
         return with_unit(super()._encode(points / unit, parameters), unit)
 
     def _decode(self, stream: bytes) -> Floats:
-        with naming(f"codec {self.name}"):
-            content, unit = without_unit(stream)
+        content, unit = without_unit(stream)
         points = super()._decode(content)
-        if unit is None:
-            return points
-        with naming(f"codec {self.name}"):
-            return multiplied(points, unit)
+        return points if unit is None else multiplied(points, unit)
 
     def _as_read(self, points: Floats) -> Floats:
         return points

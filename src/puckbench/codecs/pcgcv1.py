@@ -68,12 +68,12 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
         super().__init__(*arguments, **options)
         self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
 
-    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.pcgcv1.codec import encode
 
         weights, rate = self._numbered(parameters)
         return encode(
-            points,
+            self._as_read(points),
             weights,
             rate,
             scale=float(parameters.get("scale", 1)),
@@ -86,7 +86,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
             **self._grid(parameters),
         )
 
-    def _points(self, stream: bytes) -> Floats:
+    def _decode(self, stream: bytes) -> Floats:
         from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder
         from puckbench.learned.pcgcv1.stream import read_stream
 

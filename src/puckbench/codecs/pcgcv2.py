@@ -60,12 +60,12 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
 
         return CodingTools(0)
 
-    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.pcgcv2.codec import encode
 
         weights, rate = self._numbered(parameters)
         return encode(
-            points,
+            self._as_read(points),
             weights,
             rate,
             rho=float(parameters.get("rho", 1)),
@@ -75,7 +75,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
             **self._grid(parameters),
         )
 
-    def _points(self, stream: bytes) -> Floats:
+    def _decode(self, stream: bytes) -> Floats:
         from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
         from puckbench.learned.pcgcv2.stream import Pcgcv2Stream, read_stream
 

@@ -10,7 +10,6 @@ from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import naming
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
@@ -106,11 +105,9 @@ class Primitives(Codec):
     def _decode_mesh(self, stream: bytes) -> Mesh:
         from puckbench.primitives.mesh_reconstruction import decode_mesh
 
-        with naming(f"codec {self.name}"):
-            return decode_mesh(stream)
+        return decode_mesh(stream)
 
     def _decode(self, stream: bytes) -> Floats:
         from puckbench.primitives.decoder import decode
 
-        with naming(f"codec {self.name}"):
-            return decode(stream)
+        return decode(stream)

@@ -16,7 +16,6 @@ from pydantic import Field
 from puckbench.codecs.base import Line, Memory, Pace, Parameters, lengths
 from puckbench.codecs.learned import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.learned.catalogue import RENO
 
@@ -66,6 +65,7 @@ class Reno(Learned["RenoWeights"]):
     pace = Pace(0.3, 12.0)
     version = "RENO, stream version 1"
     network = RENO
+    published_weights = PUBLISHED_WEIGHTS
 
     def load(self) -> None:
         corner = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
@@ -78,24 +78,18 @@ class Reno(Learned["RenoWeights"]):
         """
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
-    def _where(self) -> str:
-        where = self.options.weights
-        if where == PUBLISHED_WEIGHTS and not Path(where).is_dir():
-            raise InputError(f"no weights in {where}: fetch them (puckbench data reno_weights)")
-        return where
-
     def _path(self, parameters: Parameters) -> Path | None:
         files, name = self.weights_files(), self.options.trained_on
         is_file = Path(self.options.weights).is_file()
         return next((path for path in files if is_file or path.stem == name), None)
 
-    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.reno.codec import encode
 
         posq = round(float(parameters["step_m"]) / _MM, 6)
         return encode(points / _MM, self._weights(parameters), posq, self.options.threads)
 
-    def _points(self, stream: bytes) -> Floats:
+    def _decode(self, stream: bytes) -> Floats:
         from puckbench.learned.reno.codec import decoded_points
         from puckbench.learned.reno.stream import read_stream
 

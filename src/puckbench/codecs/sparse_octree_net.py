@@ -57,14 +57,14 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
     def load(self) -> None:
         self._try([{"scale": 1}])
 
-    def _stream(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.octree_net.codec import encode
 
         scale = float(parameters.get("scale", 1.0))
         grid = input_grid(points, float(parameters.get("step_m", self.options.step)), scale)
         return encode(points, self._weights(parameters), scale, grid, self.options.threads)
 
-    def _points(self, stream: bytes) -> Floats:
+    def _decode(self, stream: bytes) -> Floats:
         from puckbench.learned.octree_net.codec import decoded_points
         from puckbench.learned.octree_net.stream import read_stream
 

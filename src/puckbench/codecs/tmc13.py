@@ -2,19 +2,15 @@ from __future__ import annotations
 
 import subprocess
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 from puckbench.codecs.base import Parameters
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
 from puckbench.codecs.registry import CODECS
 from puckbench.core.files import read_bytes
-from puckbench.geometry.attributes import Attributes
 from puckbench.geometry.cloud import Floats
 from puckbench.gpcc.grid import InputGrid, quantise
-
-if TYPE_CHECKING:
-    from puckbench.lidar.returns import Returns
 
 PROFILES: dict[str, tuple[str, ...]] = {
     "minimal": (
@@ -73,14 +69,7 @@ class Tmc13(ExternalCodec, GridCodec):
         said = subprocess.run([*self.programs, "--help"], capture_output=True, check=False).stdout
         return said.decode(errors="replace").partition("\n")[0]
 
-    def _code(
-        self,
-        points: Floats,
-        grid: InputGrid,
-        parameters: Parameters,
-        returns: Returns | None,
-        attributes: Attributes,
-    ) -> bytes:
+    def _code(self, points: Floats, grid: InputGrid, parameters: Parameters, *_: Any) -> bytes:
         scale = scale_of(parameters)
         with folder() as at:
             if self.options.rounding == "truncate":  # the program itself truncates

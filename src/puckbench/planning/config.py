@@ -37,6 +37,7 @@ def _checked_stand_in(cls: type[Model], values: Options) -> Options:
     return values
 
 
+Distinct = AfterValidator(_different)
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 """Name of a data set, codec and so on; part of file names."""
 RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)?$")]
@@ -46,48 +47,8 @@ FailedName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+(/[^/]+)?$")
 """``dataset/cloud`` or ``dataset/cloud/codec``."""
 Seed = Annotated[int, Field(ge=0)]
 Position = tuple[float, float, float]
-Places = Annotated[tuple[str, ...], AfterValidator(_different)]
+Places = Annotated[tuple[str, ...], Distinct]
 """Plug-ins: names, ``module:Name`` or ``path/to/file.py:Name``."""
-
-
-SensorName = Annotated[
-    str, Field(description="Name of a sensor, or a YAML file that defines one (`make: scan`).")
-]
-SweepChoice = Annotated[
-    Options | str,
-    Field(
-        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
-        "sweep (`make: scan`)."
-    ),
-]
-ErrorModelName = Annotated[str, Field(description="Error model (`make: scan`).")]
-ErrorOptions = Annotated[Options, Field(description="Changes to the error model's parameters.")]
-Height = Annotated[
-    float,
-    Field(
-        gt=0,
-        description="Height of the sensor above the floor in m, if the scene has no position for "
-        "it.",
-    ),
-]
-Origin = Annotated[
-    Position | dict[str, Position] | None,
-    Field(
-        description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
-        "By default the position in the scene, or an unoccupied one near the middle."
-    ),
-]
-CodecNames = Annotated[
-    Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None,
-    Field(description="Names of the codecs to run; by default all that can code it."),
-]
-Anywhere = Annotated[
-    bool,
-    Field(
-        description="Scan even if the sensor is outside the scene or inside an object, or passes "
-        "through walls."
-    ),
-]
 
 
 class SceneSource(Model):
@@ -99,8 +60,8 @@ class SceneSource(Model):
     )
     options: Options = Field({}, description="Options of the loader.")
     seed: Seed | None = Field(None, description="Seed of generated scenes; by default the run's.")
-    select: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None = (
-        Field(None, description="Names of the scenes to use; by default all.")
+    select: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
+        None, description="Names of the scenes to use; by default all."
     )
     limit: int | None = Field(
         None, ge=1, description="Maximum number of scenes; the first by name are used."
@@ -115,11 +76,59 @@ class SceneSetConfig(SceneSource):
     )
 
 
-class DataSetConfig(Model):
+_OF_SCANS = ("sensor", "errors", "error_options", "sweep", "height_m", "anywhere")
+
+
+class Sensing(Model):
+    """Keys that data sets and drives share, most of them for the virtual sensor."""
+
+    title: str | None = Field(None, description="Title in figures; by default the entry's name.")
+    scenes: str = Field(description="Name of a scene set.")
+    make: str
+    sensor: str = Field(
+        "vlp16", description="Name of a sensor, or a YAML file that defines one (`make: scan`)."
+    )
+    sweep: Options | str = Field(
+        {},
+        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
+        "sweep (`make: scan`).",
+    )
+    errors: str = Field("none", description="Error model (`make: scan`).")
+    error_options: Options = Field({}, description="Changes to the error model's parameters.")
+    height_m: float = Field(
+        1.3,
+        gt=0,
+        description="Height of the sensor above the floor in m, if the scene has no position for "
+        "it.",
+    )
+    origin: Position | dict[str, Position] | None = Field(
+        None,
+        description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
+        "By default the position in the scene, or an unoccupied one near the middle.",
+    )
+    anywhere: bool = Field(
+        False,
+        description="Scan even if the sensor is outside the scene or inside an object, or passes "
+        "through walls.",
+    )
+    codecs: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
+        None, description="Names of the codecs to run; by default all that can code it."
+    )
+
+    @property
+    def is_scan(self) -> bool:
+        return self.make == "scan"
+
+    def scan_settings(self, scene: str, seed: int) -> Options:
+        """Return the settings of the scan of a scene."""
+        origin = self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
+        kept = {key: getattr(self, key) for key in _OF_SCANS}
+        return {**kept, "origin": origin, "seed": seed}
+
+
+class DataSetConfig(Sensing):
     """Clouds made from the scenes of a scene set."""
 
-    title: str | None = Field(None, description="Title in figures; by default the data set's name.")
-    scenes: str = Field(description="Name of a scene set.")
     make: Literal["sample", "scan", "cloud"] = Field(
         description="How a cloud is made from a scene. `sample`: random points on the surface; "
         "`scan`: a scan by the virtual sensor; `cloud`: the captured points."
@@ -127,21 +136,12 @@ class DataSetConfig(Model):
     seed: Seed | None = Field(
         None, description="Seed of the sampling and of the sensor's errors; by default the run's."
     )
-    seeds: Annotated[tuple[Seed, ...], Field(min_length=1), AfterValidator(_different)] | None = (
-        Field(
-            None,
-            description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
-            "deltas, `noise_bits` and `nearest_truth` average over the seeds of a scene first.",
-        )
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1), Distinct] | None = Field(
+        None,
+        description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
+        "deltas, `noise_bits` and `nearest_truth` average over the seeds of a scene first.",
     )
     points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
-    sensor: SensorName = "vlp16"
-    sweep: SweepChoice = Field({})
-    errors: ErrorModelName = "none"
-    error_options: ErrorOptions = Field({})
-    height_m: Height = 1.3
-    origin: Origin = None
-    codecs: CodecNames = None
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",
         description="Crop a scan to the room's bounding box by its `clean` coordinates, by its "
@@ -159,7 +159,6 @@ class DataSetConfig(Model):
         description="Peak of the PSNRs, in the unit of the clouds; by default `size - 1`, and 30 m "
         "with `size: metric` (MPEG uses 30,000 units of 1 mm; papers on KITTI use 59.7).",
     )
-    anywhere: Anywhere = False
     truth: bool = Field(
         True,
         description="Measure decoded clouds also against the true surface (`truth_...`) and, for "
@@ -204,22 +203,13 @@ class DataSetConfig(Model):
         return self.size == METRIC
 
     @property
-    def is_scan(self) -> bool:
-        return self.make == "scan"
-
-    def origin_in(self, scene: str) -> Position | None:
-        return self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
-
-    @property
     def has_truth(self) -> bool:
         return self.truth and self.make != "cloud"
 
 
-class DriveConfig(Model):
+class DriveConfig(Sensing):
     """Drives of a moving sensor through the scenes of a scene set, and a robot's tasks on them."""
 
-    title: str | None = Field(None, description="Title in figures; by default the drives' name.")
-    scenes: str = Field(description="Name of a scene set.")
     make: Literal["scan", "cloud"] = Field(
         "scan",
         description="`scan`: the virtual sensor drives through each scene, along the sweep's "
@@ -229,14 +219,6 @@ class DriveConfig(Model):
     seeds: tuple[Seed, ...] = Field(
         (1, 2, 3), min_length=1, description="Seeds of the sensor's errors, one drive for each."
     )
-    sensor: SensorName = "vlp16"
-    sweep: SweepChoice = Field({})
-    errors: ErrorModelName = "none"
-    error_options: ErrorOptions = Field({})
-    height_m: Height = 1.3
-    origin: Origin = None
-    anywhere: Anywhere = False
-    codecs: CodecNames = None
     rates: tuple[RateName, ...] = Field(
         ("1000mm", "500mm", "200mm", "100mm", "50mm", "20mm"),
         min_length=1,
@@ -253,13 +235,6 @@ class DriveConfig(Model):
         description="Tasks with their options: names, or your own functions, `module:function` or "
         "`path/to/file.py:function`.",
     )
-
-    @property
-    def is_scan(self) -> bool:
-        return self.make == "scan"
-
-    def origin_in(self, scene: str) -> Position | None:
-        return self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
 
 
 class CodecConfig(Model):
@@ -357,9 +332,7 @@ class StudyConfig(Model):
         description="Recordings of a real sensor to measure too, by name; in figures and tables "
         "they are together the model `real`.",
     )
-    distances_m: Annotated[
-        tuple[Annotated[float, Field(lt=30)], ...], AfterValidator(_different)
-    ] = Field(
+    distances_m: Annotated[tuple[Annotated[float, Field(lt=30)], ...], Distinct] = Field(
         (1.0, 2.0, 3.0, 4.0, 5.0),
         min_length=1,
         description="Distances of the sensor from the wall, in m; a figure shows scans at 1 and 5.",
@@ -407,7 +380,7 @@ class RateDeltaConfig(Model):
     anchor: str | None = Field(
         None, description="Codec with which the others are compared; by default the first."
     )
-    metrics: Annotated[tuple[str, ...], AfterValidator(_different)] = Field(
+    metrics: Annotated[tuple[str, ...], Distinct] = Field(
         ("d1_psnr", "d2_psnr"),
         min_length=1,
         description="Columns of the table of metrics that measure quality: PSNRs, or squared "

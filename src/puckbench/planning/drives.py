@@ -22,7 +22,6 @@ from puckbench.metrics.task_registry import TASKS, checked_task
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
-from puckbench.planning.scene_checks import scan_settings
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
 _CODING_S, _TASK_S = 0.25, 0.06
@@ -106,7 +105,7 @@ class DriveJobs:
         entry = self.entries[name]
         if drive in entry.scans:
             settings = entry.settings
-            record = VirtualDrive(**scan_settings(settings, *entry.scans[drive]))
+            record = VirtualDrive(**settings.scan_settings(*entry.scans[drive]))
             model = open_error_model(settings.errors, settings.error_options)
             also = f"{model} {load_sensor(settings.sensor)}"
             return planned(record, module_of_model(model), also=also)

@@ -36,14 +36,7 @@ from puckbench.planning.config import (
     StudyConfig,
     TrainingConfig,
 )
-from puckbench.planning.scene_checks import (
-    are_shifted,
-    attributes,
-    dropped_points,
-    extents,
-    most_points,
-    scene_faults,
-)
+from puckbench.planning.scene_checks import SceneCheck, read_checks, scene_faults
 from puckbench.scenes.calibration import CALIBRATIONS
 
 
@@ -218,16 +211,16 @@ class Plan:
         for data in self.datasets.values():
             if not read_first(self.scenes[data.scenes].scenes):
                 continue
-            checks, reasons = self._checks(data.name), []
+            checks, reasons = list(self._checks(data.name, data.used_scenes).values()), []
             coded_by: dict[str, list[str]] = {}
-            if count := dropped_points(checks, data.used_scenes):
+            if count := sum(check.dropped_points for check in checks):
                 reasons.append(f"{count:,} points that are missing returns or not finite")
-            for name in attributes(checks, data.used_scenes):
+            for name in dict.fromkeys(name for check in checks for name in check.attributes):
                 coded_by.setdefault(self._coders_of(attribute_of(name)), []).append(name)
             for coders, names in coded_by.items():
                 why = f"coded by {coders} only" if coders else "codecs code coordinates only"
                 reasons.append(f"{', '.join(names)}: {why}")
-            if data.frame == "metric" and are_shifted(checks, data.used_scenes):
+            if data.frame == "metric" and any(check.is_shifted for check in checks):
                 reasons.append(
                     "their place: coded clouds are shifted to the origin, and `puckbench decode "
                     f"--like {self.results}/clouds/{data.name}/CLOUD.ply` shifts decoded ones back"
@@ -281,11 +274,13 @@ class Plan:
         """Longest sides in m of the clouds in metres, by data set and cloud."""
         return {
             name: {
-                cloud: sides[scene] for cloud, (scene, _) in data.sources.items() if scene in sides
+                cloud: extent
+                for cloud, (scene, _) in data.sources.items()
+                if scene in checks and (extent := checks[scene].extent_m) is not None
             }
             for name, data in self.datasets.items()
             if data.frame == "metric"
-            for sides in [extents(self._checks(name), data.used_scenes)]
+            for checks in [self._checks(name, data.used_scenes)]
         }
 
     @cached_property
@@ -464,7 +459,8 @@ class Plan:
             if f"{name}/{cloud}" not in self.config.failed
         }
         if read_first(scenes.scenes):
-            points = most_points(self._checks(name), sources) or points
+            checks = self._checks(name, sources).values()
+            points = max((check.points or 0 for check in checks), default=0) or points
         packets = has_returns and of_packets(scenes.scenes)
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
 
@@ -478,14 +474,18 @@ class Plan:
             else:
                 yield from ((f"{scene}-{seed}", (scene, seed)) for seed in value.seeds)
 
-    def _checks(self, dataset: str) -> Path:
+    def _checks_file(self, dataset: str) -> Path:
         return self.results / "checks" / f"{dataset}.json"
+
+    def _checks(self, dataset: str, scenes: Iterable[str]) -> dict[str, SceneCheck]:
+        checks = read_checks(self._checks_file(dataset))
+        return {scene: checks[scene] for scene in scenes if scene in checks}
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
         if not self._check_scenes:
             return scenes.chosen
-        settings, kept = self.config.datasets[name], self._checks(name)
-        faults = scene_faults(scenes.scenes, scenes.chosen, settings, kept)
+        settings, file = self.config.datasets[name], self._checks_file(name)
+        faults = scene_faults(scenes.scenes, scenes.chosen, settings, file)
         usable = tuple(scene for scene in scenes.chosen if scene not in faults)
         if faults and self.config.strict:
             raise _unusable(name, faults)

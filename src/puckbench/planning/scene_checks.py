@@ -20,25 +20,12 @@ from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
 from puckbench.io.point_columns import WIDE_COLOURS
 from puckbench.jobs.scan import Scan
-from puckbench.planning.config import DataSetConfig, DriveConfig
+from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
 
 
 def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
-    return Scan(**scan_settings(settings, scene, seed))
-
-
-def scan_settings(settings: DataSetConfig | DriveConfig, scene: str, seed: int) -> dict[str, Any]:
-    return {
-        "sensor": settings.sensor,
-        "errors": settings.errors,
-        "error_options": settings.error_options,
-        "sweep": settings.sweep,
-        "origin": settings.origin_in(scene),
-        "height_m": settings.height_m,
-        "anywhere": settings.anywhere,
-        "seed": seed,
-    }
+    return Scan(**settings.scan_settings(scene, seed))
 
 
 def scene_faults(
@@ -52,71 +39,47 @@ def scene_faults(
         for name in names
         if (files := scenes.files(name))
     }
-    results = _read_checks(results_file) if states else {}
-    stale = [name for name, state in states.items() if results.get(name, {}).get("state") != state]
-    what = "meshes"
+    results = read_checks(results_file) if states else {}
+    is_cloud = settings.make == "cloud"
     # Read faulty clouds again: a package that reads their format may have been installed.
-    if settings.make == "cloud":
-        what, faulty = "clouds", {name for name in states if results.get(name, {}).get("fault")}
-        stale = [name for name in states if name in faulty or name in stale]
-    progress = Progress(f"{results_file.stem}: {what} looked at:")
+    stale = [
+        name
+        for name, state in states.items()
+        if (check := results.get(name)) is None
+        or check.state != state
+        or (is_cloud and check.fault)
+    ]
+    progress = Progress(f"{results_file.stem}: {'clouds' if is_cloud else 'meshes'} looked at:")
     for done, name in enumerate(stale, start=1):
         fault, measured = _check_scene(scenes, name, settings)
-        results[name] = {"state": states[name], "fault": fault, **measured}
+        results[name] = SceneCheck(state=states[name], fault=fault, **measured)
         progress(done, len(stale))
     if stale:
-        write_json(results_file, results)
-    return {name: results[name]["fault"] for name in states if results[name]["fault"]}
+        checks = {name: check.model_dump(exclude_unset=True) for name, check in results.items()}
+        write_json(results_file, checks)
+    return {name: fault for name in states if (fault := results[name].fault)}
 
 
-def most_points(results_file: Path, scenes: Iterable[str]) -> int | None:
-    checks = _read_checks(results_file)
-    return max(
-        (checks[name]["points"] for name in scenes if "points" in checks.get(name, {})),
-        default=None,
-    )
+class SceneCheck(Model):
+    """The result of the check of a scene; `extent_m` is the longest side of its bounding box."""
 
-
-class _Check(Model):
     state: str
     fault: str | None
     points: int | None = None
     extent_m: float | None = None
-    attributes: tuple[str, ...] = ()
     is_shifted: bool = False
+    """Whether the scene is far from the origin, so that its cloud in metres is shifted."""
+    attributes: tuple[str, ...] = ()
+    """Names of the points' attributes besides coordinates."""
     dropped_points: int = 0
+    """Number of points that the scene's files have and its cloud does not."""
 
 
-def _read_checks(results_file: Path) -> dict[str, dict[str, Any]]:
+def read_checks(results_file: Path) -> dict[str, SceneCheck]:
     checks = read_object(results_file) if results_file.exists() else {}
-    for name, check in checks.items():
-        parsed(_Check, check, f"{results_file}: {name}")
-    return checks
-
-
-def extents(results_file: Path, scenes: Iterable[str]) -> dict[str, float]:
-    """Return the longest sides of the scenes' bounding boxes, m."""
-    checks = _read_checks(results_file)
-    return {name: checks[name]["extent_m"] for name in scenes if "extent_m" in checks.get(name, {})}
-
-
-def attributes(results_file: Path, scenes: Iterable[str]) -> list[str]:
-    """Return the names of the attributes, besides coordinates, of the points in the scenes."""
-    checks = _read_checks(results_file)
-    names = (name for scene in scenes for name in checks.get(scene, {}).get("attributes", ()))
-    return list(dict.fromkeys(names))
-
-
-def are_shifted(results_file: Path, scenes: Iterable[str]) -> bool:
-    """Whether a scene is far from the origin, so that its cloud in metres is shifted."""
-    checks = _read_checks(results_file)
-    return any(checks.get(scene, {}).get("is_shifted") for scene in scenes)
-
-
-def dropped_points(results_file: Path, scenes: Iterable[str]) -> int:
-    """Return the number of points that the scenes' files have and their clouds do not."""
-    checks = _read_checks(results_file)
-    return sum(checks.get(scene, {}).get("dropped_points", 0) for scene in scenes)
+    return {
+        name: parsed(SceneCheck, check, f"{results_file}: {name}") for name, check in checks.items()
+    }
 
 
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
@@ -153,7 +116,7 @@ def _check_scene(
                 "points": len(points),
                 "extent_m": _extent(points),
                 "is_shifted": bool(origin_shift(points).any()),
-                "attributes": [] if cloud is None else _attributes(cloud),
+                "attributes": () if cloud is None else _attributes(cloud),
                 "dropped_points": scene.about.get("dropped_points", 0),
             }
         if scene.mesh is None:
@@ -171,10 +134,10 @@ def _check_scene(
     return None, {"extent_m": _extent(corners)}
 
 
-def _attributes(cloud: PointCloud) -> list[str]:
+def _attributes(cloud: PointCloud) -> tuple[str, ...]:
     arrays = {"normals": cloud.normals, "colours": cloud.colours, "labels": cloud.labels}
     names = [name for name, values in {**arrays, **cloud.fields}.items() if values is not None]
-    return [name for name in names if name not in WIDE_COLOURS]  # they repeat the colours
+    return tuple(name for name in names if name not in WIDE_COLOURS)  # they repeat the colours
 
 
 def _extent(points: Floats) -> float:
