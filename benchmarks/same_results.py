@@ -2,9 +2,7 @@
 
     python benchmarks/same_results.py RESULTS OTHER_RESULTS
 
-Compares every file but logs, the report page and figures of times: tables and rows without their
-columns of time and memory, everything else byte by byte. Prints what differs; exit status 1 when
-anything does.
+Prints what differs; exit status 1 when anything does.
 """
 
 from __future__ import annotations
@@ -12,7 +10,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from puckbench.planning.same_results import compared, differences
+sys.path.append(str(Path(__file__).parents[1]))
+from tests.support.same_results import compared, differences
 
 
 def main() -> None:

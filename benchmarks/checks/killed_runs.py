@@ -22,8 +22,9 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.support.same_results import after_a_kill, differences
+
 from puckbench.core.seeding import generator
-from puckbench.planning.same_results import after_a_kill, differences
 
 ROOT = Path(__file__).parents[2]
 SNAKEFILE = ROOT / "workflow" / "Snakefile"

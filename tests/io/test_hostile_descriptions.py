@@ -248,8 +248,8 @@ def test_a_row_that_is_no_object_and_a_description_without_a_key_are_named(
     assert job(["rows_table", "record.json", *files]) == 2
     assert "r1.json: not a JSON object" in capsys.readouterr().err
     write_json(Path("r1.json"), {"name": "a"})
-    write_json(Path("record.json"), {"names": ["r1.json"]})
-    assert job(["clouds_table", "record.json", *files]) == 2
+    write_json(Path("record.json"), {"kind": "clouds", "names": ["r1.json"]})
+    assert job(["rows_table", "record.json", *files]) == 2
     assert "r1.json: not the description of a prepared cloud" in capsys.readouterr().err
 
 

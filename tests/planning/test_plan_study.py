@@ -138,7 +138,7 @@ def test_shipped_configurations_have_a_study(name: str) -> None:
     bench = workflow(config["sensor_study"])
     assert set(bench.outputs.figures) == CHAPTER_5
     # The author made one scan from each distance.
-    assert bench.study.study.runs == (3 if name == "config.yaml" else 1)
+    assert bench.study.study.settings.runs == (3 if name == "config.yaml" else 1)
 
 
 def test_capod_alone_has_none() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from puckbench.core.files import write_bytes, write_json
 from puckbench.io.tables import write_table
-from puckbench.planning.same_results import after_a_kill, differences
+from tests.support.same_results import after_a_kill, differences
 
 
 @pytest.fixture

@@ -23,8 +23,8 @@ from puckbench.figures.registry import figure_entries
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.curve_files import read_curve
 from puckbench.metrics.table_registry import SENSOR, table_entries
-from puckbench.planning.same_results import after_a_kill, differences
 from tests.support.bench import BOX_CODEC, RAW_CODEC, Bench
+from tests.support.same_results import after_a_kill, differences
 
 
 @pytest.fixture

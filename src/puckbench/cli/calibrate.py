@@ -9,21 +9,18 @@ from puckbench.jobs.calibrate import Calibrate
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "residuals", type=Path, nargs="+", help="residual tables (.parquet), one per device"
-    )
-    parser.add_argument("out", type=Path, help="model file to write (.yaml)")
-    parser.add_argument("--model", help="use only the rows of this model")
-    parser.add_argument(
+    add = parser.add_argument
+    add("residuals", type=Path, nargs="+", help="residual tables (.parquet), one per device")
+    add("out", type=Path, help="model file to write (.yaml)")
+    add("--model", help="use only the rows of this model")
+    add(
         "--cells",
         choices=["frame", "spot"],
         help="returns that share a bias: those of a frame, or of a spot if the sensor stands still "
         "(default: spot for captures, else frame)",
     )
-    parser.add_argument(
-        "--parameters", nargs="+", metavar="NAME", help="sigmas to estimate (default: all)"
-    )
-    parser.add_argument(
+    add("--parameters", nargs="+", metavar="NAME", help="sigmas to estimate (default: all)")
+    add(
         "--quantum-mm",
         type=float,
         help="resolution of the ranges (default: 2 for captures, else 0)",

@@ -10,20 +10,15 @@ STREAM = "which sensor of a packet capture: sender:port, or 'sender:port to rece
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "capture", type=Path, help=".pcap, .puck, ROS bag, or cloud with a laser column"
-    )
-    parser.add_argument("out", type=Path, help="capture table to write (.parquet)")
-    parser.add_argument("--sensor", help="name or YAML file (default: from the packets)")
-    parser.add_argument("--stream", help=STREAM)
-    parser.add_argument("--topic", help=TOPIC)
+    add = parser.add_argument
+    add("capture", type=Path, help=".pcap, .puck, ROS bag, or cloud with a laser column")
+    add("out", type=Path, help="capture table to write (.parquet)")
+    add("--sensor", help="name or YAML file (default: from the packets)")
+    add("--stream", help=STREAM)
+    add("--topic", help=TOPIC)
     add_time_unit(parser)
-    parser.add_argument(
-        "--start", type=float, default=0.0, help="first time, in s after the first packet"
-    )
-    parser.add_argument(
-        "--end", type=float, default=math.inf, help="last time, in s after the first packet"
-    )
+    add("--start", type=float, default=0.0, help="first time, in s after the first packet")
+    add("--end", type=float, default=math.inf, help="last time, in s after the first packet")
 
 
 def add_time_unit(parser: argparse.ArgumentParser) -> None:

@@ -10,29 +10,30 @@ from puckbench.planning.config import CodecConfig
 
 
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
-    parser.add_argument("--codec", required=required, help="name (see `puckbench codecs`)")
-    parser.add_argument(
-        "--weights", help="weights of a learned codec: a shipped set, a file or a folder"
-    )
-    parser.add_argument(
-        "--entry",
-        type=json_object,
-        default={},
-        help="the codec's entry, as in a configuration (JSON)",
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("--codec", required=required, help="name (see `puckbench codecs`)")
+    add("--weights", help="weights of a learned codec: a shipped set, a file or a folder")
+    add_entry(parser)
+    add(
         "--repeats",
         type=int,
         default=1,
         help="number of timed calls, of which the median is recorded",
     )
-    parser.add_argument(
-        "--alone", action="store_true", help="record that nothing else ran during the calls"
-    )
+    add("--alone", action="store_true", help="record that nothing else ran during the calls")
+
+
+def add_entry(parser: argparse.ArgumentParser) -> None:
+    text = "the codec's entry, as in a configuration (JSON)"
+    parser.add_argument("--entry", type=json_object, default={}, help=text)
+
+
+def entry_of(options: argparse.Namespace) -> dict[str, Any]:
+    return parsed(CodecConfig, options.entry, "--entry").changes()
 
 
 def codec_options(options: argparse.Namespace) -> dict[str, Any]:
-    changes = parsed(CodecConfig, options.entry, "--entry").changes()
+    changes = entry_of(options)
     if options.weights:
         changes = with_options(changes, weights=options.weights)
     return {"codec": options.codec, "changes": changes}

@@ -16,25 +16,11 @@ if TYPE_CHECKING:
 
 _GREY, _PLAIN = "\x1b[2m", "\x1b[0m"
 _DELTA_COLUMNS = (
-    "dataset",
-    "codec",
-    "anchor",
-    "metric",
-    "clouds",
-    "compared",
-    "bd_rate_percent",
-    "bd_rate_percent_low",
-    "bd_rate_percent_high",
-    "bd_rate_percent_least",
-    "bd_rate_percent_most",
-    "bd_quality_db",
-    "bd_quality_db_low",
-    "bd_quality_db_high",
-    "no_common_range",
-    "little_overlap",
-    "too_few_points",
-    "lossless",
-    "anchor_lossless",
+    *("dataset", "codec", "anchor", "metric", "clouds", "compared"),
+    *("bd_rate_percent", "bd_rate_percent_low", "bd_rate_percent_high"),
+    *("bd_rate_percent_least", "bd_rate_percent_most"),
+    *("bd_quality_db", "bd_quality_db_low", "bd_quality_db_high"),
+    *("no_common_range", "little_overlap", "too_few_points", "lossless", "anchor_lossless"),
 )
 
 
@@ -42,27 +28,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     from puckbench.report.reference_results import shipped_studies
 
     names = ", ".join(shipped_studies()) or "none yet"
-    parser.add_argument("results", type=Path, help="folder of results of a run")
-    parser.add_argument(
+    add = parser.add_argument
+    add("results", type=Path, help="folder of results of a run")
+    add(
         "--with",
         dest="study",
         required=True,
         metavar="STUDY",
         help=f"study with reference results ({names}), or a file of reference results (.parquet)",
     )
-    parser.add_argument(
+    add(
         "--codecs",
         nargs="+",
         default=[],
         help="codecs of the run (default: those that STUDY lacks)",
     )
-    parser.add_argument(
-        "--metrics", nargs="+", default=[], help="columns of the results (default: those of STUDY)"
-    )
-    parser.add_argument("--common", action="store_true", help="leave out clouds that STUDY lacks")
-    parser.add_argument(
-        "--out", type=Path, help="folder of the figure and table (default: RESULTS/comparison)"
-    )
+    add("--metrics", nargs="+", default=[], help="columns of the results (default: those of STUDY)")
+    add("--common", action="store_true", help="leave out clouds that STUDY lacks")
+    add("--out", type=Path, help="folder of the figure and table (default: RESULTS/comparison)")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
@@ -179,6 +162,8 @@ def _table(
     metrics: Sequence[str],
     study: str,
 ) -> Iterator[str]:
+    from puckbench.planning.run_summary import aligned
+
     clouds = "1 cloud" if run_row["clouds"] == 1 else f"{run_row['clouds']} clouds"
     heads = [f"{run_row['dataset']}, {clouds}", "bits per point", "D1 PSNR, dB", "s, at most"]
     rows = [[*heads, *(f"BD-rate, {_short(metric)}" for metric in metrics)]]
@@ -186,12 +171,7 @@ def _table(
     for row in others:
         per_metric = (deltas.get((run_row["codec"], row["codec"], metric)) for metric in metrics)
         rows.append([*_cells(row, f"{row['title']}, {study}"), *map(_delta, per_metric)])
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for number, cells in enumerate(rows):
-        line = "  ".join(
-            f"{cell:{'<' if place == 0 else '>'}{width}}"
-            for place, (cell, width) in enumerate(zip(cells, widths, strict=True))
-        ).rstrip()
+    for number, line in enumerate(aligned(rows, left=1)):
         yield f"{_GREY}{line}{_PLAIN}" if number > 1 and _is_coloured() else line
     yield ""
 

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
+
+from puckbench.core.registry import Registry
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -35,72 +37,35 @@ class _CompletedParser(argparse.ArgumentParser):
         if action.type is Path or action.dest in _FILES:
             action.complete = shtab.FILE  # type: ignore[attr-defined]  # as shtab documents
         elif action.choices is None and action.nargs != 0 and action.dest in _NAMES:
-            action.choices = _NAMES[action.dest]()
+            action.choices = _names(_NAMES[action.dest])
         return action
 
 
-def _codecs() -> list[str]:
-    from puckbench.codecs.registry import codecs
-
-    return list(codecs())
-
-
-def _error_models() -> list[str]:
-    from puckbench.lidar.errors import ERROR_MODELS
-
-    return ERROR_MODELS.names()
-
-
-def _figures() -> list[str]:
-    from puckbench.figures.registry import FIGURES
-
-    return FIGURES.names()
-
-
-def _loaders() -> list[str]:
-    from puckbench.datasets.registry import LOADERS
-
-    return LOADERS.names()
-
-
-def _sensors() -> list[str]:
-    from puckbench.lidar.sensor import sensor_names
-
-    return sensor_names()
-
-
-def _sources() -> list[str]:
-    from puckbench.datasets.sources import SOURCES
-
-    return list(SOURCES)
-
-
-def _studies() -> list[str]:
-    from puckbench.report.reference_results import shipped_studies
-
-    return shipped_studies()
-
-
-def _tables() -> list[str]:
-    from puckbench.metrics.table_registry import TABLES
-
-    return TABLES.names()
+def _names(place: str) -> list[str]:
+    """Return the names in a registry, mapping or list, or those that a function returns."""
+    module, _, name = place.partition(":")
+    source = getattr(import_module(f"puckbench.{module}"), name)
+    if isinstance(source, Registry):
+        return source.names()
+    return list(source() if callable(source) else source)
 
 
 _FILES = {"files", "start", "weights"}
 """Arguments, by their name, whose values may be files though they are not of the type `Path`."""
 
-_NAMES: dict[str, Callable[[], list[str]]] = {
-    "check": _loaders,
-    "codec": _codecs,
-    "codecs": _codecs,
-    "errors": _error_models,
-    "figure": _figures,
-    "loader": _loaders,
-    "model": _error_models,
-    "names": _sources,
-    "sensor": _sensors,
-    "study": _studies,
-    "table": _tables,
+_CODECS, _ERROR_MODELS = "codecs.registry:codecs", "lidar.errors:ERROR_MODELS"
+_LOADERS = "datasets.registry:LOADERS"
+_NAMES = {
+    "check": _LOADERS,
+    "codec": _CODECS,
+    "codecs": _CODECS,
+    "errors": _ERROR_MODELS,
+    "figure": "figures.registry:FIGURES",
+    "loader": _LOADERS,
+    "model": _ERROR_MODELS,
+    "names": "datasets.sources:SOURCES",
+    "sensor": "lidar.sensor:sensor_names",
+    "study": "report.reference_results:shipped_studies",
+    "table": "metrics.table_registry:TABLES",
 }
-"""Arguments, by their name, whose values are names of a registry."""
+"""Arguments, by their name, whose values are names, and where these are."""

@@ -12,10 +12,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     from puckbench.cli.types import integer
     from puckbench.puck.options import EFFORTS
 
-    parser.add_argument("recording", type=Path, help="packet capture or bag (any file)")
-    parser.add_argument("out", type=Path, help="file to write (.puck)")
-    parser.add_argument("--effort", choices=EFFORTS, default="normal", help="speed against size")
-    parser.add_argument(
+    add = parser.add_argument
+    add("recording", type=Path, help="packet capture or bag (any file)")
+    add("out", type=Path, help="file to write (.puck)")
+    add("--effort", choices=EFFORTS, default="normal", help="speed against size")
+    add(
         "--key-every",
         type=integer(0),
         default=50,

@@ -9,16 +9,15 @@ from puckbench.jobs.decode import Decode
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("stream", type=Path, help="stream to decode")
-    parser.add_argument(
-        "out", type=Path, help="PLY file to write (LAS or LAZ if --like names such a file)"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("stream", type=Path, help="stream to decode")
+    add("out", type=Path, help="PLY file to write (LAS or LAZ if --like names such a file)")
+    add(
         "--as-mesh",
         action="store_true",
         help="write the surface instead of points, if the stream has one",
     )
-    parser.add_argument(
+    add(
         "--like",
         type=Path,
         action="append",
@@ -28,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "metres; or the original (LAS, PLY, PCD, E57, ...): write its header and the attributes "
         "that order or position identifies; or both (--like twice)",
     )
-    parser.add_argument("--rate", help="rate to decode of a curve (coded/DATASET/CLOUD/CODEC.zip)")
+    add("--rate", help="rate to decode of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 
 

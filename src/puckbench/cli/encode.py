@@ -10,27 +10,26 @@ from puckbench.jobs.encode import Encode
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("cloud", type=Path, help="cloud to code (PLY, PCD, LAS, ...)")
-    parser.add_argument(
-        "out", type=Path, help="stream to write; its record (JSON) is written beside it"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("cloud", type=Path, help="cloud to code (PLY, PCD, LAS, ...)")
+    add("out", type=Path, help="stream to write; its record (JSON) is written beside it")
+    add(
         "--rate",
         required=True,
         help="r1 (smallest bitrate), r2, ...; for clouds in metres any length such as 3mm",
     )
-    parser.add_argument(
+    add(
         "--raw",
         action="store_true",
         help="G-PCC: write a bare stream, as the reference software does",
     )
-    parser.add_argument(
+    add(
         "--frame",
         choices=["scaled", "metric"],
         help="coordinate frame of a cloud without a description (.json) beside it (default: metric "
         "for LAS, LAZ, E57 and .bin)",
     )
-    parser.add_argument(
+    add(
         "--prepare",
         type=Path,
         metavar="PLY",

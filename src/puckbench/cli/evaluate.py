@@ -14,42 +14,41 @@ _UNRELATED_DB = 10.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("reference", type=Path, help="reference cloud (PLY, PCD, LAS, ...)")
-    parser.add_argument("decoded", type=Path, help="decoded cloud (not .bin), or stream to decode")
-    parser.add_argument(
+    add = parser.add_argument
+    add("reference", type=Path, help="reference cloud (PLY, PCD, LAS, ...)")
+    add("decoded", type=Path, help="decoded cloud (not .bin), or stream to decode")
+    add(
         "--truth",
         type=Path,
         help="true surface: mesh or captured room in metres, or cloud in the reference's frame",
     )
-    parser.add_argument(
+    add(
         "--visible",
         type=Path,
         help="points of the true surface that the sensor saw, in the reference's frame",
     )
-    parser.add_argument(
-        "--clean", type=Path, help="clean scan of the same rays, in place of --visible"
-    )
-    parser.add_argument(
+    add("--clean", type=Path, help="clean scan of the same rays, in place of --visible")
+    add(
         "--peak",
         type=float,
         help="peak of the PSNRs, in the reference's unit (default: from its description, else 1023 "
         "if scaled and 30 if in metres; papers on KITTI use 59.7)",
     )
-    parser.add_argument(
+    add(
         "--views",
         type=integer(0),
         default=0,
         help="width in pixels of six pictures to compare (default: 0, none)",
     )
-    parser.add_argument(
+    add(
         "--reflectance-bits",
         type=integer(1),
         help="bits of reflectances, for the peak of their PSNR (default: 8, or 16 if there are "
         "larger ones; MPEG's pc_error uses 16)",
     )
-    parser.add_argument("--dataset", help="name of the data set, for the result row")
-    parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
-    parser.add_argument("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")
+    add("--dataset", help="name of the data set, for the result row")
+    add("--row", type=Path, help="write the result row here (JSON)")
+    add("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 
 

@@ -10,31 +10,30 @@ from puckbench.core.errors import InputError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "source",
         type=Path,
         help="recording (.pcap, .puck, ROS bag), its turns (.parquet), or scan or capture table "
         "(.parquet)",
     )
-    parser.add_argument(
+    add(
         "out",
         type=Path,
         help=".ply, .pcd, .csv, .las, .laz or .bin (KITTI, intensity 0 to 1); of scans also .evd "
         "or .pcap",
     )
-    parser.add_argument(
+    add(
         "--turns",
         metavar="FIRST-LAST",
         help="turns of a recording, in metres in the sensor's frame, with intensity, ring (0 is "
         "the lowest) and time in s (default: the first whole turn); of a bag's clouds, messages "
         "from 0, in the frame and with the numbers of the messages",
     )
-    parser.add_argument("--stream", help=STREAM)
-    parser.add_argument("--topic", help=TOPIC)
+    add("--stream", help=STREAM)
+    add("--topic", help=TOPIC)
     add_time_unit(parser)
-    parser.add_argument(
-        "--clean", action="store_true", help="use the coordinates without errors of a scan"
-    )
+    add("--clean", action="store_true", help="use the coordinates without errors of a scan")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

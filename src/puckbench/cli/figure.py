@@ -22,12 +22,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
             ),
         ]
     )
-    parser.add_argument("figure", help="one of the figures below, or path/to/file.py:function")
-    parser.add_argument("out", type=Path, nargs="+", help="files to write (.pdf, .png, .svg)")
-    parser.add_argument(
-        "--inputs", type=json_object, required=True, help='JSON: {"metrics": "metrics.csv", ...}'
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("figure", help="one of the figures below, or path/to/file.py:function")
+    add("out", type=Path, nargs="+", help="files to write (.pdf, .png, .svg)")
+    add("--inputs", type=json_object, required=True, help='JSON: {"metrics": "metrics.csv", ...}')
+    add(
         "--style",
         type=_style,
         default=[],
@@ -35,8 +34,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         'Of codecs: {"colours": {"draco": "#336699"}, "markers": {"draco": "s"}, "codec_titles": '
         '{"draco": "..."}, "lines": {"draco": ":"}}',
     )
-    parser.add_argument("--codecs", nargs="+", default=[], help="draw only these codecs")
-    parser.add_argument("--datasets", nargs="+", default=[], help="draw only these data sets")
+    add("--codecs", nargs="+", default=[], help="draw only these codecs")
+    add("--datasets", nargs="+", default=[], help="draw only these data sets")
 
 
 def _style(text: str) -> Any:

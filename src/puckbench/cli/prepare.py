@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.capture import STREAM, TOPIC
-from puckbench.cli.types import integer, positive, selected, turns
+from puckbench.cli.types import add_cloud_options, add_unit, integer, selected, turns
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.io.recordings.pcap import refuse_stream
@@ -22,93 +22,56 @@ _FOR_CLOUDS = {
 }
 """Options that mean nothing for a sensor's returns, with their defaults."""
 _SHOWN = (
-    *(
-        "name",
-        "sensor",
-        "turns",
-        "points",
-        "dropped_points",
-        "missing_returns",
-        "size",
-        "size_m",
-        "scale",
-        "offset",
-        "peak",
-        *LEFT_OUT,
-        "neighbours",
-        "diameter",
-        "elongation",
-    ),
-    *("elongation_oriented", "spacing_median_m", "density_median_m2", "outliers", "duplicates"),
+    *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
+    *("size", "size_m", "scale", "offset", "peak", *LEFT_OUT, "neighbours", "diameter"),
+    *("elongation", "elongation_oriented", "spacing_median_m", "density_median_m2"),
+    *("outliers", "duplicates"),
 )
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "cloud",
         type=Path,
         help="cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, KITTI's .bin), scan table (.parquet), "
         "or recording (.pcap, .puck, ...)",
     )
-    parser.add_argument(
-        "out", type=Path, help="PLY file to write; its description (JSON) is written beside it"
-    )
-    parser.add_argument(
+    add("out", type=Path, help="PLY file to write; its description (JSON) is written beside it")
+    add(
         "--crop",
         nargs="+",
         metavar="BOX",
         help="x0 y0 z0 x1 y1 z1 in metres, or a JSON file with a 'box'",
     )
-    parser.add_argument(
+    add(
         "--crop-on",
         choices=("clean", "noisy"),
         default="clean",
         help="coordinates of a scan that decide which points are cropped (default: %(default)s)",
     )
-    parser.add_argument(
+    add(
         "--scale",
         type=_size,
         default=1024,
         help="size of the cube; 0: stay in metres; grid: keep the voxels (default: 1024)",
     )
-    parser.add_argument(
-        "--peak", type=float, help="peak of the PSNRs of a cloud in metres, in m (default: 30)"
-    )
-    parser.add_argument(
-        "--neighbours", type=integer(3), default=30, help="neighbours for normals (default: 30)"
-    )
-    parser.add_argument(
-        "--metres-per-unit",
-        type=positive,
-        default=1.0,
-        help="unit of the cloud (0.001: millimetres)",
-    )
-    parser.add_argument(
-        "--drop-invalid", action="store_true", help="leave out points that are not finite"
-    )
-    parser.add_argument(
-        "--keep-missing", action="store_true", help="keep a sensor's missing returns as points"
-    )
-    parser.add_argument(
-        "--bin-columns",
-        metavar="COLUMNS",
-        help="columns of a .bin file: their number, 3 to 6, or their names, such as "
-        "x,y,z,intensity,ring (default: from the values)",
-    )
-    parser.add_argument(
-        "--clean", action="store_true", help="use the coordinates without errors of a scan"
-    )
-    parser.add_argument(
+    add("--peak", type=float, help="peak of the PSNRs of a cloud in metres, in m (default: 30)")
+    add("--neighbours", type=integer(3), default=30, help="neighbours for normals (default: 30)")
+    add_unit(parser, "cloud")
+    add_cloud_options(parser)
+    add("--clean", action="store_true", help="use the coordinates without errors of a scan")
+    add(
         "--turns",
         metavar="FIRST-LAST",
         help="use these turns of a scan or a recording, in metres in the sensor's frame, and "
         "write their returns beside the cloud (default for a recording: its first whole turn); of "
         "clouds in a ROS bag, the one of this number, in metres (default: 0)",
     )
-    parser.add_argument("--stream", help=STREAM)
-    parser.add_argument("--topic", help=TOPIC)
-    parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
-    parser.add_argument(
+    add("--stream", help=STREAM)
+    add("--topic", help=TOPIC)
+    add("--truth", type=Path, help="also write the true surface points of a scan")
+    add(
         "--about",
         type=Path,
         action="append",

@@ -9,12 +9,13 @@ from puckbench.jobs.recovery import Recovery
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("stream", type=Path, help="stream of a codec that codes surfaces")
-    parser.add_argument("points", type=Path, help="true points with labels (prepare --truth)")
-    parser.add_argument("scene", type=Path, help="labelled mesh of the scene (.ply), in metres")
-    parser.add_argument("--dataset", help="name of the data set, for the result row")
-    parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
-    parser.add_argument("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")
+    add = parser.add_argument
+    add("stream", type=Path, help="stream of a codec that codes surfaces")
+    add("points", type=Path, help="true points with labels (prepare --truth)")
+    add("scene", type=Path, help="labelled mesh of the scene (.ply), in metres")
+    add("--dataset", help="name of the data set, for the result row")
+    add("--row", type=Path, help="write the result row here (JSON)")
+    add("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 
 

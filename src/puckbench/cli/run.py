@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import integer, metres_per_unit, selected
+from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
 from puckbench.core.errors import InputError
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import CALLER_PRINTS_SUMMARY, snakemake_command
@@ -101,14 +101,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--errors", help="error model of the virtual sensor (default: vlp16_divergence)")
     add("--points", type=integer(1), help="number of points sampled on a mesh (default: 100000)")
     add("--up", choices=("y", "z"), help="axis of meshes that points up (default: z)")
-    add("--drop-invalid", action="store_true", help="leave out points that are not finite")
-    add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
-    add(
-        "--bin-columns",
-        metavar="COLUMNS",
-        help="columns of .bin files: their number, 3 to 6, or their names, such as "
-        "x,y,z,intensity,ring (default: from the values)",
-    )
+    add_cloud_options(parser)
     add(
         "--strict",
         action="store_true",

@@ -9,17 +9,12 @@ from puckbench.jobs.scene import WriteScene
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("loader", help="loader of the scene set (see `puckbench datasets`)")
-    parser.add_argument("name", help="name of the scene")
-    parser.add_argument(
-        "out", type=Path, help="PLY file to write; its description (JSON) is written beside it"
-    )
-    parser.add_argument(
-        "--options", type=json_object, default={}, help="options of the loader (JSON)"
-    )
-    parser.add_argument(
-        "--seed", type=integer(0), default=0, help="seed of a loader that makes random scenes"
-    )
+    add = parser.add_argument
+    add("loader", help="loader of the scene set (see `puckbench datasets`)")
+    add("name", help="name of the scene")
+    add("out", type=Path, help="PLY file to write; its description (JSON) is written beside it")
+    add("--options", type=json_object, default={}, help="options of the loader (JSON)")
+    add("--seed", type=integer(0), default=0, help="seed of a loader that makes random scenes")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

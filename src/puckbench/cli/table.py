@@ -11,14 +11,11 @@ from puckbench.metrics.table_registry import TABLES
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(TABLES.names())
-    parser.add_argument("table", help=f"one of {names}, or path/to/file.py:function")
-    parser.add_argument("out", type=Path, nargs="+", help="files to write (.csv, .parquet, .tex)")
-    parser.add_argument(
-        "--inputs", type=json_object, default={}, help='JSON: {"residuals": "residuals.parquet"}'
-    )
-    parser.add_argument(
-        "--options", type=json_object, default={}, help='JSON: {"anchor": "draco"} for bd_rate'
-    )
+    add = parser.add_argument
+    add("table", help=f"one of {names}, or path/to/file.py:function")
+    add("out", type=Path, nargs="+", help="files to write (.csv, .parquet, .tex)")
+    add("--inputs", type=json_object, default={}, help='JSON: {"residuals": "residuals.parquet"}')
+    add("--options", type=json_object, default={}, help='JSON: {"anchor": "draco"} for bd_rate')
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -85,6 +85,23 @@ def turns(text: str | None) -> tuple[int, int] | None:
     return numbers
 
 
+def add_unit(parser: argparse.ArgumentParser, what: str) -> None:
+    text = f"unit of the {what} (0.001: millimetres)"
+    parser.add_argument("--metres-per-unit", type=positive, default=1.0, help=text)
+
+
+def add_cloud_options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--drop-invalid", action="store_true", help="leave out points that are not finite")
+    add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
+    add(
+        "--bin-columns",
+        metavar="COLUMNS",
+        help="columns of .bin files: their number, 3 to 6, or their names, such as "
+        "x,y,z,intensity,ring (default: from the values)",
+    )
+
+
 def selected(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: getattr(options, name) for name in names}
 

@@ -236,13 +236,12 @@ class Improved(LearnedByLambda[R]):
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         unit = self.options.unit
-        if unit is None:
-            return super()._encode(points, parameters)
-        return with_unit(super()._encode(points / unit, parameters), unit)
+        stream = super()._encode(points / (unit or 1), parameters)  # type: ignore[safe-super]
+        return stream if unit is None else with_unit(stream, unit)
 
     def _decode(self, stream: bytes) -> Floats:
         content, unit = without_unit(stream)
-        points = super()._decode(content)
+        points = super()._decode(content)  # type: ignore[safe-super]
         return points if unit is None else multiplied(points, unit)
 
     def _as_read(self, points: Floats) -> Floats:

@@ -12,12 +12,8 @@ from pathlib import Path
 from typing import Any
 
 THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
+    *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"),
+    *("NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
 )
 """Environment variables that limit the threads of OpenMP (PyTorch, pykdtree), BLAS and numba."""
 
@@ -25,15 +21,8 @@ LIBRARIES = ("numpy", "scipy", "numba", "DracoPy", "torch", "constriction", "pyk
 """Packages that timed calls of codecs and metrics use."""
 
 PACKAGES = (
-    *LIBRARIES,
-    "open3d-cpu",
-    "open3d",
-    "imagecodecs",
-    "pyarrow",
-    "pandas",
-    "matplotlib",
-    "pydantic",
-    "snakemake",
+    *(*LIBRARIES, "open3d-cpu", "open3d", "imagecodecs", "pyarrow"),
+    *("pandas", "matplotlib", "pydantic", "snakemake"),
 )
 """Packages whose versions reports name."""
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from puckbench.figures.binning import medians_against
 from puckbench.figures.panels import (
-    add_rows_legend,
+    add_fitting_legend,
     draw_edge_ticks,
     figure_width,
     label_outer,
@@ -52,10 +52,10 @@ def draw_comparison(
     shape = (len(datasets), len(qualities))
     figure = Figure(figsize=(figure_width(shape[1], style), shape[0] * _PANEL_IN + 0.6))
     panels = list(figure.subplots(*shape, sharex="all", sharey="col", squeeze=False).flat)
-    run_styles = {codec: style.of_codec(codec) for codec in style.ordered_codecs(metrics["codec"])}
-    reference_styles = {
-        codec: style.of_codec(codec) for codec in style.ordered_codecs(reference["codec"])
-    }
+    run_styles, reference_styles = (
+        {codec: style.of_codec(codec) for codec in style.ordered_codecs(table["codec"])}
+        for table in (metrics, reference)
+    )
     for number, axes in enumerate(panels):
         dataset, quality = datasets[number // shape[1]], qualities[number % shape[1]]
         _set_axes(axes, quality)
@@ -77,9 +77,7 @@ def draw_comparison(
         for plot_style in reference_styles.values()
     ]
     handles += [lossless_tick_handle()] if lossless_rows(metrics).any() else []
-    longest = max(len(str(handle.get_label())) for handle in handles)
-    abreast = figure.get_size_inches()[0] / (longest * 0.58 * style.font_size / 72 + 0.5)
-    add_rows_legend(figure, handles, int(abreast))
+    add_fitting_legend(figure, handles, style)
     return figure
 
 

@@ -208,7 +208,11 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
 def add_legend(
     figure: Figure, codecs: Sequence[str], style: FigureStyle, extra_handles: Sequence[Artist] = ()
 ) -> None:
-    handles = [*codec_handles(codecs, style), *extra_handles]
+    add_fitting_legend(figure, [*codec_handles(codecs, style), *extra_handles], style)
+
+
+def add_fitting_legend(figure: Figure, handles: Sequence[Artist], style: FigureStyle) -> None:
+    """Add a legend with as many entries in a row as the figure's width allows."""
     widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
     add_rows_legend(figure, handles, int(figure.get_size_inches()[0] / widest_in))
 

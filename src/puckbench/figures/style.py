@@ -3,9 +3,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import Field, field_validator
+from pydantic import Field, model_validator
 
 from puckbench.codecs.facts import Line
 from puckbench.core.models import Model, parsed
@@ -51,35 +51,24 @@ class FigureStyle(Model):
     datasets: tuple[str, ...] = ()
     axis_ranges: Mapping[str, Range] = {}
 
-    @field_validator("axis_ranges")
-    @classmethod
-    def _check_ranges(cls, ranges: Mapping[str, Range]) -> Mapping[str, Range]:
-        for column, (low, high) in ranges.items():
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for column, (low, high) in self.axis_ranges.items():
             if not 0 < low < high:
-                raise ValueError(f"{column!r} must be [low, high] with 0 < low < high")
-        return ranges
-
-    @field_validator("colours")
-    @classmethod
-    def _check_colours(cls, colours: Mapping[str, str]) -> Mapping[str, str]:
-        if colours:
+                raise ValueError(f"axis_ranges: {column!r} must be [low, high] with 0 < low < high")
+        if self.colours:
             from matplotlib.colors import is_color_like
 
-            for name, colour in colours.items():
+            for name, colour in self.colours.items():
                 if not is_color_like(colour):
-                    raise ValueError(f"{name!r}: {colour!r} is not a colour")
-        return colours
-
-    @field_validator("markers")
-    @classmethod
-    def _check_markers(cls, markers: Mapping[str, str]) -> Mapping[str, str]:
-        if markers:
+                    raise ValueError(f"colours: {name!r}: {colour!r} is not a colour")
+        if self.markers:
             from matplotlib.markers import MarkerStyle
 
-            for name, marker in markers.items():
+            for name, marker in self.markers.items():
                 if marker not in MarkerStyle.markers:
-                    raise ValueError(f"{name!r}: {marker!r} is not a marker")
-        return markers
+                    raise ValueError(f"markers: {name!r}: {marker!r} is not a marker")
+        return self
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:

@@ -44,8 +44,8 @@ class Table(Job):
         table = self._made(entry, {name: read_table(inputs[name]) for name in used})
         for column in table.select_dtypes("floating"):
             table[column] = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
-        write_result(table, columns, *out)
-        return {"table": self.table, "rows": len(table), "files": [str(path) for path in out]}
+        rows = write_result(table, columns, *out)
+        return {"table": self.table, **rows, "files": [str(path) for path in out]}
 
     def _made(self, entry: TableEntry, inputs: dict[str, pd.DataFrame]) -> Any:
         try:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from puckbench.core.files import write_bytes
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> None:
+def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> dict[str, Any]:
     from puckbench.io.tables import write_table
     from puckbench.report.column_dictionary import column_dictionary
     from puckbench.report.latex import latex_table
@@ -20,3 +20,4 @@ def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> Non
             write_bytes(path, latex_table(table).encode())
     if columns is not None:
         write_table(column_dictionary(table), columns)
+    return {"rows": len(table)}

@@ -13,18 +13,6 @@ from puckbench.metrics.psnr import mpeg_psnr
 Measures = dict[str, float]
 
 
-def validated(
-    codec: Codec, clouds: Sequence[PointCloud], peak: float | None
-) -> dict[str, Measures]:
-    """Return the mean metrics over the clouds for each rate.
-
-    ``bpp`` is bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the two
-    directions' mean squared distances; ``d1_psnr`` is in dB.
-    """
-    codec.load()
-    return {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
-
-
 def peak_of(clouds: Sequence[PointCloud]) -> float | None:
     """Return the peak of PSNRs in the clouds' descriptions, or None if they differ."""
     (first, *others) = {cloud.peak for cloud in clouds}
@@ -32,7 +20,13 @@ def peak_of(clouds: Sequence[PointCloud]) -> float | None:
 
 
 def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
-    rates = validated(codec, clouds, peak)
+    """Return the mean metrics over the clouds for each rate (``rates``), and ``faults`` of them.
+
+    ``bpp`` is bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the two
+    directions' mean squared distances; ``d1_psnr`` is in dB.
+    """
+    codec.load()
+    rates = {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
     return {"rates": rates, "faults": faults(rates)}
 
 

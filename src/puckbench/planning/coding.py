@@ -12,7 +12,6 @@ from puckbench.codecs.facts import Pace
 from puckbench.codecs.registry import codec_class, module_of
 from puckbench.core.environment import thread_environment
 from puckbench.core.errors import InputError
-from puckbench.core.files import sha256
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.decode import Decode, DecodeShown
 from puckbench.jobs.encode import EncodeCurve
@@ -167,7 +166,7 @@ class CodingJobs:
         return self._planned(record, codec)
 
     def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
-        return planned(record, self._module(codec), *modules, also=self._weights(codec))
+        return planned(record, self._module(codec), *modules, also=self.plan.weights_digest(codec))
 
     @cached_property
     def join_streams(self) -> PlannedJob:
@@ -257,20 +256,11 @@ class CodingJobs:
         return self.plan.datasets[dataset].frame
 
     def _entry(self, dataset: str, codec: str, rates: tuple[str, ...]) -> dict[str, Any]:
-        entry = {**self.plan.codecs[codec]}
         table = self.plan.opened[codec].rates_of(self._frame(dataset))
-        selected = {rate: table[rate] for rate in rates}
-        lengths = entry.pop("metric_rates", {})
-        if selected.keys() <= lengths.keys():
-            return {**entry, "rates": {}, "metric_rates": selected}
-        return {**entry, "rates": selected}
+        return self.plan.entry_with(codec, {rate: table[rate] for rate in rates})
 
     def _module(self, codec: str) -> str:
         return module_of(self.plan.codecs[codec]["class"])
-
-    @cache  # noqa: B019
-    def _weights(self, codec: str) -> str:
-        return " ".join(map(sha256, self.plan.weights[codec]))
 
 
 def _name(rates: tuple[str, ...]) -> str:

@@ -8,13 +8,13 @@ from typing import Any
 
 from puckbench.codecs.facts import find_rate
 from puckbench.codecs.registry import module_of
-from puckbench.core.errors import InputError, among, naming
-from puckbench.core.files import sha256
+from puckbench.core.errors import InputError, naming
 from puckbench.datasets.registry import LOADERS
-from puckbench.datasets.scene import of_clouds
+from puckbench.datasets.scene import of_packets, of_returns
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.jobs.gathered_tables import RowsTable
+from puckbench.jobs.registry import Job
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.lidar.errors import module_of_model
 from puckbench.metrics.table_registry import UNDECODED
@@ -124,7 +124,7 @@ class DriveJobs:
         repeats, alone = self.plan.config.timing.repeats, self.plan.config.timing.exclusive
         changes = self._changes(name, codec)
         record = EncodeDrive(codec=codec, changes=changes, repeats=repeats, alone=alone)
-        return planned(record, *self._modules(codec), also=self._weights(codec))
+        return self._planned(record, codec)
 
     @cache  # noqa: B019
     def measure(self, name: str, codec: str) -> PlannedJob:
@@ -140,39 +140,31 @@ class DriveJobs:
             repeats=timing.repeats,
             alone=timing.exclusive,
         )
-        return planned(record, *self._modules(codec), *modules, also=self._weights(codec))
+        return self._planned(record, codec, *modules)
 
     def minutes(self, name: str) -> int:
         """Return an upper bound of the estimated time of a job for a drive, in minutes."""
         rates = max(map(len, self.entries[name].rates.values()), default=1)
         return 10 + int(5 * rates)
 
-    def _modules(self, codec: str) -> tuple[str, ...]:
-        return (module_of(self.plan.codecs[codec]["class"]),)
-
-    def _weights(self, codec: str) -> str:
-        return " ".join(map(sha256, self.plan.weights[codec]))
+    def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
+        module, weights = self.plan.codecs[codec]["class"], self.plan.weights_digest(codec)
+        return planned(record, module_of(module), *modules, also=weights)
 
     def _changes(self, name: str, codec: str) -> dict[str, Any]:
-        entry = {**self.plan.codecs[codec]}
-        opened = self.plan.opened[codec]
-        rates = {rate: dict(opened.parameters_of(rate)) for rate in self.entries[name].rates[codec]}
-        entry.pop("metric_rates", None)
-        if all(map(opened.is_length, rates)):
-            return {**entry, "rates": {}, "metric_rates": rates}
-        return {**entry, "rates": rates}
+        opened, rates = self.plan.opened[codec], self.entries[name].rates[codec]
+        parameters = {rate: dict(opened.parameters_of(rate)) for rate in rates}
+        return self.plan.entry_with(codec, parameters)
 
     # ---- entries of the configuration
 
     def _entry(self, name: str, value: DriveConfig) -> DrivePlan:
-        where, scenes = f"drives.{name}", self.plan.scenes.get(value.scenes)
-        if scenes is None:
-            choices = among(value.scenes, self.plan.scenes)
-            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
+        where = f"drives.{name}"
+        scenes = self.plan.checked_scenes(where, value)
         with naming(where):
             for task, options in value.tasks.items():
                 checked_task(task, options)
-            self._check(value, scenes)
+            _check_sweep(value)
             scans, clouds = {}, {}
             if value.is_scan:
                 scans = {f"{s}-{seed}": (s, seed) for s in scenes.chosen for seed in value.seeds}
@@ -182,27 +174,9 @@ class DriveJobs:
                     raise InputError(f"poses: one file, and {len(clouds)} drives")
             return DrivePlan(name, value, scenes, scans, clouds, self._rates(value, scenes))
 
-    def _check(self, value: DriveConfig, scenes: ScenePlan) -> None:
-        is_cloud = of_clouds(scenes.scenes)
-        if is_cloud is not None and is_cloud == value.is_scan:
-            what, how = ("clouds", "cloud") if is_cloud else ("meshes", "scan")
-            raise InputError(f"make is {value.make!r}, but {scenes.loader} has {what}: {how}")
-        if value.is_scan:
-            open_error_model(value.errors, value.error_options)
-            sensor, sweep = load_sensor(value.sensor), open_sweep(value.sweep)
-            if sweep.trajectory is None or len(sweep.trajectory) < 2:
-                raise InputError("sweep: needs a trajectory, along which the sensor moves")
-            if sweep.frames < 2 or sweep.turning_hz(sensor) != sweep.frames_per_second:
-                turns = f"{sweep.frames} frames, {sweep.turning_hz(sensor):g} turns a second"
-                raise InputError(f"sweep: {turns}: a drive has two frames or more, each one turn")
-
     def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
-        unknown = [codec for codec in value.codecs or () if codec not in self.plan.config.codecs]
-        if unknown:
-            choices = among(unknown[0], self.plan.config.codecs)
-            raise InputError(f"codecs: no codec '{unknown[0]}'{choices}")
-        returns = value.is_scan or bool(getattr(scenes.scenes, "of_returns", False))
-        packets = bool(getattr(scenes.scenes, "of_packets", False))
+        returns = value.is_scan or of_returns(scenes.scenes)
+        packets = of_packets(scenes.scenes)
         rates = {}
         for codec in value.codecs or self.plan.codecs:
             opened = self.plan.opened[codec]
@@ -216,6 +190,17 @@ class DriveJobs:
             if named or metric_rates:
                 rates[codec] = named or metric_rates
         return rates
+
+
+def _check_sweep(value: DriveConfig) -> None:
+    if value.is_scan:
+        open_error_model(value.errors, value.error_options)
+        sensor, sweep = load_sensor(value.sensor), open_sweep(value.sweep)
+        if sweep.trajectory is None or len(sweep.trajectory) < 2:
+            raise InputError("sweep: needs a trajectory, along which the sensor moves")
+        if sweep.frames < 2 or sweep.turning_hz(sensor) != sweep.frames_per_second:
+            turns = f"{sweep.frames} frames, {sweep.turning_hz(sensor):g} turns a second"
+            raise InputError(f"sweep: {turns}: a drive has two frames or more, each one turn")
 
 
 def consecutive(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:

@@ -19,7 +19,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
-from puckbench.jobs.gathered_tables import CloudsTable, PlanTable
+from puckbench.jobs.gathered_tables import PlanTable, RowsTable
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
@@ -66,7 +66,7 @@ class OutputJobs:
         plan, tables = self.plan, {}
         if plan.datasets:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
-            tables["clouds"] = Gathering(planned(CloudsTable(names=names)), names)
+            tables["clouds"] = Gathering(planned(RowsTable(kind="clouds", names=names)), names)
         if left_out := plan.left_out_rows():
             tables["left_out"] = Gathering(planned(PlanTable(table="left_out", rows=left_out)), ())
         if plan.codecs:

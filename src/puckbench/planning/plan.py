@@ -2,14 +2,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_training
 from puckbench.core.errors import NARROWER, InputError, among, closest, naming
+from puckbench.core.files import sha256
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import (
     SceneSet,
@@ -33,6 +34,7 @@ from puckbench.planning.config import (
     DriveConfig,
     ErrorModelConfig,
     SceneSetConfig,
+    Sensing,
     StudyConfig,
     TrainingConfig,
 )
@@ -107,24 +109,21 @@ class DataSetPlan:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The sensor study (thesis chapter 5); `rows` is the number of residuals from each scan."""
+    """The sensor study (thesis chapter 5), with the checked names and options of its models."""
 
+    settings: StudyConfig
     models: dict[str, tuple[str, dict[str, Any]]]
     captures: dict[str, tuple[str, dict[str, Any]]]
-    distances_m: tuple[float, ...]
-    far_m: float | None
-    runs: int
-    rows: int
-    refit: bool
     seed: int
 
     @property
     def all_distances_m(self) -> tuple[float, ...]:
-        return self.distances_m if self.far_m is None else (*self.distances_m, self.far_m)
+        far_m = self.settings.far_m
+        return (*self.settings.distances_m, *([] if far_m is None else [far_m]))
 
     @property
     def shown_m(self) -> tuple[float, ...]:
-        return tuple(distance for distance in (1.0, 5.0) if distance in self.distances_m)
+        return tuple(distance for distance in (1.0, 5.0) if distance in self.settings.distances_m)
 
 
 @dataclass(frozen=True)
@@ -424,27 +423,11 @@ class Plan:
         return [(name, cloud) for cloud in self.datasets[name].clouds]
 
     def _dataset(self, name: str, value: DataSetConfig) -> DataSetPlan:
-        scenes = self.scenes.get(value.scenes)
-        if scenes is None:
-            raise InputError(
-                f"datasets.{name}.scenes: no scene set '{value.scenes}'"
-                f"{among(value.scenes, self.scenes)}"
-            )
-        is_cloud = of_clouds(scenes.scenes)
-        if is_cloud is not None and is_cloud != (value.make == "cloud"):
-            what, how = ("clouds", "cloud") if is_cloud else ("meshes", "sample or scan")
-            raise InputError(
-                f"datasets.{name}.make is {value.make!r}, but {scenes.loader} has {what}: {how}"
-            )
+        scenes = self.checked_scenes(f"datasets.{name}", value)
         has_returns = value.is_metric and (value.is_scan or of_returns(scenes.scenes))
         if of_returns(scenes.scenes) and not value.is_metric:
             raise InputError(
                 f"datasets.{name}.size: {scenes.loader} has a sensor's returns (size: {METRIC})"
-            )
-        if unknown := [codec for codec in value.codecs or () if codec not in self.config.codecs]:
-            raise InputError(
-                f"datasets.{name}.codecs: no codec '{unknown[0]}'"
-                f"{among(unknown[0], self.config.codecs)}"
             )
         if value.size == GRID and value.make != "cloud":
             raise InputError(
@@ -463,6 +446,38 @@ class Plan:
             points = max((check.points or 0 for check in checks), default=0) or points
         packets = has_returns and of_packets(scenes.scenes)
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
+
+    def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the complete entry of a codec with these rates (parameters by name) only."""
+        entry = {key: value for key, value in self.codecs[codec].items() if key != "metric_rates"}
+        if all(map(self.opened[codec].is_length, rates)):
+            return {**entry, "rates": {}, "metric_rates": rates}
+        return {**entry, "rates": rates}
+
+    @cache  # noqa: B019 (one plan lives as long as the process)
+    def weights_digest(self, codec: str) -> str:
+        return " ".join(map(sha256, self.weights[codec]))
+
+    def checked_scenes(self, where: str, value: Sensing) -> ScenePlan:
+        """Return the scene set of a data set or drive.
+
+        Raises InputError if there is none, or it does not fit `make`, or a codec is unknown.
+        """
+        scenes = self.scenes.get(value.scenes)
+        if scenes is None:
+            choices = among(value.scenes, self.scenes)
+            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
+        is_cloud = of_clouds(scenes.scenes)
+        if is_cloud is not None and is_cloud != (value.make == "cloud"):
+            made = get_args(type(value).model_fields["make"].annotation)
+            how = "cloud" if is_cloud else " or ".join(make for make in made if make != "cloud")
+            what = f"{scenes.loader} has {'clouds' if is_cloud else 'meshes'}: {how}"
+            raise InputError(f"{where}.make is {value.make!r}, but {what}")
+        for codec in value.codecs or ():
+            if codec not in self.config.codecs:
+                choices = among(codec, self.config.codecs)
+                raise InputError(f"{where}.codecs: no codec '{codec}'{choices}")
+        return scenes
 
     def _sources(
         self, value: DataSetConfig, scenes: Iterable[str]
@@ -559,19 +574,13 @@ def _chosen(name: str, value: SceneSetConfig, names: list[str]) -> tuple[str, ..
 def _study(value: StudyConfig, seed: int) -> StudyPlan:
     models = {name: _model(name, item or ErrorModelConfig()) for name, item in value.models.items()}
     captures = {name: _capture(name, item) for name, item in value.captures.items()}
-    far = () if value.far_m is None else (value.far_m,)
-    for distance in (*value.distances_m, *far):
-        _check_distance(distance)
-    return StudyPlan(
-        models,
-        captures,
-        value.distances_m,
-        value.far_m,
-        runs=value.runs,
-        rows=value.rows,
-        refit=value.refit,
-        seed=seed if value.seed is None else value.seed,
-    )
+    study = StudyPlan(value, models, captures, seed if value.seed is None else value.seed)
+    distances = sorted(CALIBRATIONS.values())
+    for distance in study.all_distances_m:
+        if distance not in distances:
+            places = ", ".join(f"{place:g}" for place in distances)
+            raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")
+    return study
 
 
 def _model(name: str, item: ErrorModelConfig) -> tuple[str, dict[str, Any]]:
@@ -585,10 +594,3 @@ def _capture(name: str, item: CaptureConfig) -> tuple[str, dict[str, Any]]:
     if not Path(item.path).exists():
         raise InputError(f"sensor_study.captures.{name}: {item.path}: no such file")
     return item.path, item.options
-
-
-def _check_distance(distance: float) -> None:
-    distances = sorted(CALIBRATIONS.values())
-    if distance not in distances:
-        places = ", ".join(f"{place:g}" for place in distances)
-        raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")

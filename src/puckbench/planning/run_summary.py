@@ -22,13 +22,7 @@ _HEADS = {
     "seconds": "s, at most",
 }
 _RATE_HEADS = (
-    "data set",
-    "codec and rate",
-    "bytes",
-    "file / stream",
-    "RMS, mm",
-    "largest, mm",
-    "s",
+    *("data set", "codec and rate", "bytes", "file / stream", "RMS, mm", "largest, mm", "s"),
 )
 _RATE_NUMBERS = ("ratio", "rms_mm", "largest_mm")
 _MAX_RATES = 24
@@ -49,7 +43,7 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
     rows = [_cells(row) for row in shown]
     columns = [name for name in _HEADS if any(row[name] for row in rows)]
     heads = [_HEADS[name] for name in columns]
-    yield from _aligned([heads, *([row[name] for name in columns] for row in rows)])
+    yield from aligned([heads, *([row[name] for name in columns] for row in rows)])
     against = f"; BD-rate in D1 against {style.of_codec(anchor).title}"
     if "bd_rate_percent" not in columns:
         against = ""
@@ -99,7 +93,7 @@ def _rate_lines(results: Path, style: FigureStyle) -> Iterator[str]:
         yield f"Bytes, errors and times at each rate: {path}"
     elif rows:
         yield ""
-        yield from _aligned([list(_RATE_HEADS), *(_rate_cells(row, style) for row in rows)])
+        yield from aligned([list(_RATE_HEADS), *(_rate_cells(row, style) for row in rows)])
         yield "Sums over clouds; errors are distances of points, in the worse direction."
 
 
@@ -160,14 +154,15 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+def aligned(rows: Sequence[Sequence[str]], left: int = 2) -> Iterator[str]:
+    """Yield a line for each row of cells, in columns of which the first `left` align left."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
-        cells = zip(row, widths, strict=True)
-        yield "  ".join(
-            f"{cell:{'<' if place < 2 else '>'}{width}}"
-            for place, (cell, width) in enumerate(cells)
-        ).rstrip()
+        cells = [
+            f"{cell:{'<' if place < left else '>'}{width}}"
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        yield "  ".join(cells).rstrip()
 
 
 def _rows(path: Path) -> list[Row]:

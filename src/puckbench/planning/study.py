@@ -32,9 +32,9 @@ class StudyJobs:
             "residuals",
             model,
             distances=study.all_distances_m,
-            runs=study.runs,
-            keep=study.rows,
-            refit=study.refit,
+            runs=study.settings.runs,
+            keep=study.settings.rows,
+            refit=study.settings.refit,
         )
 
     @cache  # noqa: B019

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 
 GRID, SQUARED = "grid units", "grid units²"
@@ -25,53 +25,6 @@ _COST, _SEEN, _OTHER = "Size, time and memory", "Rendered views and colour", "Ot
 _REFLECTANCE = "Reflectance"
 GROUPS = (_CODED, _TRUTH, _CLEAN, _COST, _SEEN, _REFLECTANCE, _OTHER)
 
-_POINT, _PLANE = "point to point", "point to plane"
-_PLAIN = {
-    "bpp": ("Bits per point", "bpp", _COST),
-    "bpp_geometry": ("Bits per point of positions", "bpp", _COST),
-    "bpp_reflectance": ("Bits per point of reflectances", "bpp", _COST),
-    "bpp_colour": ("Bits per point of colours", "bpp", _COST),
-    "bytes": ("Size of the stream", "bytes", _COST),
-    "encode_s": ("Encoding time", "s", _COST),
-    "decode_s": ("Decoding time", "s", _COST),
-    "encode_peak_mib": ("Memory of encoding", "MiB", _COST),
-    "decode_peak_mib": ("Memory of decoding", "MiB", _COST),
-    "points_out": ("Points decoded", "", _COST),
-    "mbit_per_s": ("Bitrate at the sensor's speed", "Mbit/s", _COST),
-    "encode_ms_per_turn": ("Encoding time of a turn", "ms", _COST),
-    "decode_ms_per_turn": ("Decoding time of a turn", "ms", _COST),
-    "encode_real_time": ("Encoding speed relative to the sensor", "", _COST),
-    "decode_real_time": ("Decoding speed relative to the sensor", "", _COST),
-    "range_rms_mm": ("Root mean square range error", "mm", _CODED),
-    "range_max_mm": ("Largest range error", "mm", _CODED),
-    "returns_lost": ("Returns lost", "", _CODED),
-    "returns_added": ("Returns added", "", _CODED),
-    "truth_acd_ba_point": (
-        f"Accuracy, {_POINT}: decoded points to the true surface",
-        SQUARED,
-        _TRUTH,
-    ),
-    "truth_acd_ba_plane": (
-        f"Accuracy, {_PLANE}: decoded points to the true surface",
-        SQUARED,
-        _TRUTH,
-    ),
-    "truth_acd_ab_point": (f"Completeness, {_POINT}: true points to the decoded", SQUARED, _TRUTH),
-    "truth_acd_ab_plane": (f"Completeness, {_PLANE}: true points to the decoded", SQUARED, _TRUTH),
-    "view_psnr": ("PSNR of six rendered views", "dB", _SEEN),
-    "view_ssim": ("SSIM of six rendered views", "", _SEEN),
-    "y_psnr": ("PSNR of luma", "dB", _SEEN),
-    "u_psnr": ("PSNR of chroma, U", "dB", _SEEN),
-    "v_psnr": ("PSNR of chroma, V", "dB", _SEEN),
-    "colour_max_error": ("Largest error of red, green or blue, of 255", "", _SEEN),
-    "colour_lossless": ("Whether the colours come back", "", _SEEN),
-    "reflectance_mse": ("Mean squared error of reflectances", "", _REFLECTANCE),
-    "reflectance_psnr": ("PSNR of reflectances", "dB", _REFLECTANCE),
-    "reflectance_max_error": ("Largest error of reflectances", "", _REFLECTANCE),
-    "reflectance_lossless": ("Whether the reflectances come back", "", _REFLECTANCE),
-    "luminance_l2": ("Distance of luminance histograms", "", _SEEN),
-    "joint_quality": ("Joint metric of geometry and colour", "", _SEEN),
-}
 _COUNTS = (
     *("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b"),
     *("dropped_points", "missing_returns"),
@@ -114,39 +67,73 @@ _SUFFIXES = {
 }
 """Meaning of the last part of a column's name."""
 
-_DISTANCES = {"point": _POINT, "plane": _PLANE}
-_MPEG = {"d1": "D1, point to point", "d2": "D2, point to plane"}
-_WAYS = {"ab": "original to decoded", "ba": "decoded to original"}
-_TIMES = {"encode": "Encoding time", "decode": "Decoding time"}
-_ENDS = {"min": "least", "max": "most"}
-_Match = re.Match[str]
-_PATTERNS: tuple[tuple[str, Callable[[_Match], tuple[str, str]]], ...] = (
-    (r"cd_(point|plane)", lambda m: (f"Chamfer distance, {_DISTANCES[m[1]]}", SQUARED)),
+_WORDS = {
+    "point": "point to point",
+    "plane": "point to plane",
+    "d1": "D1, point to point",
+    "d2": "D2, point to plane",
+    "ab": "original to decoded",
+    "ba": "decoded to original",
+    "encode": "Encoding",
+    "decode": "Decoding",
+    "min": "least",
+    "max": "most",
+    "geometry": "positions",
+    "reflectance": "reflectances",
+    "colour": "colours",
+    "u": "chroma, U",
+    "v": "chroma, V",
+    "y": "luma",
+}
+"""Words for parts of columns' names."""
+_KIND, _CALL, _MPEG = "(point|plane)", "(encode|decode)", "(d1|d2)"
+_LABELS: tuple[tuple[str, str, str, str | None], ...] = (
+    ("bpp", "Bits per point", "bpp", _COST),
+    ("bpp_(geometry|reflectance|colour)", "Bits per point of {}", "bpp", _COST),
+    ("bytes", "Size of the stream", "bytes", _COST),
+    (f"{_CALL}_s", "{} time", "s", _COST),
+    (f"{_CALL}_s_(min|max)", "{} time, {} of the repetitions", "s", _COST),
+    (f"{_CALL}_ms_per_turn", "{} time of a turn", "ms", _COST),
+    (f"{_CALL}_real_time", "{} speed relative to the sensor", "", _COST),
+    ("encode_peak_mib", "Memory of encoding", "MiB", _COST),
+    ("decode_peak_mib", "Memory of decoding", "MiB", _COST),
+    ("points_out", "Points decoded", "", _COST),
+    ("mbit_per_s", "Bitrate at the sensor's speed", "Mbit/s", _COST),
+    ("range_rms_mm", "Root mean square range error", "mm", _CODED),
+    ("range_max_mm", "Largest range error", "mm", _CODED),
+    ("returns_lost", "Returns lost", "", _CODED),
+    ("returns_added", "Returns added", "", _CODED),
     (
-        r"acd_(ab|ba)_(point|plane)",
-        lambda m: (f"Asymmetric Chamfer distance, {_WAYS[m[1]]}, {_DISTANCES[m[2]]}", SQUARED),
+        f"truth_acd_ba_{_KIND}",
+        "Accuracy, {}: decoded points to the true surface",
+        SQUARED,
+        _TRUTH,
     ),
-    (
-        r"cd_psnr_(point|plane)",
-        lambda m: (f"PSNR of the Chamfer distance, {_DISTANCES[m[1]]}", "dB"),
-    ),
-    (
-        r"(encode|decode)_s_(min|max)",
-        lambda m: (f"{_TIMES[m[1]]}, {_ENDS[m[2]]} of the repetitions", "s"),
-    ),
-    (r"(d1|d2)_mse", lambda m: (f"Mean squared error {_MPEG[m[1]]}", SQUARED)),
-    (r"(d1|d2)_mm2", lambda m: (f"Mean squared error {_MPEG[m[1]]}", "mm²")),
-    (r"(d1|d2)_psnr", lambda m: (f"PSNR {_MPEG[m[1]]}", "dB")),
-    (r"(d1|d2)_rms_m", lambda m: (f"Root mean square error {_MPEG[m[1]]}", "m")),
-    (r"hausdorff_(point|plane)", lambda m: (f"Hausdorff distance, {_DISTANCES[m[1]]}", GRID)),
-    (r"hausdorff_(point|plane)_m", lambda m: (f"Hausdorff distance, {_DISTANCES[m[1]]}", "m")),
-    (
-        r"hausdorff_sq_(point|plane)",
-        lambda m: (f"Squared Hausdorff distance, {_DISTANCES[m[1]]}", SQUARED),
-    ),
+    (f"truth_acd_ab_{_KIND}", "Completeness, {}: true points to the decoded", SQUARED, _TRUTH),
+    ("view_psnr", "PSNR of six rendered views", "dB", _SEEN),
+    ("view_ssim", "SSIM of six rendered views", "", _SEEN),
+    ("([yuv])_psnr", "PSNR of {}", "dB", _SEEN),
+    ("colour_max_error", "Largest error of red, green or blue, of 255", "", _SEEN),
+    ("colour_lossless", "Whether the colours come back", "", _SEEN),
+    ("luminance_l2", "Distance of luminance histograms", "", _SEEN),
+    ("joint_quality", "Joint metric of geometry and colour", "", _SEEN),
+    ("reflectance_mse", "Mean squared error of reflectances", "", _REFLECTANCE),
+    ("reflectance_psnr", "PSNR of reflectances", "dB", _REFLECTANCE),
+    ("reflectance_max_error", "Largest error of reflectances", "", _REFLECTANCE),
+    ("reflectance_lossless", "Whether the reflectances come back", "", _REFLECTANCE),
+    (f"cd_{_KIND}", "Chamfer distance, {}", SQUARED, None),
+    (f"acd_(ab|ba)_{_KIND}", "Asymmetric Chamfer distance, {}, {}", SQUARED, None),
+    (f"cd_psnr_{_KIND}", "PSNR of the Chamfer distance, {}", "dB", None),
+    (f"{_MPEG}_mse", "Mean squared error {}", SQUARED, None),
+    (f"{_MPEG}_mm2", "Mean squared error {}", "mm²", None),
+    (f"{_MPEG}_psnr", "PSNR {}", "dB", None),
+    (f"{_MPEG}_rms_m", "Root mean square error {}", "m", None),
+    (f"hausdorff_{_KIND}", "Hausdorff distance, {}", GRID, None),
+    (f"hausdorff_{_KIND}_m", "Hausdorff distance, {}", "m", None),
+    (f"hausdorff_sq_{_KIND}", "Squared Hausdorff distance, {}", SQUARED, None),
 )
-
-
+"""Pattern of a column, its words (with those of the pattern's groups), unit and group; without a
+group, the column may have a prefix in `_REFERENCES`."""
 _REFERENCES = {
     "truth_": (_TRUTH, ", to the true surface"),
     "clean_": (_CLEAN, ", to the clean scan"),
@@ -164,14 +151,14 @@ def is_time(column: str) -> bool:
 
 
 def column_label(column: str) -> ColumnLabel:
-    if column in _PLAIN:
-        return ColumnLabel(column, *_PLAIN[column])
-    prefix = next((name for name in _REFERENCES if column.startswith(name)), "")
+    prefix = next(name for name in _REFERENCES if column.startswith(name))
     bare, (group, reference) = column.removeprefix(prefix), _REFERENCES[prefix]
-    for pattern, words in _PATTERNS:
-        if match := re.fullmatch(pattern, bare):
-            text, unit = words(match)
-            return ColumnLabel(column, text + reference, unit, _COST if unit == "s" else group)
+    for pattern, words, unit, group_of_label in _LABELS:
+        if match := re.fullmatch(pattern, column if group_of_label else bare):
+            text = words.format(*(_WORDS[part] for part in match.groups()))
+            if group_of_label:
+                return ColumnLabel(column, text, unit, group_of_label)
+            return ColumnLabel(column, text + reference, unit, group)
     return ColumnLabel(column, column, "", _OTHER)
 
 

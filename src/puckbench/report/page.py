@@ -17,15 +17,8 @@ if TYPE_CHECKING:
 
 STYLE = "page.css"
 SCRIPTS = (
-    "dom.js",
-    "tables.js",
-    "axes.js",
-    "markers.js",
-    "plot.js",
-    "camera.js",
-    "drawing.js",
-    "viewer.js",
-    "page.js",
+    *("dom.js", "tables.js", "axes.js", "markers.js", "plot.js"),
+    *("camera.js", "drawing.js", "viewer.js", "page.js"),
 )
 TEMPLATES = ("page.html", "table.html")
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
@@ -10,24 +9,14 @@ from pydantic import BeforeValidator
 from puckbench.core.models import Model, parsed
 
 
-def _moment_of(text: str | None) -> datetime | None:
-    return datetime.fromisoformat(text) if text else None
+def _moment_of(value: Any) -> Any:
+    return datetime.fromisoformat(value) if isinstance(value, str) else value
 
 
 Moment = Annotated[datetime | None, BeforeValidator(_moment_of)]
 
 
-class _Kept(Model):
-    jobs: int
-    processor_s: float
-    began: Moment
-    ended: Moment
-    busy_s: float
-    commits: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class RunRecord:
+class RunRecord(Model):
     """Date, duration and commits of a run, from the logs of its jobs.
 
     Parameters
@@ -42,8 +31,8 @@ class RunRecord:
 
     jobs: int = 0
     processor_s: float = 0.0
-    began: datetime | None = None
-    ended: datetime | None = None
+    began: Moment = None
+    ended: Moment = None
     busy_s: float = 0.0
     commits: tuple[str, ...] = ()
 
@@ -66,7 +55,7 @@ class RunRecord:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> RunRecord:
-        return cls(**dict(parsed(_Kept, value, "record")))
+        return parsed(cls, value, "record")
 
     def as_json(self) -> dict[str, Any]:
         moments = {

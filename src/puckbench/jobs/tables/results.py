@@ -24,31 +24,11 @@ METRIC_KEYS = ("dataset", "cloud", "codec", "rate")
 CLOUD_KEYS = ("dataset", "cloud")
 RECOVERY_KEYS = (*METRIC_KEYS, "kind")
 _FIRST = (
-    *RECOVERY_KEYS,
-    "group",
-    "points_in",
-    "points_out",
-    "points",
-    "bytes",
-    "bpp",
-    "d1_psnr",
-    "d2_psnr",
-    "peak",
-    "lossless",
-    "encode_s",
-    "encode_s_min",
-    "encode_s_max",
-    "decode_s",
-    "decode_s_min",
-    "decode_s_max",
-    "encode_peak_mib",
-    "decode_peak_mib",
-    "true",
-    "found",
-    "matched",
-    "precision",
-    "recall",
-    "label_accuracy",
+    *(*RECOVERY_KEYS, "group", "points_in", "points_out", "points", "bytes", "bpp"),
+    *("d1_psnr", "d2_psnr", "peak", "lossless"),
+    *("encode_s", "encode_s_min", "encode_s_max", "decode_s", "decode_s_min", "decode_s_max"),
+    *("encode_peak_mib", "decode_peak_mib"),
+    *("true", "found", "matched", "precision", "recall", "label_accuracy"),
 )
 """First columns of a table, in this order; the others follow by name."""
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
@@ -59,23 +39,10 @@ _OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model
 _LEFT_OUT = ("dropped_points", "missing_returns")
 _COUNTS = {"truth_points_a", "truth_points_b", "true", "found", "matched", *_LEFT_OUT}
 _SUMMARY = (
-    "bpp",
-    "cd_point",
-    "cd_plane",
-    "hausdorff_plane",
-    "hausdorff_sq_plane",
-    "d1_rms_m",
-    "d1_psnr",
-    "d2_psnr",
-    "truth_cd_point",
-    "truth_cd_plane",
-    "truth_acd_ba_point",
-    "truth_acd_ba_plane",
-    "truth_acd_ab_point",
-    "truth_acd_ab_plane",
-    "clean_cd_plane",
-    "encode_s",
-    "decode_s",
+    *("bpp", "cd_point", "cd_plane", "hausdorff_plane", "hausdorff_sq_plane", "d1_rms_m"),
+    *("d1_psnr", "d2_psnr", "truth_cd_point", "truth_cd_plane"),
+    *("truth_acd_ba_point", "truth_acd_ba_plane", "truth_acd_ab_point", "truth_acd_ab_plane"),
+    *("clean_cd_plane", "encode_s", "decode_s"),
 )
 
 
@@ -107,7 +74,7 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 @TABLES.register("clouds", title="The clouds", gathered=True)
-def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
+def cloud_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """The clouds, one row each, from the descriptions beside the prepared clouds.
 
     Number of points, extent in metres along x, y and z, elongation (shortest side of the bounding
@@ -118,6 +85,11 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     these, and the user's file (``source``). For clouds in metres with a sensor's returns: turns,
     their time in seconds, and the entropy of the noise in steps of the sensor's ranges (bits).
     """
+    return [cloud_row(file.parent.name, file) for file in files]
+
+
+def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
+    """Return the row of a cloud from its description."""
     about = read_object(file)
     if missing := sorted({*_OF_CLOUDS, "name", "size_m"} - about.keys()):
         raise InputError(f"{file}: not the description of a prepared cloud, without {missing[0]}")
@@ -190,6 +162,7 @@ def drive_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 ROWS = {
     "metrics": (metric_rows, METRIC_KEYS),
+    "clouds": (cloud_rows, CLOUD_KEYS),
     "scan_errors": (scan_error_rows, CLOUD_KEYS),
     "recovery": (recovery_rows, RECOVERY_KEYS),
     "drives": (drive_rows, METRIC_KEYS),
