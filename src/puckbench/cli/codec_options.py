@@ -20,7 +20,6 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
         default=1,
         help="number of timed calls, of which the median is recorded",
     )
-    add("--alone", action="store_true", help="record that nothing else ran during the calls")
 
 
 def add_entry(parser: argparse.ArgumentParser) -> None:
@@ -40,4 +39,4 @@ def codec_options(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def timed_options(options: argparse.Namespace) -> dict[str, Any]:
-    return {**codec_options(options), "repeats": options.repeats, "alone": options.alone}
+    return {**codec_options(options), "repeats": options.repeats}

@@ -40,12 +40,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="width in pixels of six pictures to compare (default: 0, none)",
     )
-    add(
-        "--reflectance-bits",
-        type=integer(1),
-        help="bits of reflectances, for the peak of their PSNR (default: 8, or 16 if there are "
-        "larger ones; MPEG's pc_error uses 16)",
-    )
     add("--dataset", help="name of the data set, for the result row")
     add("--row", type=Path, help="write the result row here (JSON)")
     add("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")
@@ -53,7 +47,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    settings = selected(options, "dataset", "peak", "views", "rate", "reflectance_bits")
+    settings = selected(options, "dataset", "peak", "views", "rate")
     job = Evaluate.create(**settings, **timed_options(options))
     files = selected(options, "row", "truth", "visible", "clean")
     row = job.run(options.reference, options.decoded, **files)

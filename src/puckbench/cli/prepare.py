@@ -45,12 +45,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="x0 y0 z0 x1 y1 z1 in metres, or a JSON file with a 'box'",
     )
     add(
-        "--crop-on",
-        choices=("clean", "noisy"),
-        default="clean",
-        help="coordinates of a scan that decide which points are cropped (default: %(default)s)",
-    )
-    add(
         "--scale",
         type=_size,
         default=1024,
@@ -101,7 +95,6 @@ def _cloud(options: argparse.Namespace, **settings: Any) -> dict[str, Any]:
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
     job = Prepare.create(
-        crop=options.crop_on,
         box=_box(words) if words and file is None else None,
         neighbours=options.neighbours,
         drop_invalid=options.drop_invalid,

@@ -80,22 +80,16 @@ class Evaluating(Decoding):
     """A job that compares decoded clouds with the encoded cloud and the true surface.
 
     `peak` is the peak of the PSNRs, by default that in the cloud's description. `views` is the
-    width in pixels of six rendered views, 0 for none. `reflectance_bits` gives the peak of
-    reflectances, 2^bits - 1; by default 8, or 16 if there are larger ones.
+    width in pixels of six rendered views, 0 for none.
     """
 
     dataset: str | None = None
     peak: float | None = Field(None, gt=0)
     views: int = 0
-    reflectance_bits: int | None = Field(None, ge=1, le=16)
     metrics: tuple[str, ...] = ()
 
     def plugins(self) -> Iterable[str | None]:
         return *super().plugins(), *self.metrics
-
-    @property
-    def _reflectance_peak(self) -> float | None:
-        return None if self.reflectance_bits is None else 2.0**self.reflectance_bits - 1
 
     def row(self, originals: Originals, decoded: Decoded) -> dict[str, Any]:
         from puckbench.metrics.geometry import DistinctPoints
@@ -121,7 +115,7 @@ class Evaluating(Decoding):
             "puckbench_version": __version__,
             **errors,
             **picture_metrics(reference, points, self.views),
-            **attribute_metrics(originals.attributed, points, errors, self._reflectance_peak),
+            **attribute_metrics(originals.attributed, points, errors),
             **(originals.truth.metrics(ready) if originals.truth else {}),
             **returns,
             **real_time_metrics(reference.about, record),

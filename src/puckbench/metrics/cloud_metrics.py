@@ -50,10 +50,7 @@ def picture_metrics(reference: PointCloud, decoded: PointCloud, pixels: int) -> 
 
 
 def attribute_metrics(
-    reference: PointCloud,
-    decoded: PointCloud,
-    geometry: Mapping[str, float],
-    reflectance_peak: float | None = None,
+    reference: PointCloud, decoded: PointCloud, geometry: Mapping[str, float]
 ) -> dict[str, float]:
     """Return metrics of colours and reflectances that both clouds have.
 
@@ -71,7 +68,7 @@ def attribute_metrics(
         from puckbench.metrics.reflectance import reflectance_distortion
 
         a, b = (attributes[REFLECTANCE] for attributes in pairs)
-        values |= reflectance_distortion((reference.xyz, a), (decoded.xyz, b), reflectance_peak)
+        values |= reflectance_distortion((reference.xyz, a), (decoded.xyz, b))
     for name in (COLOUR, REFLECTANCE):
         if geometry.get("lossless") and values.get(f"{name}_max_error"):
             values[f"{name}_lossless"] = False
