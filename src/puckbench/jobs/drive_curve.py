@@ -20,13 +20,11 @@ from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.geometry.digest import cloud_digest
 from puckbench.io.archives import read_archive, write_archive
 from puckbench.jobs.codec_jobs import TimedJob, ready
-from puckbench.jobs.curve_files import write_rows
+from puckbench.jobs.curve_files import RECORD, STREAM, write_rows
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.drives import Drive, read_drive
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import task_results
-
-_STREAM, _RECORD = ".bin", ".json"
 
 
 @dataclass(frozen=True)
@@ -40,8 +38,8 @@ class CodedDrive:
 def write_coded_drive(path: Path, rates: Mapping[str, CodedDrive]) -> None:
     members: dict[str, bytes] = {}
     for rate, coded in rates.items():
-        members[rate + _RECORD] = json_bytes(coded.record)
-        members |= {f"{rate}/{k:04d}{_STREAM}": each for k, each in enumerate(coded.streams)}
+        members[rate + RECORD] = json_bytes(coded.record)
+        members |= {f"{rate}/{k:04d}{STREAM}": each for k, each in enumerate(coded.streams)}
     write_archive(path, members)
 
 
@@ -50,8 +48,8 @@ def read_coded_drive(path: Path) -> dict[str, CodedDrive]:
     members = read_archive(path)
     rates = {}
     for name, data in members.items():
-        if "/" not in name and name.endswith(_RECORD):
-            rate = name.removesuffix(_RECORD)
+        if "/" not in name and name.endswith(RECORD):
+            rate = name.removesuffix(RECORD)
             streams = tuple(members[key] for key in members if key.startswith(f"{rate}/"))
             rates[rate] = CodedDrive(streams, object_of(data, f"{path}: {name}"))
     if not rates or not all(coded.streams for coded in rates.values()):
