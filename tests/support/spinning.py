@@ -8,11 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.lidar import load_sensor
-from puckbench.lidar.recordings.packets import FLAG
-
-VLP16, PUCK_HIRES, HDL32E, VLP32C = 0x22, 0x24, 0x21, 0x28
+VLP16, PUCK_HIRES, HDL32E, VLP32C, HDL64E, VLS128 = 0x22, 0x24, 0x21, 0x28, 0x63, 0xA1
 STRONGEST, DUAL = 0x37, 0x39
-SENSORS = {VLP16: "vlp16", PUCK_HIRES: "puck_hires", HDL32E: "hdl32e", VLP32C: "vlp32c"}
+SENSORS = {
+    VLP16: "vlp16",
+    PUCK_HIRES: "puck_hires",
+    HDL32E: "hdl32e",
+    VLP32C: "vlp32c",
+    HDL64E: "hdl64e_s3",
+    VLS128: "alpha_prime",
+}
+FLAGS = (0xEEFF, 0xDDFF, 0xCCFF, 0xBBFF)
+# Bank and return (strongest, last) of the blocks of a firing.
+BLOCKS = {
+    (HDL64E, STRONGEST): ["0s", "1s"],
+    (HDL64E, DUAL): ["0s", "1s", "0l", "1l"],
+    (VLS128, STRONGEST): ["0s", "1s", "2s", "3s"],
+    (VLS128, DUAL): ["0l", "0s", "1l", "1s", "2l", "2s", "3l", "3s"],
+}
+STATUS = b"HMSDNYGTV1234567"  # types of the last bytes but one of packets of an HDL-64E S2
 RETURN = np.dtype([("distance", "<u2"), ("reflectivity", "u1")])
 BLOCK = np.dtype([("flag", "<u2"), ("azimuth", "<u2"), ("returns", RETURN, 32)])
 PACKET = np.dtype([("blocks", BLOCK, 12), ("time", "<u4"), ("mode", "u1"), ("product", "u1")])
@@ -24,32 +38,40 @@ def spin(
     """Packets (p, 1206): blocks rise by about `rise` hundredths of a degree."""
     random = np.random.default_rng(seed)
     sensor = load_sensor(SENSORS[product])
-    shared = 2 if mode == DUAL else 1
-    blocks = packets * 12 // shared
-    azimuth = (1234 + np.cumsum(rise + random.integers(-1, 2, blocks))) % 36000
-    columns = 32 // sensor.lasers
+    order = BLOCKS.get((product, mode), ["0l", "0s"] if mode == DUAL else ["0s"])
+    firings, banks = packets * (12 // len(order)), max(sensor.lasers // 32, 1)
+    azimuth = (1234 + np.cumsum(rise + random.integers(-1, 2, firings))) % 36000
+    columns = max(32 // sensor.lasers, 1)
     within = np.arange(columns) * rise / columns
     angle = np.radians((azimuth[:, None] + within) / 100)[..., None]
     elevation = np.radians(sensor.laser_elevation_deg)
-    metres = _room(angle, elevation) + random.normal(0, 0.006, (blocks, columns, sensor.lasers))
+    metres = _room(angle, elevation) + random.normal(0, 0.006, (firings, columns, sensor.lasers))
     returned = random.random(metres.shape) < 0.8
     distance = np.where(returned, np.rint(metres / (sensor.range_quantum_mm / 1000)), 0).astype(
         np.uint16
     )
     reflectivity = (20 + 10 * np.sin(3 * angle) + random.integers(0, 4, metres.shape)).astype("u1")
+    last = distance.reshape(firings, banks, 32).copy()
+    if mode == DUAL:
+        other = random.random((firings, banks * 32)) < 0.05
+        last += np.where(other, 200, 0).astype(np.uint16).reshape(last.shape)
+    blocks = np.zeros((firings, len(order)), BLOCK)
+    for place, (bank, kind) in enumerate(order):
+        of_kind = last if kind == "l" else distance.reshape(last.shape)
+        blocks["flag"][:, place], blocks["azimuth"][:, place] = FLAGS[int(bank)], azimuth
+        blocks["returns"]["distance"][:, place] = of_kind[:, int(bank)]
+        blocks["returns"]["reflectivity"][:, place] = reflectivity.reshape(last.shape)[:, int(bank)]
+    blocks = blocks.reshape(packets, -1)
     table = np.zeros((packets, 12), BLOCK)
-    table["flag"] = FLAG
-    table["azimuth"] = np.repeat(azimuth, shared).reshape(packets, 12)
-    returns = table["returns"].reshape(blocks, shared, 32)
-    returns["distance"] = distance.reshape(blocks, 1, 32)
-    returns["reflectivity"] = reflectivity.reshape(blocks, 1, 32)
-    if shared == 2:
-        other = random.random((blocks, 32)) < 0.05
-        returns["distance"][:, 0] += np.where(other, 200, 0).astype(np.uint16)
+    table["azimuth"] = blocks["azimuth"][:, :1]
+    table[:, : blocks.shape[1]] = blocks
     result = np.zeros(packets, PACKET)
     result["blocks"], result["mode"], result["product"] = table, mode, product
     result["time"] = 3_599_990_000 + np.arange(packets) * 1327 + random.integers(0, 2, packets)
     result["time"] %= 3_600_000_000
+    if product == HDL64E:
+        result["mode"] = np.frombuffer(STATUS, np.uint8)[np.arange(packets) % len(STATUS)]
+        result["product"] = np.arange(packets) % 251
     return result.view(np.uint8).reshape(packets, 1206)
 
 
@@ -57,7 +79,7 @@ def nothing_seen(packets: int) -> NDArray[np.uint8]:
     """Packets (p, 1206) of a VLP-16 whose window is covered."""
     result = np.zeros(packets, PACKET)
     blocks = result["blocks"]
-    blocks["flag"] = FLAG
+    blocks["flag"] = FLAGS[0]
     blocks["azimuth"] = (20 * np.arange(packets * 12) % 36000).reshape(packets, 12)
     result["time"], result["mode"], result["product"] = 1327 * np.arange(packets), STRONGEST, VLP16
     return result.view(np.uint8).reshape(packets, 1206)

@@ -113,7 +113,7 @@ class RecordingSet(DataSet):
 class Recordings(RecordingSet):
     """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    The sensors are VLP-16, Puck Hi-Res, HDL-32E, VLP-32C and Ouster (with its metadata beside the
+    The sensors are those of `puckbench capture` (an Ouster's with its metadata beside the
     capture), with one or two returns per beam. Recordings may be compressed (.puck). Only whole
     revolutions are used. Scenes are named after the file and the first revolution (drive_0012).
     Unusable recordings are left out and reported; damaged and repeated packets are left out and
@@ -250,9 +250,10 @@ def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> 
 
 def _files(path: Path) -> list[Path]:
     from puckbench.lidar.recordings.ouster import metadata_beside
+    from puckbench.lidar.unit_calibration import calibration_beside
 
-    beside = None if path.is_dir() else metadata_beside(path)
-    return [path] if beside is None else [path, beside]
+    beside = [None] if path.is_dir() else [metadata_beside(path), calibration_beside(path)]
+    return [path, *filter(None, beside)]
 
 
 def _state(path: Path) -> _State:

@@ -7,7 +7,7 @@ firing.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -40,6 +40,8 @@ _LARGEST_INCREASE_DEG = 1.0
 """A larger increase of the azimuth between blocks means missing blocks, unless it is one step."""
 
 HOUR_US = 3.6e9
+_FAR_M, _NEAR_RIGHT_M, _NEAR_FORWARD_M = 25.04, 2.40, 1.93
+"""Distances at which an HDL-64E is calibrated."""
 
 Firing = Literal["sequential", "simultaneous"]
 
@@ -63,6 +65,11 @@ class Beams:
     radial_mm
         Distances from the axis, in the direction of the column's azimuth, at which beams start and
         from which ranges are measured; empty: all 0.
+    range_mm
+        Additions to ranges; empty: all 0.
+    near_right_mm, near_forward_mm
+        Additions instead, for a return 2.4 m beside and 1.93 m before or behind the sensor; linear
+        to 25.04 m (HDL-64E manual); empty: the same.
     """
 
     elevations_deg: tuple[float, ...]
@@ -72,6 +79,9 @@ class Beams:
     azimuths_deg: tuple[float, ...] = ()
     sideways_mm: tuple[float, ...] = ()
     radial_mm: tuple[float, ...] = ()
+    range_mm: tuple[float, ...] = ()
+    near_right_mm: tuple[float, ...] = ()
+    near_forward_mm: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, sensor: Sensor, firing: Firing = "sequential", is_virtual: bool = False) -> Self:
@@ -79,15 +89,22 @@ class Beams:
 
         All rays of a virtual sensor start at its origin, and it rotates counter-clockwise.
         """
-        lasers = sensor.lasers
-        heights = None if is_virtual else sensor.vertical_correction_mm
-        azimuths = None if is_virtual else sensor.laser_azimuth_deg
-        delays = (0.0,) * lasers
+        none, delays = (0.0,) * sensor.lasers, (0.0,) * sensor.lasers
         if firing == "sequential":
             sequence = sensor.firing_sequence_us or np.inf
             delays = tuple(float(time / sequence) for time in sensor.firing_times_us)
-        heights = heights or (0.0,) * lasers
-        return cls(sensor.laser_elevation_deg, heights, delays, not is_virtual, azimuths or ())
+        if is_virtual:
+            return cls(sensor.laser_elevation_deg, none, delays, clockwise=False)
+        return cls(
+            sensor.laser_elevation_deg,
+            sensor.vertical_correction_mm or none,
+            delays,
+            azimuths_deg=sensor.laser_azimuth_deg or (),
+            sideways_mm=tuple(-each for each in sensor.horizontal_correction_mm or ()),
+            range_mm=sensor.distance_correction_mm or (),
+            near_right_mm=sensor.distance_correction_x_mm or (),
+            near_forward_mm=sensor.distance_correction_y_mm or (),
+        )
 
     @property
     def lasers(self) -> int:
@@ -139,7 +156,7 @@ class Returns:
     def __post_init__(self) -> None:
         if self.beams.lasers != self.layout.lasers:
             raise InputError(f"{self.beams.lasers} beams for {self.layout.lasers} lasers")
-        more = (self.beams.azimuths_deg, self.beams.sideways_mm, self.beams.radial_mm)
+        more = astuple(self.beams)[4:]
         if any(len(values) not in (0, self.layout.lasers) for values in more):
             raise InputError("azimuths or offsets are not one for each laser of the layout")
         for turn in self.turns:
@@ -157,8 +174,9 @@ class Returns:
     def distances(self, turn: Turn) -> Floats:
         """Return the distances (kinds, columns, lasers), m, of a revolution, 0 for no return."""
         distances: Floats = turn.ranges.astype(np.float64) * self.quantum_m
-        if self.range_offset_m:
-            distances[turn.ranges > 0] += self.range_offset_m
+        if self.range_offset_m or self.beams.range_mm:
+            more = self.range_offset_m + np.asarray(self.beams.range_mm or 0.0) / 1000
+            distances += np.where(turn.ranges > 0, more, 0.0)
         return distances
 
     def points(self, distances: Sequence[Floats] | None = None) -> Floats:
@@ -193,6 +211,12 @@ class Returns:
         elevation = np.radians(self.beams.elevations_deg)[lasers]
         level = distance * np.cos(elevation)
         right, forward = level * np.sin(azimuth), level * np.cos(azimuth)
+        up = distance * np.sin(elevation)
+        if self.beams.near_right_mm:
+            to_right, to_forward = self._near(distance, right, forward, lasers)
+            up += (to_right + to_forward) / 2 * np.sin(elevation)
+            right += to_right * np.cos(elevation) * np.sin(azimuth)
+            forward += to_forward * np.cos(elevation) * np.cos(azimuth)
         if self.beams.sideways_mm:
             sideways = np.asarray(self.beams.sideways_mm)[lasers] / 1000
             right, forward = (
@@ -208,8 +232,28 @@ class Returns:
             [
                 right if self.beams.clockwise else -right,
                 forward,
-                distance * np.sin(elevation) + height,
+                up + height,
             ]
+        )
+
+    def _near(
+        self, distance: Floats, right: Floats, forward: Floats, lasers: NDArray[np.intp]
+    ) -> tuple[Floats, Floats]:
+        """Return additions (n,), m, to distances along both axes (velodyne_decoder's formula).
+
+        The height's is their mean; the manual's is that of y.
+        """
+        beams = self.beams
+        far = np.asarray(beams.range_mm or (0.0,) * beams.lasers)[lasers] / 1000
+        is_near = distance - far < _FAR_M
+
+        def addition(along: Floats, near_m: float, near_mm: tuple[float, ...]) -> Floats:
+            share = (_FAR_M - np.abs(along)) / (_FAR_M - near_m)
+            return np.where(is_near, share * (np.asarray(near_mm)[lasers] / 1000 - far), 0.0)
+
+        return (
+            addition(right, _NEAR_RIGHT_M, beams.near_right_mm),
+            addition(forward, _NEAR_FORWARD_M, beams.near_forward_mm),
         )
 
     def azimuths(self, turn: Turn) -> Floats:
@@ -295,7 +339,10 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
     """Return the fields of `part` up to the last that differs from its default."""
-    later: dict[str, Any] = {"radial_mm": (), "azimuth_steps": CENTIDEGREES, "shifts": ()}
+    later: dict[str, Any] = dict.fromkeys(
+        ("radial_mm", "range_mm", "near_right_mm", "near_forward_mm", "shifts"), ()
+    )
+    later["azimuth_steps"] = CENTIDEGREES
     return {name: value for name, value in asdict(part).items() if later.get(name) != value}
 
 

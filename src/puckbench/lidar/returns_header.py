@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import astuple
 from functools import cache
 
 import numpy as np
@@ -18,6 +19,8 @@ lasers, are at the end, in 16 bits each."""
 _CLOCKWISE, _HAS_OFFSET = 1, 2
 """Flags of the sense of rotation; with the second, the range offset (8 bytes, m) follows."""
 _MOST_NAME_BYTES = 255
+_ROWS = (3, 5, 6, 9)
+"""Numbers of values for each laser: without azimuths, radial distances, or additions to ranges."""
 _DAMAGED = "the stream is damaged or truncated"
 _USES: tuple[tuple[Firing, bool], ...] = (
     ("sequential", False),
@@ -101,13 +104,10 @@ def encode_beams(returns: Returns) -> bytes:
 
 
 def _angles(beams: Beams) -> bytes:
-    rows = [beams.elevations_deg, beams.heights_mm, beams.delays]
-    none = (0.0,) * beams.lasers
-    if beams.azimuths_deg or beams.sideways_mm or beams.radial_mm:
-        rows += [beams.azimuths_deg or none, beams.sideways_mm or none]
-    if beams.radial_mm:
-        rows.append(beams.radial_mm)
-    return np.array(rows, "<f8").tobytes()
+    rows, none = astuple(beams), (0.0,) * beams.lasers
+    rows = (*rows[:3], *rows[4:])  # without the direction of rotation
+    count = next(each for each in _ROWS if not any(rows[each:]))
+    return np.array([row or none for row in rows[:count]], "<f8").tobytes()
 
 
 def decode_beams(body: bytes, layout: Layout) -> Returns:
@@ -125,7 +125,7 @@ def decode_beams(body: bytes, layout: Layout) -> Returns:
     flags = reader.take(1)[0]
     offset = float(np.frombuffer(reader.take(8), "<f8")[0]) if flags & _HAS_OFFSET else 0.0
     angle_bytes = reader.rest()
-    if len(angle_bytes) not in [8 * rows * layout.lasers for rows in (3, 5, 6)]:
+    if len(angle_bytes) not in [8 * rows * layout.lasers for rows in _ROWS]:
         raise InputError(_DAMAGED)
     angles = np.frombuffer(angle_bytes, "<f8").reshape(-1, layout.lasers)
     if not np.isfinite([*angles.flat, offset]).all() or not quantum > 0:

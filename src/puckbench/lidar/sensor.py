@@ -8,13 +8,24 @@ from typing import Self
 
 from pydantic import NonNegativeFloat, PositiveFloat, model_validator
 
-from puckbench.core.errors import InputError, among
+from puckbench.core.errors import InputError, among, naming
 from puckbench.core.models import Model, parsed
 from puckbench.core.yaml_files import read_yaml
+from puckbench.lidar.unit_calibration import calibration_of_ros, read_calibration
 
 _SENSORS = Path(__file__).parent / "sensors"
 # Data sheets round the azimuth step (0.1 for 0.0995 degrees of the VLP-16, 0.09 for 0.0864).
 _STEP_TOLERANCE = 0.05
+_OF_LASERS = (
+    "vertical_correction_mm",
+    "laser_azimuth_deg",
+    "horizontal_correction_mm",
+    "distance_correction_mm",
+    "distance_correction_x_mm",
+    "distance_correction_y_mm",
+)
+_CALIBRATED = "hdl64e_s3"
+"""Sensor whose units have calibration files."""
 
 
 class Sensor(Model):
@@ -32,7 +43,16 @@ class Sensor(Model):
     """Divergences are full widths of the beam."""
     vertical_correction_mm: tuple[float, ...] | None = None
     laser_azimuth_deg: tuple[float, ...] | None = None
-    """Azimuths of lasers relative to the sensor's; virtual scans leave them out."""
+    """Azimuths of lasers relative to the sensor's; virtual scans leave out azimuths and corrections
+    of lasers."""
+    horizontal_correction_mm: tuple[float, ...] | None = None
+    """Distances from the axis, against the direction of rotation."""
+    distance_correction_mm: tuple[float, ...] | None = None
+    """Additions to ranges, at 25.04 m and beyond."""
+    distance_correction_x_mm: tuple[float, ...] | None = None
+    """Instead, where a return lies 2.4 m to the side; linear in between (HDL-64E manual)."""
+    distance_correction_y_mm: tuple[float, ...] | None = None
+    """Likewise, where it lies 1.93 m forward."""
     range_quantum_mm: PositiveFloat | None = None
     firing_sequence_us: PositiveFloat | None = None
     firing_interval_us: PositiveFloat | None = None
@@ -53,7 +73,7 @@ class Sensor(Model):
             raise InputError("laser_elevation_deg has the same angle twice")
         if any(abs(elevation) > 90 for elevation in self.laser_elevation_deg):
             raise InputError("laser_elevation_deg has an angle beyond 90 degrees")
-        for name in ("vertical_correction_mm", "laser_azimuth_deg", "firing_offsets_us"):
+        for name in _OF_LASERS:
             values = getattr(self, name)
             if values is not None and len(values) != self.lasers:
                 raise InputError(f"{len(values)} {name} for {self.lasers} lasers")
@@ -111,15 +131,23 @@ def sensor_names() -> list[str]:
 
 
 def load_sensor(name_or_path: str | Path) -> Sensor:
-    """Load a shipped sensor by name, or another one from a YAML file."""
+    """Load a shipped sensor by name, or another one from a YAML file.
+
+    A calibration of an HDL-64E (db.xml, or a YAML file of ROS's velodyne_pointcloud) is one, too.
+    """
     path = Path(name_or_path)
-    if path.suffix not in {".yaml", ".yml"}:
+    if path.suffix not in {".yaml", ".yml", ".xml"}:
         path = _SENSORS / f"{name_or_path}.yaml"
         name = str(name_or_path)
         if name not in sensor_names():
             choices = among(name, [*sensor_names(), "or a .yaml file"])
             raise InputError(f"unknown sensor {name!r}{choices}")
+    if path.suffix == ".xml":
+        return load_sensor(_CALIBRATED).replaced(**read_calibration(path))
     options = read_yaml(path)
     if not isinstance(options, Mapping):
         raise InputError(f"{path}: expected names and values of a sensor")
+    if "lasers" in options:
+        with naming(path):
+            return load_sensor(_CALIBRATED).replaced(**calibration_of_ros(options))
     return parsed(Sensor, options, str(path))

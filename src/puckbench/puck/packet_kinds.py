@@ -1,6 +1,7 @@
 """Formats of packets in recordings, and coding of packets as records of turns.
 
-Each turn of an Ouster is followed by the further fields of its packets.
+Each turn of an Ouster is followed by the further fields of its packets; of an HDL-64E, or an Alpha
+Prime in dual return mode, by the bytes of its packets that are not the turn's.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.coding.byte_io import Reader
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.ouster import metadata_beside, read_sensor
 from puckbench.lidar.recordings.ouster_packets import OusterKind
@@ -29,6 +31,7 @@ from puckbench.lidar.recordings.packets import PACKET_BYTES
 from puckbench.lidar.returns_header import decode_layout, encode_layout
 from puckbench.lidar.turns import Turn
 from puckbench.puck.fields import FieldsDecoder, FieldsEncoder
+from puckbench.puck.gaps import compress_bytes, decompress_bytes
 from puckbench.puck.options import CodingOptions
 from puckbench.puck.records import DAMAGED, Record, RecordKind
 from puckbench.puck.stream import count_ranges
@@ -84,8 +87,8 @@ def decode_kind(body: bytes) -> Kind:
     if len(code) != 2:
         raise InputError("the stream holds turns, but no packets")
     kind = packet_kind(*code)
-    # The stream has its own order of lasers, as the tables of sensors may change.
-    if layout != replace(kind.layout, order=layout.order):
+    # The stream has its own order and shifts of lasers, as the tables of sensors may change.
+    if layout != replace(kind.layout, order=layout.order, shifts=layout.shifts):
         raise InputError(DAMAGED)
     return replace(kind, layout=layout)
 
@@ -111,7 +114,11 @@ class PacketsEncoder:
         kind = self.kind
         if isinstance(kind, PacketKind):
             turn = turn_of(kind, payloads)
-            return turn, [Record(RecordKind.TURN, self._turns.encode(turn))]
+            records = [Record(RecordKind.TURN, self._turns.encode(turn))]
+            rest = np.ascontiguousarray(payloads[:, kind.rest].T)
+            if kind.has_rest:
+                records.append(Record(RecordKind.FIELDS, compress_bytes(rest.tobytes())))
+            return turn, records
         turn = kind.turn_of(payloads)
         body = self._turns.encode(turn)
         self._fields = self._fields or FieldsEncoder(kind, self._effort)
@@ -143,14 +150,29 @@ class PacketsDecoder:
         if self.is_waiting:
             raise InputError(DAMAGED)
         turn = self._turns.decode(body)
-        if isinstance(self._kind, PacketKind):
+        if isinstance(self._kind, PacketKind) and not self._kind.has_rest:
             return turn.returns, packets_of(self._kind, turn)
         self._turn, self._is_key = turn, is_key(body)
         return turn.returns, None
 
     def add_fields(self, body: bytes) -> Payloads:
-        turn, self._turn = self._turn, None
-        if turn is None or self._fields is None or not isinstance(self._kind, OusterKind):
+        kind, turn, self._turn = self._kind, self._turn, None
+        if turn is None:
             raise InputError(DAMAGED)
-        rest = self._fields.decode(body, turn, is_key=self._is_key)
-        return self._kind.packets_of(turn, rest)
+        if isinstance(kind, PacketKind):
+            return packets_of(kind, turn, _decode_rest(kind, turn, body))
+        if self._fields is None:
+            raise InputError(DAMAGED)
+        return kind.packets_of(turn, self._fields.decode(body, turn, is_key=self._is_key))
+
+
+def _decode_rest(kind: PacketKind, turn: Turn, body: bytes) -> Payloads:
+    packets = len(turn.azimuths) // kind.layout.blocks_per_time
+    expected = packets * (kind.rest.stop - kind.rest.start)
+
+    def admit(size: int) -> None:
+        if size != expected:
+            raise InputError(DAMAGED)
+
+    rest = np.frombuffer(decompress_bytes(Reader(body), admit), np.uint8)
+    return rest.reshape(-1, packets).T

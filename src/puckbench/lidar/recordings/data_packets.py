@@ -20,10 +20,10 @@ from puckbench.lidar.recordings.ouster import (
     read_sensor,
     serial_of,
 )
-from puckbench.lidar.recordings.packet_turns import is_whole
+from puckbench.lidar.recordings.packet_turns import SENSORS, is_whole, kind_codes
 from puckbench.lidar.recordings.packets import (
+    BANK_FLAGS,
     BLOCKS,
-    FLAG,
     MODES,
     PACKET,
     PACKET_BYTES,
@@ -42,8 +42,6 @@ LEFT_OUT = {
 }
 """Counts of what is left out of a recording, with their descriptions."""
 _MOST_LISTED = 4
-_HDL64E_FLAGS = (0xEEFF, 0xDDFF)
-_READ = ("VLP-16", "Puck Hi-Res", "HDL-32E", "VLP-32C")
 
 
 class PayloadKind(IntEnum):
@@ -57,10 +55,9 @@ class PayloadKind(IntEnum):
 
 def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
-    flags = (packets["blocks"]["flag"] == FLAG).sum(axis=1)
-    has_known_kind = np.isin(packets["product"], list(PRODUCTS)) & np.isin(
-        packets["mode"], list(MODES)
-    )
+    flags = np.isin(packets["blocks"]["flag"], BANK_FLAGS).sum(axis=1)
+    codes = kind_codes(payloads)
+    has_known_kind = np.isin(codes[:, 0], list(PRODUCTS)) & np.isin(codes[:, 1], list(MODES))
     return np.select(
         [2 * flags <= BLOCKS, ~is_whole(payloads), ~has_known_kind],
         [PayloadKind.FOREIGN, PayloadKind.DAMAGED, PayloadKind.UNKNOWN],
@@ -204,12 +201,16 @@ def _described(
 
 
 def _products(packets: Sequence[Datagram]) -> str:
-    return " and ".join(PRODUCTS[code] for code in Counter(each.payload[-1] for each in packets))
+    payloads = joined([packet.payload for packet in packets], [], {}).payloads
+    return " and ".join(
+        PRODUCTS[code] for code in dict.fromkeys(kind_codes(payloads)[:, 0].tolist())
+    )
 
 
 def _why_none(capture: Capture, payloads: NDArray[np.uint8], kinds: NDArray[np.int8]) -> str:
     faults = f" ({_faults(payloads, kinds)})" if len(payloads) else ""
-    advice = f"recordings of {', '.join(_READ)} and Ouster are read; of another sensor, clouds"
+    read = ", ".join(PRODUCTS[each] for each in SENSORS)
+    advice = f"recordings of {read} and Ouster are read; of another sensor, clouds"
     if _cut_packets(capture):
         advice = "record whole packets (tcpdump -s 0)"
     elif capture.fragments:
@@ -224,14 +225,12 @@ def _faults(payloads: NDArray[np.uint8], kinds: NDArray[np.int8]) -> str:
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     ends = Counter(packets[kinds == PayloadKind.UNKNOWN][["product", "mode"]].tolist())
     is_foreign = kinds == PayloadKind.FOREIGN
-    is_64 = np.isin(packets["blocks"]["flag"], _HDL64E_FLAGS).all(axis=1) & is_foreign
     counts = {
         **{
             f"of product 0x{product:02X} and return mode 0x{mode:02X}": count
             for (product, mode), count in ends.most_common(_MOST_LISTED)
         },
         "damaged": int((kinds == PayloadKind.DAMAGED).sum()),
-        "of an HDL-64E": int(is_64.sum()),
-        "without the flags of a Velodyne": int(is_foreign.sum() - is_64.sum()),
+        "without the flags of a Velodyne": int(is_foreign.sum()),
     }
     return ", ".join(f"{count:,} {what}" for what, count in counts.items() if count)

@@ -1,8 +1,15 @@
 """Conversion between data packets of Velodyne sensors and turns (range images of revolutions).
 
-VLP-16, Puck Hi-Res, HDL-32E and VLP-32C have the same format (VLP-16 User Manual
-63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C; VLP-32C User Manual
-63-9325).
+Manuals: VLP-16 63-9243 Rev. E, chapter 9; HDL-32E 63-9113 Rev. M, appendix C; VLP-32C 63-9325;
+HDL-64E 63-HDL64ES2 and 63-HDL64ES3, which have one format; VLS-128 63-9483, section 9.3.
+
+All banks of a firing of an Alpha Prime (VLS-128) have the same azimuth, that of its first lasers
+(section 9.5 of the manual, velodyne_decoder, a recording of TIER IV's). ROS's driver interpolates
+from block to block, so that three of four banks do not turn during a firing. The manual pauses for
+2.665 us after half of the lasers, velodyne_decoder for twice that.
+
+Packets of an HDL-64E name neither the sensor nor the return mode. Their flags and equal azimuths
+reveal them (as in velodyne_decoder); a single return counts as the strongest.
 """
 
 from __future__ import annotations
@@ -11,6 +18,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
+from itertools import product as pairs_of
 from typing import Any
 
 import numpy as np
@@ -18,24 +26,40 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packets import (
+    BANK_FLAGS,
     BLOCK,
     BLOCKS,
     DUAL_MODE,
-    FLAG,
+    HDL64E,
     MODES,
     PACKET,
     PACKET_BYTES,
     PRODUCTS,
+    STRONGEST_MODE,
+    VLP16,
+    VLS128,
 )
 from puckbench.lidar.recordings.returns import LAST, RecordedReturns, table_of_returns
 from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
 from puckbench.lidar.sensor import Sensor, load_sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
-SENSORS = {0x21: "hdl32e", 0x22: "vlp16", 0x24: "puck_hires", 0x28: "vlp32c"}
+SENSORS = {
+    0x21: "hdl32e",
+    0x22: "vlp16",
+    0x24: "puck_hires",
+    0x28: "vlp32c",
+    HDL64E: "hdl64e_s3",
+    VLS128: "alpha_prime",
+}
 """Names of sensors by the product byte of their packets."""
+_BANKS = {HDL64E: 2, VLS128: 4}
 _CHANNELS = 32
 _BLOCK_BYTES = BLOCK.itemsize
+_MOST_AT_ONCE = 4096
+"""Packets that are compared at a time."""
+_STATUS_BYTES = 2
+"""At the end of a packet of an HDL-64E; other sensors have mode and product there."""
 
 Payloads = NDArray[np.uint8]
 
@@ -47,6 +71,22 @@ class PacketKind:
     product: int
     mode: int
     layout: Layout
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """Numbers of blocks in a packet, (firings, kinds of return, banks), strongest first."""
+        return _blocks(self.product, self.mode)
+
+    @property
+    def rest(self) -> slice:
+        """Bytes of a packet that do not belong to its turn: status, or blocks without lasers."""
+        if self.product == HDL64E:
+            return slice(PACKET_BYTES - _STATUS_BYTES, PACKET_BYTES)
+        return slice(self.blocks.size * _BLOCK_BYTES, BLOCKS * _BLOCK_BYTES)
+
+    @property
+    def has_rest(self) -> bool:
+        return self.product == HDL64E or self.blocks.size < BLOCKS
 
     def returns(self, turns: Iterable[Turn], sensor: Sensor | None = None) -> Returns:
         sensor = sensor or load_sensor(SENSORS[self.product])
@@ -61,19 +101,48 @@ class PacketKind:
 def packet_kind(product: int, mode: int) -> PacketKind:
     if product not in SENSORS:
         name = PRODUCTS.get(product, "an unknown sensor")
-        raise InputError(
-            f"packets of {name} (product 0x{product:02X}), not of a VLP-16, a Puck Hi-Res, an "
-            "HDL-32E or a VLP-32C"
-        )
+        listed = ", ".join(PRODUCTS[each] for each in SENSORS)
+        raise InputError(f"packets of {name} (product 0x{product:02X}), not of {listed}")
     if mode not in MODES:
         raise InputError(f"return mode 0x{mode:02X}, where one of 0x37, 0x38, 0x39 is expected")
     sensor = load_sensor(SENSORS[product])
     order = tuple(int(laser) for laser in np.argsort(sensor.laser_elevation_deg, kind="stable"))
-    kinds = 2 if mode == DUAL_MODE else 1
     ahead = np.array(sensor.laser_azimuth_deg or ()) / sensor.azimuth_step_deg
     shifts = tuple(np.rint(ahead).astype(int).tolist())
-    blocks, columns = BLOCKS // kinds, _CHANNELS // sensor.lasers
-    return PacketKind(product, mode, Layout(order, columns, blocks, kinds, shifts=shifts))
+    firings, kinds, _ = _blocks(product, mode).shape
+    columns = max(_CHANNELS // sensor.lasers, 1)
+    return PacketKind(product, mode, Layout(order, columns, firings, kinds, shifts=shifts))
+
+
+@cache
+def _blocks(product: int, mode: int) -> NDArray[np.int64]:
+    banks, kinds = _BANKS.get(product, 1), 2 if mode == DUAL_MODE else 1
+    firings = BLOCKS // (banks * kinds)
+    numbers = np.arange(firings * kinds * banks)
+    if product == HDL64E:  # both banks of the strongest return, then of the last
+        return numbers.reshape(firings, kinds, banks)
+    return numbers.reshape(firings, banks, kinds)[..., ::-1].swapaxes(1, 2)
+
+
+@cache
+def _flags(product: int, mode: int) -> NDArray[np.int64]:
+    """Return the flags of the blocks with lasers."""
+    blocks = _blocks(product, mode)
+    flags = np.zeros(blocks.size, np.int64)
+    flags[blocks] = BANK_FLAGS[: blocks.shape[2]]
+    return flags
+
+
+def kind_codes(payloads: Payloads) -> NDArray[np.int64]:
+    """Return the product and the return mode (p, 2) of packets (p, 1206)."""
+    codes = payloads[:, :-3:-1].astype(np.int64)
+    blocks = _viewed(payloads)["blocks"]
+    is_64 = (blocks["flag"] == _flags(HDL64E, STRONGEST_MODE)).all(axis=1)
+    firings = blocks["azimuth"].reshape(-1, BLOCKS // 4, 4)
+    is_dual = (firings == firings[..., :1]).all(axis=(1, 2))
+    modes = np.where(is_dual, DUAL_MODE, STRONGEST_MODE)
+    codes[is_64] = np.column_stack([np.full(len(codes), HDL64E), modes])[is_64]
+    return codes
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
@@ -81,19 +150,29 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
-    low, high = FLAG & 255, FLAG >> 8
-    places = np.flatnonzero((data[:last] == low) & (data[1 : last + 1] == high))
-    for block in range(1, BLOCKS):
+    low, high = BANK_FLAGS[0] & 255, BANK_FLAGS[0] >> 8
+    first = np.flatnonzero((data[:last] == low) & (data[1 : last + 1] == high))
+    patterns: dict[tuple[int, ...], set[int]] = {}
+    for product, mode in pairs_of(SENSORS, MODES):
+        patterns.setdefault(tuple(_flags(product, mode).tolist()), set()).add(product)
+    parts = [_with_flags(data, first, *pattern) for pattern in patterns.items()]
+    places = np.unique(np.concatenate(parts))
+    for start in range(0, len(places), _MOST_AT_ONCE):
+        some = places[start : start + _MOST_AT_ONCE]
+        packets = data[some[:, None] + np.arange(PACKET_BYTES)]
+        some[~(is_whole(packets) & _is_known(kind_codes(packets)))] = -1
+    return without_overlaps(places[places >= 0])
+
+
+def _with_flags(
+    data: Payloads, places: NDArray[np.int64], flags: tuple[int, ...], products: set[int]
+) -> NDArray[np.int64]:
+    for block, flag in enumerate(flags[1:], 1):
         at = places + block * _BLOCK_BYTES
-        places = places[(data[at] == low) & (data[at + 1] == high)]
-    has_known_product = np.isin(data[places + PACKET_BYTES - 1], list(SENSORS))
-    has_known_product &= np.isin(data[places + PACKET_BYTES - 2], list(MODES))
-    places = places[has_known_product]
-    for byte in (2, 3):  # both blocks of a pair have the same azimuth
-        at = places[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
-        is_equal = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)
-        places = places[is_equal | (data[places + PACKET_BYTES - 2] != DUAL_MODE)]
-    return without_overlaps(places)
+        places = places[(data[at] == flag & 255) & (data[at + 1] == flag >> 8)]
+    if HDL64E in products:
+        return places
+    return places[np.isin(data[places + PACKET_BYTES - 1], list(products))]
 
 
 def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
@@ -112,19 +191,20 @@ def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
 
     Parts also end where sensor or return mode change, or at a `Layout`'s most blocks.
     """
-    packets = _viewed(payloads)
-    azimuths = packets["blocks"]["azimuth"].astype(np.int64)
-    before = np.concatenate([azimuths[:1, 0], azimuths[:-1, -1]])
-    falls = np.diff(azimuths, axis=1, prepend=before[:, None]) < -CENTIDEGREES // 2
-    ends = payloads[:, -2:].astype(np.int64) @ [256, 1]
-    starts = falls.any(axis=1) | (np.diff(ends, prepend=ends[:1]) != 0)
-    starts[:1] = True
-    edges = [*np.flatnonzero(starts).tolist(), len(payloads)]
-    for first, end in pairwise(edges):
-        kind = packet_kind(int(payloads[first, -1]), int(payloads[first, -2]))
+    codes = kind_codes(payloads)
+    ends = np.flatnonzero((np.diff(codes, axis=0) != 0).any(axis=1)) + 1
+    for begin, stop in pairwise([0, *ends.tolist(), len(payloads)]):
+        kind = packet_kind(*codes[begin].tolist())
+        packets = _viewed(payloads[begin:stop])
+        azimuths = packets["blocks"]["azimuth"][:, kind.blocks[:, 0, 0]].astype(np.int64)
+        before = np.concatenate([azimuths[:1, 0], azimuths[:-1, -1]])
+        falls = np.diff(azimuths, axis=1, prepend=before[:, None]) < -CENTIDEGREES // 2
+        falls[:1] = True
+        edges = [*(np.flatnonzero(falls.any(axis=1)) + begin).tolist(), stop]
         most = kind.layout.max_blocks // kind.layout.blocks_per_time
-        for start in range(first, end, most):
-            yield kind, payloads[start : min(start + most, end)]
+        for first, end in pairwise(edges):
+            for start in range(first, end, most):
+                yield kind, payloads[start : min(start + most, end)]
 
 
 def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
@@ -133,20 +213,31 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
     blocks = packets["blocks"]
     return Turn(
         _imaged(kind, blocks["returns"]["distance"]),
-        np.ascontiguousarray(blocks["azimuth"][:, :: kind.layout.kinds].ravel()),
+        np.ascontiguousarray(blocks["azimuth"][:, kind.blocks[:, 0, 0]].ravel()),
         packets["time_us"].astype(np.uint32),
         _imaged(kind, blocks["returns"]["reflectivity"]),
     )
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Return which packets (p, 1206) have valid flags and azimuths, equal in both dual returns."""
-    packets = _viewed(payloads)
-    flags, azimuth = packets["blocks"]["flag"], packets["blocks"]["azimuth"]
-    is_valid = (flags == FLAG).all(axis=1) & (azimuth < CENTIDEGREES).all(axis=1)
-    paired = (azimuth[:, ::2] == azimuth[:, 1::2]).all(axis=1)
-    is_valid &= paired | (packets["mode"] != DUAL_MODE)
-    return np.asarray(is_valid, dtype=np.bool_)
+    """Return which packets (p, 1206) have valid flags and azimuths, equal in a firing's blocks.
+
+    Packets of unknown sensors are compared with the VLP-16's.
+    """
+    packets, is_valid = _viewed(payloads)["blocks"], np.zeros(len(payloads), np.bool_)
+    codes = kind_codes(payloads)
+    codes[~_is_known(codes)] = VLP16, STRONGEST_MODE
+    for code in np.unique(codes, axis=0).tolist():
+        rows, numbers = np.flatnonzero((codes == code).all(axis=1)), _blocks(*code)
+        azimuths = packets["azimuth"][rows][:, numbers]
+        is_azimuth = (azimuths < CENTIDEGREES) & (azimuths == azimuths[:, :, :1, :1])
+        has_flags = packets["flag"][rows, : numbers.size] == _flags(*code)
+        is_valid[rows] = has_flags.all(axis=1) & is_azimuth.all(axis=(1, 2, 3))
+    return is_valid
+
+
+def _is_known(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    return np.isin(codes[:, 0], list(SENSORS)) & np.isin(codes[:, 1], list(MODES))
 
 
 def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Returns:
@@ -170,9 +261,9 @@ def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Retu
 def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> RecordedReturns:
     """Decode packets (p, 1206) to a table; see `returns_of_packets`. A turn begins at azimuth 0."""
     returns = returns_of_packets(payloads, sensor)
-    device = sensor or load_sensor(SENSORS[int(payloads[0, -1])])
+    product, number = kind_codes(payloads[:1])[0].tolist()
+    device, mode = sensor or load_sensor(SENSORS[product]), MODES[number]
     table = table_of_returns(returns, device.firing_sequence_us or 0.0)
-    mode = MODES[int(payloads[0, -2])]
     if mode == "last":
         table["return_kind"][:] = LAST
     table["turn"][:] = _turn_numbers(returns)
@@ -194,8 +285,11 @@ def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
     return np.concatenate(numbers).astype(np.int32)
 
 
-def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
-    """Convert a turn back to packets (p, 1206), the inverse of `turn_of`."""
+def packets_of(kind: PacketKind, turn: Turn, rest: Payloads | None = None) -> Payloads:
+    """Convert a turn back to packets (p, 1206), the inverse of `turn_of`.
+
+    `rest` are the bytes (p, r) at `PacketKind.rest`, by default 0.
+    """
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:
         raise InputError("the stream has no times or reflectivities, which packets need")
@@ -205,13 +299,15 @@ def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
         raise InputError("a range exceeds the 16 bits of a packet")
     packets = np.zeros(len(turn.times), dtype=PACKET)
     blocks = packets["blocks"]
-    blocks["flag"] = FLAG
+    blocks["flag"][:, : kind.blocks.size] = _flags(kind.product, kind.mode)
     azimuths = turn.azimuths.reshape(len(packets), -1)
-    blocks["azimuth"] = np.repeat(azimuths, layout.kinds, axis=1)
-    blocks["returns"]["distance"] = _blocked(kind, turn.ranges)
-    blocks["returns"]["reflectivity"] = _blocked(kind, turn.reflectivities)
+    blocks["azimuth"][:, kind.blocks] = azimuths[..., None, None]
+    _put(kind, blocks["returns"]["distance"], turn.ranges)
+    _put(kind, blocks["returns"]["reflectivity"], turn.reflectivities)
     packets["time_us"], packets["mode"], packets["product"] = turn.times, kind.mode, kind.product
-    return packets.view(np.uint8).reshape(-1, PACKET_BYTES)
+    payloads = packets.view(np.uint8).reshape(-1, PACKET_BYTES)
+    payloads[:, kind.rest] = 0 if rest is None else rest
+    return payloads
 
 
 def _viewed(payloads: Payloads) -> NDArray[np.void]:
@@ -220,12 +316,12 @@ def _viewed(payloads: Payloads) -> NDArray[np.void]:
 
 
 def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
-    layout = kind.layout
-    paired = values.reshape(-1, layout.kinds, _CHANNELS)[:, ::-1]
-    images = paired.transpose(1, 0, 2).reshape(layout.kinds, -1, layout.lasers)
-    return np.ascontiguousarray(images)
+    layout, channels = kind.layout, values.reshape(len(values), BLOCKS, _CHANNELS)
+    images = channels[:, kind.blocks].transpose(2, 0, 1, 3, 4)
+    return np.ascontiguousarray(images.reshape(layout.kinds, -1, layout.lasers))
 
 
-def _blocked(kind: PacketKind, images: NDArray[Any]) -> NDArray[Any]:
-    paired = images.reshape(kind.layout.kinds, -1, _CHANNELS).transpose(1, 0, 2)[:, ::-1]
-    return paired.reshape(-1, BLOCKS, *BLOCK["returns"].shape)
+def _put(kind: PacketKind, values: NDArray[Any], images: NDArray[Any]) -> None:
+    firings, kinds, banks = kind.blocks.shape
+    paired = images.reshape(kinds, len(values), firings, banks, 2, -1)
+    values[:, kind.blocks] = paired.transpose(1, 2, 0, 3, 4, 5)

@@ -1,8 +1,9 @@
 """Format of data packets of Velodyne sensors, and logs of packets.
 
-A VLP-16 packet has 12 blocks, each with an azimuth (0.01 degrees) and two firings of 16 lasers
-(distance in units of 2 mm, reflectivity), and the time of its first firing (VLP-16 User Manual
-63-9243 Rev. E, chapter 9).
+A packet has 12 blocks, each with a flag, an azimuth (0.01 degrees) and 32 returns (distance,
+reflectivity): two firings of a VLP-16, a firing of 32 lasers, or a bank of 32 lasers of a larger
+sensor, which its flag names. The time is that of its first firing (VLP-16 User Manual 63-9243 Rev.
+E, chapter 9).
 """
 
 from __future__ import annotations
@@ -57,18 +58,22 @@ def joined(
 BLOCKS = 12
 LASERS = 16
 FLAG = 0xEEFF
+BANK_FLAGS = (FLAG, 0xDDFF, 0xCCFF, 0xBBFF)
+"""Flags of blocks of lasers 0 to 31, 32 to 63, 64 to 95 and 96 to 127."""
 DISTANCE_UNIT_M = 0.002
 HOUR_S = 3600.0
 STRONGEST_MODE, LAST_MODE, DUAL_MODE = 0x37, 0x38, 0x39
 MODES = {STRONGEST_MODE: "strongest", LAST_MODE: "last", DUAL_MODE: "dual"}
+HDL64E, VLS128 = 0x63, 0xA1
+"""HDL64E stands for the product that packets of an HDL-64E do not state."""
 PRODUCTS = {
     0x21: "HDL-32E",
     0x22: "VLP-16",
     0x24: "Puck Hi-Res",
     0x28: "VLP-32C",
     0x31: "Velarray",
-    0x63: "HDL-64E",
-    0xA1: "VLS-128",
+    HDL64E: "HDL-64E",
+    VLS128: "Alpha Prime (VLS-128)",
 }
 VLP16 = 0x22
 RETURN = np.dtype([("distance", "<u2"), ("reflectivity", "u1")])

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -22,13 +23,19 @@ from puckbench.lidar.recordings.data_packets import (
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
 from puckbench.lidar.recordings.message_returns import read_message_returns
 from puckbench.lidar.recordings.ouster import ouster_turns
-from puckbench.lidar.recordings.packet_turns import decode_packets, returns_of_packets
-from puckbench.lidar.recordings.packets import PacketLog
+from puckbench.lidar.recordings.packet_turns import (
+    SENSORS,
+    decode_packets,
+    kind_codes,
+    returns_of_packets,
+)
+from puckbench.lidar.recordings.packets import HDL64E, PacketLog
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, table_of_returns
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.recordings.velodyne_messages import MESSAGES, SCAN
 from puckbench.lidar.returns import Returns
-from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sensor import Sensor, load_sensor
+from puckbench.lidar.unit_calibration import calibration_beside, calibration_in_packets, is_s3
 
 _COMPRESSED = {
     b"\x1f\x8b": "gzip",
@@ -83,7 +90,9 @@ def read_recording(
             returns = read_message_returns(path, topic, sensor, time_unit)
             table = _between(returns, start_s, end_s)
         else:
-            log = _interval(read_packets(path, stream, source, topic), start_s, end_s)
+            packets = read_packets(path, stream, source, topic)
+            sensor = sensor or _unit(packets, source)
+            log = _interval(packets, start_s, end_s)
             decoded = _decoded(log, sensor)
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
@@ -110,11 +119,12 @@ def read_turns(
 ) -> RecordedTurns:
     """Read revolutions from `start_s` seconds on; for other parameters see `read_packets`."""
     with naming(source or path):
-        log = _interval(read_packets(path, stream, source, topic), start_s, math.inf)
+        packets = read_packets(path, stream, source, topic)
+        log = _interval(packets, start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
         if log.sensor:
             return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
-        returns = returns_of_packets(log.payloads)
+        returns = returns_of_packets(log.payloads, _unit(packets, source or path))
         return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
 
 
@@ -170,6 +180,29 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
     table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
     kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
     return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
+
+
+def _unit(log: PacketLog, source: Path) -> Sensor | None:
+    """Return an HDL-64E with the calibration beside a recording, in it, or else a nominal one."""
+    if log.sensor or kind_codes(log.payloads[:1])[0, 0] != HDL64E:
+        return None
+    status = log.payloads[:, -2:]
+    nominal, beside = load_sensor(SENSORS[HDL64E]), calibration_beside(source)
+    sensor = load_sensor(beside) if beside else nominal
+    if not beside and (calibration := calibration_in_packets(status)):
+        sensor = nominal.replaced(**calibration)
+    elif not beside:
+        logging.getLogger(__name__).warning(
+            "%s: nominal angles and distances of an HDL-64E's lasers; put the calibration of the "
+            "unit (db.xml) beside it as %s",
+            source,
+            source.with_suffix(".xml").name,
+        )
+    if sensor.name != nominal.name or is_s3(status):
+        return sensor
+    older = load_sensor("hdl64e_s2")
+    changes = ("name", "azimuth_step_deg", "firing_sequence_us", "firing_offsets_us")
+    return sensor.replaced(**{name: getattr(older, name) for name in changes})
 
 
 def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:

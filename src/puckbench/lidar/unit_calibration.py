@@ -1,0 +1,129 @@
+"""Calibration of one unit of an HDL-64E: from its packets, from VeloView's XML or ROS's YAML files.
+
+Packets of an HDL-64E repeat the calibration every 4,160 packets (HDL-64E S3 User's Manual
+63-HDL64ES3, Appendix E; S2 alike): each has a type and a value of one byte, of which 1,820 form a
+message. Corrections of intensities (focal distance and slope) are not applied.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import read_bytes
+
+LASERS = 64
+_MESSAGE_BYTES, _LASER_BYTES = 1820, 28
+_START = b"UNIT#"
+_FIRST_LASER = 7
+_STATES = b"HMSDNYGTV"
+"""Types of packets that state time, temperature, GPS and firmware, which are not in the message."""
+_S3_TYPE = ord("W")
+_OF_LASER = np.dtype([("laser", "u1"), ("values", "<i2", 7)])
+_UNITS = np.array([0.01, 0.01, 1, 1, 1, 1, 1])
+"""Degrees and millimetres, in the order of `_Laser`."""
+_DB_NAMES = (
+    "vertCorrection", "rotCorrection", "distCorrection", "distCorrectionX", "distCorrectionY",
+    "vertOffsetCorrection", "horizOffsetCorrection",
+)  # fmt: skip
+_ROS_NAMES = (
+    "vert_correction", "rot_correction", "dist_correction", "dist_correction_x",
+    "dist_correction_y", "vert_offset_correction", "horiz_offset_correction",
+)  # fmt: skip
+
+
+class _Laser(NamedTuple):
+    elevation_deg: float
+    rotation_deg: float
+    far_mm: float
+    x_mm: float
+    y_mm: float
+    height_mm: float
+    sideways_mm: float
+
+
+def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
+    """Return fields of a `Sensor` from the last two bytes (p, 2) of packets, or None."""
+    message = status[~np.isin(status[:, 0], list(_STATES)), 1].tobytes()
+    for match in re.finditer(re.escape(_START), message):
+        body = message[match.start() : match.start() + _MESSAGE_BYTES]
+        end = _FIRST_LASER + LASERS * _LASER_BYTES
+        if len(body) < end:
+            return None
+        rows = np.frombuffer(body[_FIRST_LASER:end], np.uint8).reshape(LASERS, _LASER_BYTES)
+        lasers = np.ascontiguousarray(rows[:, : _OF_LASER.itemsize]).view(_OF_LASER)[:, 0]
+        if (lasers["laser"] == np.arange(LASERS)).all():  # no packet is missing
+            return _fields([_Laser(*row) for row in (lasers["values"] * _UNITS).tolist()])
+    return None
+
+
+def calibration_beside(recording: Path) -> Path | None:
+    """Return the file with a recording's name and the suffix .xml, .yaml or .yml, or None."""
+    paths = (recording.with_suffix(suffix) for suffix in (".xml", ".yaml", ".yml"))
+    return next((path for path in paths if path.is_file() and path != recording), None)
+
+
+def is_s3(status: NDArray[np.uint8]) -> bool:
+    return bool((status[:, 0] == _S3_TYPE).any())
+
+
+def read_calibration(path: Path) -> dict[str, Any]:
+    """Read the fields of a `Sensor` from VeloView's XML file (db.xml)."""
+    text = read_bytes(path).decode("utf-8", "replace")
+    points = re.findall(r"<px\b.*?</px>", text, re.DOTALL)
+    lasers = [dict(re.findall(r"<(\w+)_>\s*([^<\s]+)\s*</\1_>", point)) for point in points]
+    degrees, millimetres = 1.0, 10.0
+    with naming(path):
+        return _parsed(lasers, "id", _DB_NAMES, degrees, millimetres)
+
+
+def calibration_of_ros(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a `Sensor` from the content of a YAML file of velodyne_pointcloud."""
+    return _parsed(options["lasers"], "laser_id", _ROS_NAMES, 180 / np.pi, 1000.0)
+
+
+def _parsed(
+    lasers: Iterable[Mapping[str, Any]],
+    number: str,
+    names: tuple[str, ...],
+    degrees: float,
+    millimetres: float,
+) -> dict[str, Any]:
+    units = [degrees] * 2 + [millimetres] * 5
+    try:
+        numbered = {
+            int(laser[number]): _Laser(
+                *(
+                    round(float(laser[name] if unit == degrees else laser.get(name, 0.0)) * unit, 6)
+                    for name, unit in zip(names, units, strict=True)
+                )
+            )
+            for laser in lasers
+        }
+        rows = [numbered[laser] for laser in range(LASERS)]
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"not the calibration of an HDL-64E, with {LASERS} lasers") from error
+    return _fields(rows)
+
+
+def _fields(lasers: list[_Laser]) -> dict[str, Any]:
+    # Without both near corrections, the far one applies everywhere.
+    near = [
+        laser if laser.x_mm and laser.y_mm else laser._replace(x_mm=laser.far_mm, y_mm=laser.far_mm)
+        for laser in lasers
+    ]
+    return {
+        "laser_elevation_deg": tuple(laser.elevation_deg for laser in lasers),
+        "laser_azimuth_deg": tuple(-laser.rotation_deg for laser in lasers),
+        "vertical_correction_mm": tuple(laser.height_mm for laser in lasers),
+        "horizontal_correction_mm": tuple(laser.sideways_mm for laser in lasers),
+        "distance_correction_mm": tuple(laser.far_mm for laser in lasers),
+        "distance_correction_x_mm": tuple(laser.x_mm for laser in near),
+        "distance_correction_y_mm": tuple(laser.y_mm for laser in near),
+    }
