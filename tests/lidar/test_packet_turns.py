@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.lidar.recordings import packet_turns, read_recording
+from puckbench.lidar.recordings import decode_packets, packet_turns, read_recording
 from puckbench.lidar.recordings.packet_turns import (
     find_packets,
     is_whole,
@@ -20,21 +20,27 @@ from puckbench.lidar.recordings.packet_turns import (
     split_turns,
     turn_of,
 )
+from puckbench.lidar.recordings.returns import BOTH
+from puckbench.lidar.recordings.returns import LAST as LAST_RETURN
+from puckbench.lidar.recordings.returns import STRONGEST as STRONGEST_RETURN
 from tests.support.spinning import (
+    BLOCKS,
     DUAL,
     HDL32E,
+    HDL64E,
     PACKET,
     PUCK_HIRES,
     STRONGEST,
     VLP16,
     VLP32C,
+    VLS128,
     pcap,
     rows,
     spin,
 )
 
 LAST = 0x38
-PRODUCTS = (VLP16, PUCK_HIRES, HDL32E, VLP32C)
+PRODUCTS = (VLP16, PUCK_HIRES, HDL32E, VLP32C, HDL64E, VLS128)
 KINDS = [(product, mode) for product in PRODUCTS for mode in (STRONGEST, DUAL)]
 
 
@@ -62,6 +68,10 @@ def at(azimuths: list[int]) -> NDArray[np.uint8]:
         (HDL32E, DUAL, 1, 6, 2, 32),
         (VLP32C, STRONGEST, 1, 12, 1, 32),
         (VLP32C, DUAL, 1, 6, 2, 32),
+        (HDL64E, STRONGEST, 1, 6, 1, 64),
+        (HDL64E, DUAL, 1, 3, 2, 64),
+        (VLS128, STRONGEST, 1, 3, 1, 128),
+        (VLS128, DUAL, 1, 1, 2, 128),
     ],
 )
 def test_layouts_are_those_of_the_manuals(
@@ -73,8 +83,10 @@ def test_layouts_are_those_of_the_manuals(
 
 
 def test_a_packet_of_another_sensor_or_mode_has_no_kind() -> None:
-    with pytest.raises(InputError, match=r"packets of HDL-64E \(product 0x63\), not of a VLP-16"):
-        packet_kind(0x63, STRONGEST)
+    with pytest.raises(
+        InputError, match=r"packets of Velarray \(product 0x31\), not of HDL-32E, VLP"
+    ):
+        packet_kind(0x31, STRONGEST)
     with pytest.raises(InputError, match=r"packets of an unknown sensor \(product 0x7F\)"):
         packet_kind(0x7F, STRONGEST)
     with pytest.raises(InputError, match="return mode 0x12"):
@@ -87,7 +99,7 @@ def test_packets_are_found_wherever_they_are_in_the_bytes() -> None:
     data, places = b"\xff" * 97, []
     for gap, packet in enumerate(packets):
         places.append(len(data))
-        data += packet + b"\xff\xee" * ((gap + 1) % 3)
+        data += packet + b"\xff\xee" * (gap % 3)
     assert len(data) - places[-1] == 1206 + 4
     assert find_packets(np.frombuffer(data, np.uint8)).tolist() == places
     assert find_packets(np.frombuffer(data[:-4], np.uint8)).tolist() == places
@@ -151,25 +163,46 @@ def test_a_sensor_that_does_not_turn_has_turns_of_682_packets() -> None:
 
 @pytest.mark.parametrize(("product", "mode"), KINDS)
 def test_an_image_has_the_numbers_of_its_packets(product: int, mode: int) -> None:
-    """The strongest return of two is the second block's, and the first kind."""
+    """The strongest return is the first kind."""
     payloads = spin(product, mode, packets=3)
     packets = payloads.view(PACKET)[:, 0]
     kind = packet_kind(product, mode)
     turn = turn_of(kind, payloads)
-    kinds, lasers = kind.layout.kinds, kind.layout.lasers
+    lasers = kind.layout.lasers
     assert turn.times is not None
     assert turn.times.tolist() == packets["time"].tolist()
     assert turn.reflectivities is not None
     images = (turn.ranges, turn.reflectivities)
-    for number in range(36):
-        block = packets[number // 12]["blocks"][number % 12]
-        pair, place = divmod(number, kinds)
-        assert turn.azimuths[pair] == block["azimuth"]
+    order = BLOCKS.get((product, mode), ["0l", "0s"] if mode == DUAL else ["0s"])
+    firings = 12 // len(order)
+    for number in range(3 * firings * len(order)):
+        firing, place = divmod(number, len(order))
+        bank, is_last = int(order[place][0]), order[place][1] == "l"
+        block = packets[firing // firings]["blocks"][firing % firings * len(order) + place]
+        assert turn.azimuths[firing] == block["azimuth"]
         for channel in range(32):
-            column = pair * (32 // lasers) + channel // lasers
-            result = [image[kinds - 1 - place, column, channel % lasers] for image in images]
-            assert result == list(block["returns"][channel])
-    assert np.array_equal(packets_of(kind, turn), payloads)
+            column = firing * max(32 // lasers, 1) + channel // lasers
+            laser = (32 * bank + channel) % lasers
+            assert [image[int(is_last), column, laser] for image in images] == list(
+                block["returns"][channel]
+            )
+    rest = payloads[:, kind.rest]
+    assert rest.shape[1] == {(HDL64E, 1): 2, (HDL64E, 2): 2, (VLS128, 2): 400}.get(
+        (product, kind.layout.kinds), 0
+    )
+    assert np.array_equal(packets_of(kind, turn, rest), payloads)
+
+
+@pytest.mark.parametrize(("product", "mode"), KINDS[8:])
+def test_blocks_of_a_firing_have_one_azimuth_and_the_flags_of_their_banks(
+    product: int, mode: int
+) -> None:
+    payloads = spin(product, mode, packets=2)
+    assert is_whole(payloads).all()
+    for byte, value in ((102, payloads[1, 102] ^ 1), (101, 0)):
+        other = changed(payloads, 1, byte, int(value))
+        assert is_whole(other).tolist() == [True, False]
+        assert find_packets(other.ravel()).tolist() == [0]
 
 
 def test_packets_are_whole_with_their_flags_and_azimuths_below_360_degrees() -> None:
@@ -234,3 +267,29 @@ def test_captures_of_sensors_of_32_lasers_are_tables(
     np.testing.assert_allclose(
         np.diff(seen["timestamp"]), np.diff(columns) * sequence_us * 1e-6, atol=1e-6
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "product", "mode", "firings", "angle_deg"),
+    [
+        ("hdl64e", HDL64E, STRONGEST, 6, 0.02),
+        ("hdl64e_dual", HDL64E, DUAL, 3, 0.025),
+        ("vls128", VLS128, STRONGEST, 3, 0.03),
+        ("vls128_dual", VLS128, DUAL, 1, 0.03),
+    ],
+)
+def test_packets_of_banks_decode_as_velodyne_decoder_decodes_them(
+    name: str, product: int, mode: int, firings: int, angle_deg: float
+) -> None:
+    """It rounds azimuths to 0.01 degrees, averages the rotation (jitter: 0.01) and of a VLS-128
+    pauses for one group more; the rotation in its first packet is unknown to it.
+    """
+    other = np.load(Path(__file__).parents[1] / "data" / "capture" / "banks.npz")
+    table = decode_packets(spin(product, mode, packets=5, rise=20))
+    column = np.cumsum(np.diff(table["laser_id"], prepend=0) < 0)
+    table = table.select(column >= firings)
+    assert table["laser_id"].tolist() == other[f"{name}_laser"].tolist()
+    kinds = {STRONGEST_RETURN: 1, LAST_RETURN: 2, BOTH: 3}
+    assert [kinds[each] for each in table["return_kind"]] == other[f"{name}_kind"].tolist()
+    error = np.linalg.norm(table.xyz - other[f"{name}_xyz"], axis=1)
+    assert (error < np.radians(angle_deg) * table["distance"] + 0.0002).all()

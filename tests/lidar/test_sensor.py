@@ -45,6 +45,7 @@ def test_vlp16_fires_sixteen_lasers_300_000_times_a_second() -> None:
         ("puck_hires", 16, (-10, 10), 0.3e6),
         ("hdl32e", 32, (-30.67, 10.67), 0.7e6),
         ("hdl64e_s2", 64, (-24.8, 2.0), 1.333e6),
+        ("hdl64e_s3", 64, (-24.0, 2.8), 1.111e6),
         ("vlp32c", 32, (-25, 15), 0.6e6),
         ("alpha_prime", 128, (-25, 15), 2.4e6),
     ],
@@ -62,7 +63,7 @@ def test_shipped_sensors_have_their_data_sheets_numbers(
     )
 
 
-SHIPPED = ["alpha_prime", "hdl32e", "hdl64e_s2", "puck_hires", "vlp16", "vlp32c"]
+SHIPPED = ["alpha_prime", "hdl32e", "hdl64e_s2", "hdl64e_s3", "puck_hires", "vlp16", "vlp32c"]
 
 
 def test_every_shipped_sensor_is_tested() -> None:
@@ -84,10 +85,10 @@ def test_hdl32e_fires_its_lower_and_upper_bank_in_turn_a_third_of_four_degrees_a
     assert np.diff(angles[1::2]) == pytest.approx(4 / 3, abs=0.011)
 
 
-@pytest.mark.parametrize(("name", "start_mm"), [("hdl32e", 28.96), ("vlp32c", 42.4)])
-def test_beams_of_sensors_of_32_lasers_start_at_one_distance_from_the_axis(
-    name: str, start_mm: float
-) -> None:
+@pytest.mark.parametrize(
+    ("name", "start_mm"), [("hdl32e", 28.96), ("vlp32c", 42.4), ("alpha_prime", 58.63)]
+)
+def test_beams_of_sensors_start_at_one_distance_from_the_axis(name: str, start_mm: float) -> None:
     sensor = load_sensor(name)
     heights = -start_mm * np.tan(np.radians(sensor.laser_elevation_deg))
     np.testing.assert_allclose(sensor.vertical_correction_mm, heights, atol=0.051)

@@ -26,8 +26,8 @@ _STATES = b"HMSDNYGTV"
 """Types of packets that state time, temperature, GPS and firmware, which are not in the message."""
 _S3_TYPE = ord("W")
 _OF_LASER = np.dtype([("laser", "u1"), ("values", "<i2", 7)])
-_UNITS = np.array([0.01, 0.01, 1, 1, 1, 1, 1])
-"""Degrees and millimetres, in the order of `_Laser`."""
+_PER_UNIT = np.array([100, 100, 1, 1, 1, 1, 1])
+"""Per degree and millimetre, in the order of `_Laser`."""
 _DB_NAMES = (
     "vertCorrection", "rotCorrection", "distCorrection", "distCorrectionX", "distCorrectionY",
     "vertOffsetCorrection", "horizOffsetCorrection",
@@ -59,7 +59,7 @@ def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
         rows = np.frombuffer(body[_FIRST_LASER:end], np.uint8).reshape(LASERS, _LASER_BYTES)
         lasers = np.ascontiguousarray(rows[:, : _OF_LASER.itemsize]).view(_OF_LASER)[:, 0]
         if (lasers["laser"] == np.arange(LASERS)).all():  # no packet is missing
-            return _fields([_Laser(*row) for row in (lasers["values"] * _UNITS).tolist()])
+            return _fields([_Laser(*row) for row in (lasers["values"] / _PER_UNIT).tolist()])
     return None
 
 
