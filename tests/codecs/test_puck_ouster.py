@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import lzma
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.lidar.recordings.ouster import PROFILES, OusterSensor, read_sensor
+from puckbench.lidar.recordings.ouster import PROFILES, OusterSensor, ouster_turns, read_sensor
 from puckbench.lidar.recordings.ouster_packets import OusterKind
 from puckbench.puck import CodingOptions, compress, decode_turns, decompress
 from puckbench.puck.recording import RecordingSummary
@@ -91,17 +92,23 @@ def test_ip_fragments_are_joined(tmp_path: Path) -> None:
     assert account.compressed < 1.1 * whole.compressed
 
 
-def test_turns_of_a_compressed_recording_can_be_had(tmp_path: Path) -> None:
-    sensor = sensor_of(tmp_path, "RNG15_RFL8_NIR8")
+@pytest.mark.parametrize("profile", ["RNG15_RFL8_NIR8", "RNG19_RFL8_SIG16_NIR16_DUAL", "LEGACY"])
+def test_turns_of_a_compressed_recording_can_be_had(profile: str, tmp_path: Path) -> None:
+    """Of profiles with signals, reflectivities are among the fields."""
+    sensor = sensor_of(tmp_path, profile)
     packets = sent(sensor)
     there_and_back(tmp_path, capture(packets, WHOLE))
-    turns = decode_turns((tmp_path / "drive.puck").read_bytes())
-    kind = OusterKind.of(sensor)
-    for turn, first in zip(turns, (0, 32), strict=True):
-        payloads = np.frombuffer(b"".join(packets[first : first + 32]), np.uint8).reshape(32, -1)
-        expected = kind.turn_of(payloads)
-        np.testing.assert_array_equal(turn.ranges, expected.ranges)
-        np.testing.assert_array_equal(turn.reflectivities, expected.reflectivities)
+    stream = (tmp_path / "drive.puck").read_bytes()
+    payloads = np.frombuffer(b"".join(packets), np.uint8).reshape(len(packets), -1)
+    decoded = decode_turns(stream)
+    parts = list(OusterKind.of(sensor).split_turns(payloads))
+    for turn, (kind, part) in zip(decoded, parts, strict=True):
+        np.testing.assert_array_equal(turn.ranges, kind.turn_of(part).ranges)
+    expected = ouster_turns(sensor, payloads).returns
+    reflectivities = replace(expected, turns=tuple(decoded)).reflectivities()
+    np.testing.assert_array_equal(reflectivities, expected.reflectivities())
+    (last,) = decode_turns(stream, 1, 2)
+    np.testing.assert_array_equal(last.reflectivities, decoded[1].reflectivities)
 
 
 def test_lost_damaged_and_late_packets_and_others_come_back(tmp_path: Path) -> None:

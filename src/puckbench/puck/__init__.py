@@ -10,6 +10,7 @@ from puckbench.core.lazy import lazy
 
 if TYPE_CHECKING:
     from puckbench.puck.options import CodingOptions as CodingOptions
+    from puckbench.puck.packet_kinds import decode_turns as decode_turns
     from puckbench.puck.recording import compress as compress
     from puckbench.puck.recording import decompress as decompress
     from puckbench.puck.returns import decode_returns as decode_returns
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from puckbench.puck.returns import range_steps as range_steps
     from puckbench.puck.returns import reflectivity_bytes as reflectivity_bytes
     from puckbench.puck.smoothing import smoothed_points as smoothed_points
-    from puckbench.puck.stream import decode_turns as decode_turns
     from puckbench.puck.stream import encode_turns as encode_turns
 
 __getattr__, __dir__, __all__ = lazy(
@@ -26,5 +26,6 @@ __getattr__, __dir__, __all__ = lazy(
     recording=("compress", "decompress"),
     returns=("decode_returns", "encode_returns", "range_steps", "reflectivity_bytes"),
     smoothing=("smoothed_points",),
-    stream=("decode_turns", "encode_turns"),
+    packet_kinds=("decode_turns",),
+    stream=("encode_turns",),
 )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from puckbench.coding.byte_io import Reader
 from puckbench.core.errors import InputError
-from puckbench.lidar.recordings.ouster import metadata_beside, read_sensor
+from puckbench.lidar.recordings.ouster import PROFILES, metadata_beside, read_sensor
 from puckbench.lidar.recordings.ouster_packets import OusterKind
 from puckbench.lidar.recordings.packet_turns import (
     PacketKind,
@@ -33,11 +34,12 @@ from puckbench.lidar.turns import Turn
 from puckbench.puck.fields import FieldsDecoder, FieldsEncoder
 from puckbench.puck.gaps import compress_bytes, decompress_bytes
 from puckbench.puck.options import CodingOptions
-from puckbench.puck.records import DAMAGED, Record, RecordKind
-from puckbench.puck.stream import count_ranges
+from puckbench.puck.records import DAMAGED, Record, RecordKind, read_records
+from puckbench.puck.stream import check_ranges, count_ranges
 from puckbench.puck.turns import TurnDecoder, TurnEncoder, is_key
 
 Kind = PacketKind | OusterKind
+_OUSTER_CODE_BYTES = 3
 
 
 class PacketFormat(NamedTuple):
@@ -82,7 +84,7 @@ def formats_of(recording: Path) -> list[PacketFormat]:
 def decode_kind(body: bytes) -> Kind:
     """Decode the body of a LAYOUT record; raise InputError if packets have no such layout."""
     layout, code = decode_layout(body)
-    if len(code) == 3:
+    if len(code) == _OUSTER_CODE_BYTES:
         return OusterKind.decode(layout, code)
     if len(code) != 2:
         raise InputError("the stream holds turns, but no packets")
@@ -97,6 +99,70 @@ def count_values(kind: Kind, body: bytes) -> int:
     """Return the number of ranges in a coded turn, and of values in its fields' images."""
     images = len(kind.channels) if isinstance(kind, OusterKind) else 0
     return count_ranges(kind.layout, body) * (1 + images)
+
+
+class _CodedTurn(NamedTuple):
+    layout: bytes
+    body: bytes
+    fields: bytes | None = None
+
+    def ranges(self) -> int:
+        layout, _ = decode_layout(self.layout)
+        kind = self.kind_with_signals()
+        return count_ranges(layout, self.body) if kind is None else count_values(kind, self.body)
+
+    def kind_with_signals(self) -> OusterKind | None:
+        """Return the kind of an Ouster whose turns have their reflectivities among the fields."""
+        layout, code = decode_layout(self.layout)
+        kind = OusterKind.decode(layout, code) if len(code) == _OUSTER_CODE_BYTES else None
+        return kind if kind and PROFILES[kind.profile].signals else None
+
+
+def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
+    """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
+
+    Decoding starts at the last key turn up to `first`. An Ouster's signals and ambient light have
+    no place in a turn: `decompress` restores them.
+    """
+    layout: bytes | None = None
+    turns: list[_CodedTurn] = []
+    for record in read_records(BytesIO(stream)):
+        if record.kind == RecordKind.LAYOUT:
+            layout = record.body
+        elif record.kind == RecordKind.TURN:
+            if layout is None:
+                raise InputError(DAMAGED)
+            turns.append(_CodedTurn(layout, record.body))
+        elif record.kind == RecordKind.FIELDS and turns:
+            turns[-1] = turns[-1]._replace(fields=record.body)
+    turns = turns[: None if end is None else max(end, 0)]
+    if first >= len(turns):
+        return []
+    start = max((k for k in range(first + 1) if is_key(turns[k].body)), default=0)
+    check_ranges(sum(turn.ranges() for turn in turns[start:]), len(stream))
+    return _decoded(turns[start:])[first - start :]
+
+
+def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
+    turns, layout = [], b""
+    for each in coded:
+        if each.layout != layout:
+            layout, kind = each.layout, each.kind_with_signals()
+            decoder = TurnDecoder(decode_layout(layout)[0])
+            fields = FieldsDecoder(kind) if kind else None
+        turn = decoder.decode(each.body)
+        if kind and fields:
+            if each.fields is None:
+                raise InputError(DAMAGED)
+            rest = fields.decode(each.fields, turn, is_key=is_key(each.body))
+            images = [
+                image
+                for image, channel in zip(rest.images, kind.channels, strict=True)
+                if channel.signal is not None
+            ]
+            turn = replace(turn, reflectivities=np.stack(images).astype(np.uint8))
+        turns.append(turn)
+    return turns
 
 
 class PacketsEncoder:

@@ -1,15 +1,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from io import BytesIO
 
 from puckbench.coding.byte_io import Reader
 from puckbench.core.errors import InputError
-from puckbench.lidar.returns_header import decode_layout, encode_layout
+from puckbench.lidar.returns_header import encode_layout
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.puck.options import CodingOptions
-from puckbench.puck.records import DAMAGED, Record, RecordKind, join_records, read_records
-from puckbench.puck.turns import TurnDecoder, TurnEncoder, is_key
+from puckbench.puck.records import Record, RecordKind, join_records
+from puckbench.puck.turns import TurnEncoder
 
 _FEW_RANGES, _RANGES_PER_BYTE = 1 << 22, 32
 """Limit of the ranges in a stream: a constant, and more for each byte of the stream.
@@ -64,34 +63,3 @@ def encode_turns(
     records = [Record(RecordKind.LAYOUT, encode_layout(layout))]
     records += [Record(RecordKind.TURN, encoder.encode(turn)) for turn in turns]
     return join_records(records)
-
-
-def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
-
-    Decoding starts at the last key turn up to `first`.
-    """
-    layout: Layout | None = None
-    bodies: list[tuple[Layout, bytes]] = []
-    number = 0
-    for record in read_records(BytesIO(stream)):
-        if record.kind == RecordKind.LAYOUT:
-            layout = decode_layout(record.body)[0]
-        elif record.kind == RecordKind.TURN and (end is None or number < end):
-            if layout is None:
-                raise InputError(DAMAGED)
-            if is_key(record.body) and number <= first:
-                bodies = []
-            bodies.append((layout, record.body))
-            number += 1
-    check_ranges(sum(count_ranges(*body) for body in bodies), len(stream))
-    return _decoded(bodies)[len(bodies) - (number - first) :] if number > first else []
-
-
-def _decoded(bodies: list[tuple[Layout, bytes]]) -> list[Turn]:
-    turns, decoder = [], None
-    for layout, body in bodies:
-        if decoder is None or decoder.layout != layout:
-            decoder = TurnDecoder(layout)
-        turns.append(decoder.decode(body))
-    return turns
