@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import lzma
 import sqlite3
 import sys
 from contextlib import closing
@@ -32,9 +33,11 @@ from puckbench.puck.recording import RecordingSummary
 from tests.support.spinning import (
     DUAL,
     HDL32E,
+    HDL64E,
     STRONGEST,
     VLP16,
     VLP32C,
+    VLS128,
     nothing_seen,
     pcap,
     rows,
@@ -61,19 +64,29 @@ def recorded() -> list[bytes]:
 
 
 @pytest.mark.parametrize("effort", ["fast", "normal", "thorough"])
-@pytest.mark.parametrize("product", [VLP16, HDL32E, VLP32C])
+@pytest.mark.parametrize("product", [VLP16, HDL32E, VLP32C, HDL64E, VLS128])
 @pytest.mark.parametrize("mode", [STRONGEST, DUAL])
 def test_a_packet_capture_comes_back(tmp_path: Path, product: int, mode: int, effort: str) -> None:
-    data = pcap(rows(spin(product, mode, packets=50)))
+    packets = {(HDL64E, DUAL): 90, (VLS128, STRONGEST): 90, (VLS128, DUAL): 270}
+    count = packets.get((product, mode), 50)
+    data = pcap(rows(spin(product, mode, packets=count)))
     account = there_and_back(tmp_path, data, CodingOptions(effort=effort))
-    assert account.packets == 50
+    assert account.packets == count
     assert account.turns >= 2
     assert account.compressed < 0.5 * len(data)
+    assert account.compressed < 0.95 * len(lzma.compress(data, preset=9 | lzma.PRESET_EXTREME))
+
+
+def test_blocks_of_an_alpha_prime_without_lasers_come_back(tmp_path: Path) -> None:
+    packets = spin(VLS128, DUAL, packets=30)
+    packets[:, 800:1200] = np.random.default_rng(0).integers(0, 256, 400)
+    assert there_and_back(tmp_path, pcap(rows(packets))).packets == 30
 
 
 def odd_packets() -> dict[str, bytes]:
     packets = recorded()
     both = [*packets[:9], *rows(spin(HDL32E, packets=9)), *rows(spin(VLP16, DUAL, packets=9))]
+    both += [*rows(spin(HDL64E, packets=5)), *rows(spin(HDL64E, DUAL, packets=5))]
     damaged = [bytearray(packet) for packet in packets]
     damaged[5][0] = 0  # a flag
     damaged[6][2:4] = b"\xff\xff"  # an azimuth beyond 360 degrees

@@ -21,7 +21,7 @@ from puckbench.puck import stream
 from puckbench.storage import packets
 from puckbench.storage import range_images as range_image
 from tests.support.returns import dual, homemade, recorded
-from tests.support.spinning import HDL32E, PUCK_HIRES, VLP16, VLP32C, spin
+from tests.support.spinning import HDL32E, PUCK_HIRES, VLP16, VLP32C, VLS128, spin
 
 UNPACK = {"packets_xz": lzma.decompress, "packets_zstd": lambda data: decompressed(data, 10**7)}
 IMAGES = ("jpegls", "jpegxl")
@@ -40,7 +40,7 @@ def _framed(magic: bytes, body: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("name", UNPACK)
-@pytest.mark.parametrize("product", [VLP16, PUCK_HIRES, HDL32E, VLP32C])
+@pytest.mark.parametrize("product", [VLP16, PUCK_HIRES, HDL32E, VLP32C, VLS128])
 def test_the_packets_of_a_recording_are_in_the_stream_as_they_came(name: str, product: int) -> None:
     payloads = spin(product, packets=150)
     returns = returns_of_packets(payloads)

@@ -13,11 +13,11 @@ from puckbench.datasets import recordings
 from puckbench.datasets.registry import open_scene_set
 from puckbench.lidar.recordings import read_recording, read_returns, reading
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
-from puckbench.lidar.recordings.reading import read_packets
+from puckbench.lidar.recordings.reading import read_packets, read_turns
 from puckbench.lidar.returns import Returns, read_firings
 from puckbench.puck import compress
 from tests.io.test_recordings import bag, scan_message
-from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
+from tests.support.spinning import DUAL, HDL32E, HDL64E, STRONGEST, VLP16, VLS128, pcap, rows, spin
 
 
 @pytest.fixture(scope="module")
@@ -198,15 +198,17 @@ def test_a_compressed_recording_is_read_as_the_one_it_was_made_of(
         open_scene_set("recordings", {"path": str(tmp_path)}).load("small")
 
 
-@pytest.mark.parametrize("product", [VLP16, HDL32E])
+@pytest.mark.parametrize("product", [VLP16, HDL32E, HDL64E, VLS128])
 @pytest.mark.parametrize("mode", [STRONGEST, DUAL])
 def test_every_sensor_and_return_mode_comes_by_turns(
     tmp_path: Path, product: int, mode: int
 ) -> None:
-    packets = spin(product, mode, packets=100)
+    packets = spin(product, mode, packets=100, rise=1000 if product in (HDL64E, VLS128) else 160)
     (tmp_path / "a.pcap").write_bytes(pcap(rows(packets)))
     scenes = open_scene_set("recordings", {"path": str(tmp_path)})
     whole = returns_of_packets(packets)
+    if product == HDL64E:  # packets of an S2
+        whole = read_turns(tmp_path / "a.pcap").returns
     assert len(scenes.names()) == len(whole.turns) - 2 >= 1
     for number, name in enumerate(scenes.names(), start=1):
         result = scenes.load(name).returns

@@ -83,9 +83,7 @@ def test_layouts_are_those_of_the_manuals(
 
 
 def test_a_packet_of_another_sensor_or_mode_has_no_kind() -> None:
-    with pytest.raises(
-        InputError, match=r"packets of Velarray \(product 0x31\), not of HDL-32E, VLP"
-    ):
+    with pytest.raises(InputError, match=r"packets of Velarray \(product 0x31\), not of VLP-16, P"):
         packet_kind(0x31, STRONGEST)
     with pytest.raises(InputError, match=r"packets of an unknown sensor \(product 0x7F\)"):
         packet_kind(0x7F, STRONGEST)

@@ -146,7 +146,7 @@ def test_a_scan_table_is_no_capture_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("product", 0x31, "packets of Velarray .product 0x31., not of HDL-32E, VLP-16"),
+        ("product", 0x31, "packets of Velarray .product 0x31., not of VLP-16, Puck"),
         ("product", 0x7F, "an unknown sensor .product 0x7F"),
         ("mode", 0x12, "return mode 0x12"),
     ],

@@ -45,9 +45,9 @@ from puckbench.lidar.sensor import Sensor, load_sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
 SENSORS = {
-    0x21: "hdl32e",
-    0x22: "vlp16",
+    VLP16: "vlp16",
     0x24: "puck_hires",
+    0x21: "hdl32e",
     0x28: "vlp32c",
     HDL64E: "hdl64e_s3",
     VLS128: "alpha_prime",
