@@ -21,7 +21,7 @@ from puckbench.puck import stream
 from puckbench.storage import packets
 from puckbench.storage import range_images as range_image
 from tests.support.returns import dual, homemade, recorded
-from tests.support.spinning import HDL32E, PUCK_HIRES, VLP16, VLP32C, VLS128, spin
+from tests.support.spinning import HDL32E, HDL64E, PUCK_HIRES, VLP16, VLP32C, VLS128, spin
 
 UNPACK = {"packets_xz": lzma.decompress, "packets_zstd": lambda data: decompressed(data, 10**7)}
 IMAGES = ("jpegls", "jpegxl")
@@ -40,9 +40,10 @@ def _framed(magic: bytes, body: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("name", UNPACK)
-@pytest.mark.parametrize("product", [VLP16, PUCK_HIRES, HDL32E, VLP32C, VLS128])
+@pytest.mark.parametrize("product", [VLP16, PUCK_HIRES, HDL32E, VLP32C, HDL64E, VLS128])
 def test_the_packets_of_a_recording_are_in_the_stream_as_they_came(name: str, product: int) -> None:
     payloads = spin(product, packets=150)
+    payloads[:, -2:] *= product != HDL64E  # its status
     returns = returns_of_packets(payloads)
     stream = _opened(name).encode_returns(returns, "2mm")
     reader = Reader(stream[9:])
@@ -81,8 +82,8 @@ def test_returns_that_no_packet_holds_are_refused(name: str) -> None:
         turn, azimuths=turn.azimuths[:-1], ranges=turn.ranges[:, :-2], reflectivities=None
     )
     for returns, fault in (
-        (homemade(), "encodes only returns of a VLP-16"),
-        (virtual, "encodes only returns of a VLP-16"),
+        (homemade(), "encodes only returns of Velodynes"),
+        (virtual, "encodes only returns of Velodynes"),
         (replace(whole, turns=(cut,)), "not of whole data packets"),
     ):
         with pytest.raises(InputError, match=fault):

@@ -13,7 +13,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("capture", type=Path, help=".pcap, .puck, ROS bag, or cloud with a laser column")
     add("out", type=Path, help="capture table to write (.parquet)")
-    add("--sensor", help="name or YAML file (default: from the packets)")
+    add("--sensor", help="name, YAML file, or db.xml of an HDL-64E (default: from the packets)")
     add("--stream", help=STREAM)
     add("--topic", help=TOPIC)
     add_time_unit(parser)

@@ -23,6 +23,7 @@ _OF_LASERS = (
     "distance_correction_mm",
     "distance_correction_x_mm",
     "distance_correction_y_mm",
+    "firing_offsets_us",
 )
 _CALIBRATED = "hdl64e_s3"
 """Sensor whose units have calibration files."""

@@ -233,7 +233,9 @@ class PacketsDecoder:
 
 
 def _decode_rest(kind: PacketKind, turn: Turn, body: bytes) -> Payloads:
-    packets = len(turn.azimuths) // kind.layout.blocks_per_time
+    packets, uneven = divmod(len(turn.azimuths), kind.layout.blocks_per_time)
+    if uneven:
+        raise InputError(DAMAGED)
     expected = packets * (kind.rest.stop - kind.rest.start)
 
     def admit(size: int) -> None:

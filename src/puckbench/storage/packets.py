@@ -18,6 +18,7 @@ from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import (
     SENSORS,
     PacketKind,
+    kind_codes,
     packet_kind,
     packets_of,
     turn_of,
@@ -34,7 +35,7 @@ and those of a stream of 1 MB take some seconds."""
 
 def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> bytes:
     """Encode returns as data packets, with 0 for missing times and reflectivities; raise InputError
-    unless they fill packets of a VLP-16, Puck Hi-Res or HDL-32E.
+    unless they fill packets of a Velodyne with the shipped description.
     """
     kind = check_whole_packets(returns)
     parts = [packets_of(kind, _completed(turn, kind)) for turn in returns.turns]
@@ -84,7 +85,7 @@ def _kind(returns: Returns) -> PacketKind:
         kind = packet_kind(product, mode)
         if replace(returns, turns=(), sensor="") == replace(kind.returns(()), sensor=""):
             return kind
-    raise InputError("encodes only returns of a VLP-16, Puck Hi-Res or HDL-32E")
+    raise InputError("encodes only returns of Velodynes with the shipped descriptions")
 
 
 def _completed(turn: Turn, kind: PacketKind) -> Turn:
@@ -97,7 +98,8 @@ def _completed(turn: Turn, kind: PacketKind) -> Turn:
 
 
 def _returns(payloads: np.ndarray, counts: list[int]) -> Returns:
-    if (payloads[:, -2:] != payloads[0, -2:]).any():
+    codes = kind_codes(payloads)
+    if (codes != codes[0]).any():
         raise InputError("the stream is damaged (packets of several sensors)")
-    kind = packet_kind(int(payloads[0, -1]), int(payloads[0, -2]))
+    kind = packet_kind(*codes[0].tolist())
     return kind.returns(turn_of(kind, part) for part in np.split(payloads, np.cumsum(counts)[:-1]))
