@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,13 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings import read_recording
+from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.recordings.reading import read_turns
+from puckbench.lidar.returns import Beams, Returns, read_firings, write_firings
 from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.turns import Layout, Turn
 from puckbench.lidar.unit_calibration import calibration_in_packets
+from puckbench.puck import decode_returns, encode_returns
 from tests.support.spinning import HDL64E, pcap, rows, spin
 
 NOMINAL = load_sensor("hdl64e_s3")
@@ -150,11 +155,6 @@ def test_other_files_are_no_calibration(name: str, text: str, tmp_path: Path) ->
 
 def test_near_corrections_are_those_of_the_manual_at_its_two_points() -> None:
     """A return at the near point has the near correction of an axis, a far one that of both."""
-    from dataclasses import replace
-
-    from puckbench.lidar.returns import Beams, Returns
-    from puckbench.lidar.turns import Layout, Turn
-
     beams = Beams((0.0,), (0.0,), (0.0,), range_mm=(1000.0,), near_right_mm=(1100.0,),
                   near_forward_mm=(1300.0,))  # fmt: skip
     layout = Layout((0,))
@@ -163,3 +163,13 @@ def test_near_corrections_are_those_of_the_manual_at_its_two_points() -> None:
         turn = Turn(np.full((1, 1, 1), count, np.uint16), np.array([azimuth], np.uint16))
         points = replace(Returns(beams, layout, (), 0.001), turns=(turn,)).points()
         np.testing.assert_allclose(points, [[right, forward, 0.0]], atol=1e-9)
+
+
+def test_beams_of_a_unit_survive_streams_and_tables(tmp_path: Path) -> None:
+    returns = returns_of_packets(spin(HDL64E, packets=9), unit())
+    decoded = decode_returns(encode_returns(returns))
+    np.testing.assert_array_equal(decoded.points(), returns.points())
+    write_firings(tmp_path / "a.parquet", returns)
+    again = read_firings(tmp_path / "a.parquet")
+    np.testing.assert_array_equal(again.points(), returns.points())
+    assert again.beams == returns.beams
