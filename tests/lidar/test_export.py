@@ -207,12 +207,12 @@ def test_a_capture_of_another_sensor_is_one_line_and_no_file(
 ) -> None:
     data = bytearray((DATA / "single.pcap").read_bytes())
     for end in range(24 + 16 + 42 + 1206, len(data) + 1, 16 + 42 + 1206):
-        data[end - 1] = 0x63
+        data[end - 1] = 0x31
     (tmp_path / "a.pcap").write_bytes(data)
     assert main(["capture", str(tmp_path / "a.pcap"), str(tmp_path / "a.parquet")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "a.pcap: packets of HDL-64E" in error
+    assert "a.pcap: packets of Velarray" in error
     assert not (tmp_path / "a.parquet").exists()
 
 
