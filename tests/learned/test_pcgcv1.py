@@ -15,7 +15,7 @@ from puckbench.codecs.registry import codec_class, codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.learned.pcgcv1 import laplace
 from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder, Pcgcv1Encoder
-from puckbench.learned.pcgcv1.cubes import cubes_of, most_likely, occupancy
+from puckbench.learned.pcgcv1.cubes import cubes_of, occupancy
 from puckbench.learned.pcgcv1.entropy_coding import decode_counts, encode_counts
 from puckbench.learned.pcgcv1.inference import CpuTransforms
 from puckbench.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
@@ -28,6 +28,7 @@ from puckbench.learned.pcgcv1.stream import (
     write_stream,
 )
 from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, load_published, load_weights
+from puckbench.learned.sparse.layers import top_k
 from tests.support.learned_codecs import TINY1, changes, endure_damage, network1, save_tiny, shell
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -322,8 +323,8 @@ def test_cubes_hold_every_voxel_once() -> None:
 
 def test_equal_logits_are_taken_in_the_order_of_their_keys() -> None:
     logits = np.array([1, 3, 2, 2, 0, 2], dtype=np.float32)
-    assert most_likely(logits, 3).tolist() == [1, 2, 3]
-    assert most_likely(logits, 9).tolist() == [0, 1, 2, 3, 4, 5]
+    assert top_k(logits, 3).tolist() == [1, 2, 3]
+    assert top_k(logits, 9).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_counts_come_back_in_few_bytes() -> None:

@@ -3,14 +3,14 @@
 Numba vectorises neither short loops, which it unrolls, nor loops over arrays that may overlap.
 Measured savings of encoding time:
 
-======================  ==============================  ==========
-function                codec                           time saved
-======================  ==============================  ==========
-``add_scaled``          ``puck``, effort ``thorough``   24 %
-``decay_and_add``       ``puck``, effort ``thorough``   28 %
-``add_products``        ``sparse_octree_net``           57 %
-``add_fused_products``  ``reno``                        88 %
-======================  ==============================  ==========
+=================  ==============================  ==========
+function           codec                           time saved
+=================  ==============================  ==========
+``add_scaled``     ``puck``, effort ``thorough``   24 %
+``decay_and_add``  ``puck``, effort ``thorough``   28 %
+``add_products``   ``sparse_octree_net``           57 %
+``add_products``   ``reno``                        88 %
+=================  ==============================  ==========
 
 A plain loop (``..._loop``) with the same results replaces them if llvmlite cannot write the vector
 code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, not
@@ -68,17 +68,6 @@ def decay_and_add_loop(
 
 
 def add_products_loop(
-    sums: Floats32, targets: Rows, read: Floats32, sources: Rows, pairs: int, kernel: Floats32,
-    at: int, width: int, wider: int,
-) -> None:  # fmt: skip
-    for pair in range(pairs):
-        onto, row = targets[pair] * wider, sources[pair] * width
-        for k in range(width):
-            for j in range(wider):
-                sums[onto + j] += read[row + k] * kernel[at + k * wider + j]
-
-
-def add_fused_products_loop(
     sums: Floats32, targets: Rows, read: Floats32, sources: Rows, pairs: int, kernel: Floats32,
     at: int, width: int, wider: int,
 ) -> None:  # fmt: skip
@@ -206,8 +195,8 @@ def _decay_and_add(
 
 
 class _Products:
-    def __init__(self, context: Any, builder: Any, kinds: Any, values: Any, fused: bool) -> None:
-        self.builder, self.fused = builder, fused
+    def __init__(self, context: Any, builder: Any, kinds: Any, values: Any) -> None:
+        self.builder = builder
         self.size = context.get_value_type(types.intp)
         self.sums, self.targets, self.read, self.sources, self.kernel = (
             _data(context, builder, kinds[place], values[place]) for place in (0, 1, 2, 3, 5)
@@ -248,12 +237,7 @@ class _Products:
         builder = self.builder
         feature = builder.load(builder.gep(self.read, [source]))
         factors, old = _spread(builder, feature, self.row), builder.load(total)
-        if self.fused:
-            made = builder.call(self.fused_multiply_add(), [factors, weights, old])
-        else:
-            product = builder.fmul(factors, weights, flags=("contract",))
-            made = builder.fadd(old, product, flags=("contract",))
-        builder.store(made, total)
+        builder.store(builder.call(self.fused_multiply_add(), [factors, weights, old]), total)
 
     def fused_multiply_add(self) -> Any:
         kind = ir.FunctionType(self.row, [self.row] * 3)
@@ -271,21 +255,18 @@ class _Products:
         return self.builder.bitcast(self.builder.gep(data, [at]), self.row.as_pointer())
 
 
-def _adder(fused: bool, plain: Callable[..., None]) -> Callable[..., Any]:
-    def typed(
-        typing: Any, sums: Any, targets: Any, read: Any, sources: Any, pairs: Any, kernel: Any,
-        at: Any, width: Any, wider: Any,
-    ) -> Any:  # fmt: skip
-        if not all(isinstance(size, types.IntegerLiteral) for size in (width, wider)):
-            return None
+def _add_products(
+    typing: Any, sums: Any, targets: Any, read: Any, sources: Any, pairs: Any, kernel: Any,
+    at: Any, width: Any, wider: Any,
+) -> Any:  # fmt: skip
+    if not all(isinstance(size, types.IntegerLiteral) for size in (width, wider)):
+        return None
 
-        def write(context: Any, builder: Any, signature: Any, values: Any) -> None:
-            _Products(context, builder, signature.args, values, fused).write()
+    def write(context: Any, builder: Any, signature: Any, values: Any) -> None:
+        _Products(context, builder, signature.args, values).write()
 
-        kinds = (sums, targets, read, sources, types.intp, kernel, types.intp, width, wider)
-        return types.void(*kinds), _or_loop(write, plain)
-
-    return typed
+    kinds = (sums, targets, read, sources, types.intp, kernel, types.intp, width, wider)
+    return types.void(*kinds), _or_loop(write, add_products_loop)
 
 
 add_scaled: Any = intrinsic(_add_scaled, prefer_literal=True)
@@ -294,13 +275,9 @@ add_scaled: Any = intrinsic(_add_scaled, prefer_literal=True)
 decay_and_add: Any = intrinsic(_decay_and_add)
 """``decay_and_add(onto, i, numbers, factor, damp, slow, lanes)``: add ``(numbers[k] * factor >>
 damp) - (onto[i + k] >> slow)`` to each ``onto[i + k]``, in 32 bits."""
-add_products: Any = intrinsic(_adder(fused=False, plain=add_products_loop), prefer_literal=True)
+add_products: Any = intrinsic(_add_products, prefer_literal=True)
 """``add_products(sums, targets, read, sources, pairs, kernel, at, width, wider)``: for each of the
 first `pairs` targets, all different, and sources, which are rows of `sums` and `read`, compute
-``sums[target] += read[source] @ matrix``. The (width, wider) matrix begins at ``kernel[at]``. Sums
-and products must be exact in single precision, as those of fixed-point numbers are."""
-add_fused_products: Any = intrinsic(
-    _adder(fused=True, plain=add_fused_products_loop), prefer_literal=True
-)
-"""As `add_products`, for any numbers: each multiplication and addition is rounded once, and a sum
-grows in the order of the matrix's rows, so that every machine computes the same bits."""
+``sums[target] += read[source] @ matrix``. The (width, wider) matrix begins at ``kernel[at]``. Each
+multiplication and addition is rounded once, and a sum grows in the order of the matrix's rows, so
+that every machine computes the same bits."""

@@ -52,63 +52,13 @@ ADJACENCY_REDUCED = np.array([0, 0, 1, 2, 3, 3], dtype=np.int64)
 _CODING_ORDER = (1, 7, 5, 3, 2, 6, 4, 0)
 
 # Symmetry classes of the 64 neighbour patterns, with an atlas, and with siblings only.
-_CLASSES_9 = tuple(
-    int(digit) for digit in "0111122312231334122325562556366712232556255636671334366736674778"
+_CLASSES_9, _SIBLING_CLASSES = (
+    tuple(map(int, digits))
+    for digits in (
+        "0111122312231334122325562556366712232556255636671334366736674778",
+        "0550511051100000233037703770000023303770377000000000000000000000",
+    )
 )
-_SIBLING_CLASSES = {
-    **dict.fromkeys((0,), 0),
-    **dict.fromkeys(
-        (
-            1,
-            2,
-            4,
-            8,
-        ),
-        5,
-    ),
-    **dict.fromkeys(
-        (
-            5,
-            6,
-            9,
-            10,
-        ),
-        1,
-    ),
-    **dict.fromkeys(
-        (
-            16,
-            32,
-        ),
-        2,
-    ),
-    **dict.fromkeys(
-        (
-            17,
-            18,
-            20,
-            24,
-            33,
-            34,
-            36,
-            40,
-        ),
-        3,
-    ),
-    **dict.fromkeys(
-        (
-            21,
-            22,
-            25,
-            26,
-            37,
-            38,
-            41,
-            42,
-        ),
-        7,
-    ),
-}
 _CLASSES_5 = (0, 1, 2, 3, 1, 2, 3, 4, 4)
 _CLASSES_3 = (0, 1, 1, 2, 2, 1, 2, 2, 2)
 
@@ -166,10 +116,7 @@ def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
 
 
 CODED_CHILD = np.array(_coded_children(), dtype=np.int64)
-CTX_MAP_BASE = np.array(
-    [_map_bases(tuple(_SIBLING_CLASSES.get(p, 0) for p in range(64))), _map_bases(_CLASSES_9)],
-    dtype=np.int64,
-)
+CTX_MAP_BASE = np.array([_map_bases(_SIBLING_CLASSES), _map_bases(_CLASSES_9)], dtype=np.int64)
 """Offsets into a context map, indexed by whether neighbours outside the parent are known,
 neighbour pattern, and coded bit.
 """

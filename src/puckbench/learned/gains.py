@@ -12,31 +12,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol, cast
+from typing import Any, ClassVar, cast
 
 import torch
 from torch import Tensor, nn
 
 from puckbench.core.errors import InputError
+from puckbench.core.models import Model
 from puckbench.learned.entropy_bottleneck import EntropyBottleneck
 
 _RATE_LR_FACTOR = 5.0
 
 
-class MultiRateShape(Protocol):
-    @property
-    def rates(self) -> int: ...
-
-    @property
-    def latent_channels(self) -> int: ...
-
-    def model_dump(self) -> dict[str, Any]: ...
-
-
 class MultiRateNetwork(nn.Module):
     """A network for several rates; subclasses define layers, then call `add_rates`."""
 
-    shape: MultiRateShape
+    Shape: ClassVar[type[Model]]
+    shape: Any
     entropy_bottlenecks: nn.ModuleList
     log_gains: nn.Parameter
 

@@ -12,7 +12,7 @@ import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import torch
@@ -23,6 +23,7 @@ from torch import Tensor
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes, write_bytes
+from puckbench.core.models import parsed
 from puckbench.learned.catalogue import HEADER_KEY, SUFFIX, NetworkType, WeightsHeader, header_of
 from puckbench.learned.entropy_bottleneck import FrequencyTable, frequency_tables
 from puckbench.learned.gains import MultiRateNetwork
@@ -118,20 +119,12 @@ class MultiRateWeights(Generic[N]):
     card: Mapping[str, Any]  # model card
 
 
-class _RateWeights(Protocol):
-    @property
-    def digest(self) -> bytes: ...
-
-    @property
-    def lmbdas(self) -> tuple[float, ...]: ...
-
-
-def check_rate(weights: _RateWeights, rate: int) -> None:
+def check_rate(weights: MultiRateWeights[Any], rate: int) -> None:
     if not 0 <= rate < len(weights.lmbdas):
         raise InputError(f"rate {rate}: the weights have {len(weights.lmbdas)} rates, from 0 on")
 
 
-def check_made_with(weights: _RateWeights, digest: bytes, rate: int) -> None:
+def check_made_with(weights: MultiRateWeights[Any], digest: bytes, rate: int) -> None:
     """Raise InputError if a stream's digest or rate does not match the weights."""
     check_digest(weights.digest, digest)
     if rate >= len(weights.lmbdas):
@@ -157,7 +150,7 @@ def save_multi_rate(
 def load_multi_rate(
     path: Path,
     network: NetworkType,
-    build: Callable[[Mapping[str, Any]], N],
+    model_type: type[N],
     load_published: Callable[[Path], N],
 ) -> MultiRateWeights[N]:
     """Read a set trained by puckbench, or, with `load_published`, a file of the network's authors.
@@ -165,7 +158,7 @@ def load_multi_rate(
     Raises InputError if the file is neither.
     """
     if path.suffix == SUFFIX:
-        return _load_our_set(path, build)
+        return _load_our_set(path, model_type)
     model = load_published(path)
     tables = _tables_of(model)
     digest = digest_of(read_bytes(path) + json.dumps(_json_of_tables(tables)).encode())
@@ -173,11 +166,11 @@ def load_multi_rate(
     return MultiRateWeights(model, network.lmbdas_of(path), tables, digest, card)
 
 
-def _load_our_set(path: Path, build: Callable[[Mapping[str, Any]], N]) -> MultiRateWeights[N]:
+def _load_our_set(path: Path, model_type: type[N]) -> MultiRateWeights[N]:
     contents = read_weights(path)
     header = contents.header
     try:
-        model = build(header.shape)
+        model = model_type(parsed(model_type.Shape, header.shape, f"{path}: shape"))
         model.load_state_dict(contents.state)
         tables = _tables_of_tensors(contents.integers)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from puckbench.coding.byte_io import Reader
 from puckbench.coding.framing import Framing
 from puckbench.core.errors import InputError
 from puckbench.gpcc.grid import InputGrid
@@ -76,45 +77,29 @@ def read_stream(stream: bytes) -> OctreeNetStream:
     """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
     another codec or version.
     """
-    try:
-        return _read(stream)
-    except struct.error as error:
-        raise InputError("the stream is truncated") from error
-
-
-def _read(stream: bytes) -> OctreeNetStream:
-    _, body = _FRAMING.unframed(stream)
-    digest, scale, x, y, z, has_grid = _HEADER.unpack_from(body)
-    grid, at = _read_grid(body, _HEADER.size, has_grid)
-    parts = _read_parts(body, at)
+    reader = Reader(_FRAMING.unframed(stream)[1])
+    digest, scale, x, y, z, has_grid = _HEADER.unpack(reader.take(_HEADER.size))
+    grid = _read_grid(reader) if has_grid else InputGrid()
+    (count,) = _COUNT.unpack(reader.take(_COUNT.size))
+    parts = tuple(_read_part(reader) for _ in range(count))
+    if reader.rest() or not parts:
+        raise InputError("the stream is damaged (its length)")
+    _check(parts)
     if not _MIN_SCALE < scale < np.inf:
         raise InputError("the stream is damaged (its scale)")
     return OctreeNetStream(digest, scale, (x, y, z), grid, parts)
 
 
-def _read_grid(body: bytes, at: int, has_grid: int) -> tuple[InputGrid, int]:
-    if not has_grid:
-        return InputGrid(), at
-    unit, *offset = _GRID.unpack_from(body, at)
+def _read_grid(reader: Reader) -> InputGrid:
+    unit, *offset = _GRID.unpack(reader.take(_GRID.size))
     if not (0 < unit < 2.0**500 and np.abs(offset).max() < 2.0**500):
         raise InputError("the stream is damaged (its grid)")
-    return InputGrid(unit, (offset[0], offset[1], offset[2])), at + _GRID.size
+    return InputGrid(unit, (offset[0], offset[1], offset[2]))
 
 
-def _read_parts(body: bytes, at: int) -> tuple[CodedPart, ...]:
-    (count,) = _COUNT.unpack_from(body, at)
-    at += _COUNT.size
-    parts = []
-    for _ in range(count):
-        voxels, levels, top, symbols = _PART.unpack_from(body, at)
-        at += _PART.size
-        end = at + top + symbols
-        parts.append(CodedPart(voxels, levels, body[at : at + top], body[at + top : end]))
-        at = end
-    if at != len(body) or not parts:
-        raise InputError("the stream is damaged (its length)")
-    _check(parts)
-    return tuple(parts)
+def _read_part(reader: Reader) -> CodedPart:
+    voxels, levels, top, symbols = _PART.unpack(reader.take(_PART.size))
+    return CodedPart(voxels, levels, reader.take(top), reader.take(symbols))
 
 
 def max_nodes(part: CodedPart) -> int:

@@ -13,7 +13,6 @@ from puckbench.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.learned.pcgcv1.cubes import (
     OccupiedCubes,
     cubes_of,
-    most_likely,
     occupancy,
     sibling_blocks_of,
 )
@@ -50,6 +49,7 @@ from puckbench.learned.point_reconstruction import (
     points_per_voxel,
     reconstructed_points,
 )
+from puckbench.learned.sparse.layers import top_k
 from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
 
 Voxels = NDArray[np.int64]
@@ -72,13 +72,13 @@ class Pcgcv1Encoder:
     point_reconstruction: bool = True
 
     def encode(self, points: Floats) -> Pcgcv1Stream:
-        side = self.weights.shape.cube_size
+        side = self.weights.model.shape.cube_size
         cubes = cubes_of(np.rint(points * self.scale).astype(np.int64), side)
         is_dense = cubes.counts >= self.min_points
         sparse = encode_voxels(cubes.selected(~is_dense).voxels()) if self.sparse_cubes else b""
         kept = cubes.selected(is_dense)
         counts = np.clip(np.rint(self.rho * kept.counts), 1, side**3).astype(np.int64)
-        positions = blocks_of(kept) if self.weights.shape.occupied_blocks else kept.positions
+        positions = blocks_of(kept) if self.weights.model.shape.occupied_blocks else kept.positions
         coded_cubes = _coded_cubes(positions, self.weights)
         with thread_pool(self.threads) as pool:
             parts = [
@@ -127,11 +127,11 @@ class Pcgcv1Decoder:
         self.weights, self.threads = weights, threads
 
     def decode(self, content: Pcgcv1Stream) -> Floats:
-        side = self.weights.shape.cube_size
+        side = self.weights.model.shape.cube_size
         check_work(content, side, 0)
         counts = decode_counts(content.counts, content.cubes, side**3)
         check_work(content, side, sum(counts))
-        blocks = (side // STRIDE) ** 3 if self.weights.shape.occupied_blocks else 1
+        blocks = (side // STRIDE) ** 3 if self.weights.model.shape.occupied_blocks else 1
         coded_cubes = _coded_cubes(
             decode_voxels(content.positions, content.cubes * blocks), self.weights
         )
@@ -150,7 +150,7 @@ class Pcgcv1Decoder:
     def _decode_cubes(
         self, content: Pcgcv1Stream, coded_cubes: CodedCubes, counts: list[int]
     ) -> list[SiblingBlocks]:
-        side, parts = self.weights.shape.cube_size, []
+        side, parts = self.weights.model.shape.cube_size, []
         batches = _batches(content.cubes)
         with thread_pool(self.threads) as pool:
             blocks = [coded_cubes.blocks[cubes] for cubes in batches]
@@ -189,10 +189,10 @@ class Pcgcv1Decoder:
         def code_cube(cube: int) -> SiblingBlocks:
             y_hat = np.ascontiguousarray(np.moveaxis(y_hats[cube], -1, 0))
             logits = self.weights.network.synthesise(y_hat, rate, blocks[cube])
-            if self.weights.shape.occupied_blocks:
+            if self.weights.model.shape.occupied_blocks:
                 keys = most_likely_per_block(logits, blocks[cube], counts[cube])
             else:
-                keys = most_likely(logits, counts[cube])
+                keys = top_k(logits, counts[cube])
             return sibling_blocks_of(logits, keys)
 
         return _map_cubes(len(blocks), code_cube, pool)
@@ -229,8 +229,8 @@ def _decode_latents(
 
 
 def _coded_cubes(positions: Voxels, weights: Pcgcv1Weights) -> CodedCubes:
-    side = weights.shape.cube_size
-    make = cubes_with_blocks if weights.shape.occupied_blocks else cubes_with_all_blocks
+    side = weights.model.shape.cube_size
+    make = cubes_with_blocks if weights.model.shape.occupied_blocks else cubes_with_all_blocks
     return make(positions, side)
 
 

@@ -66,18 +66,6 @@ def occupancy(keys: Int64s, side: int) -> NDArray[np.float32]:
     return flat.reshape(side, side, side)
 
 
-def most_likely(logits: NDArray[np.float32], count: int) -> Int64s:
-    """Return the ascending keys (indices) of a cube's `count` largest logits; ties go to lower
-    ones.
-    """
-    if count >= len(logits):
-        return np.arange(len(logits))
-    threshold = np.partition(logits, len(logits) - count)[len(logits) - count]
-    cube_positions = np.flatnonzero(logits > threshold)
-    equal = np.flatnonzero(logits == threshold)[: count - len(cube_positions)]
-    return np.sort(np.concatenate([cube_positions, equal]))
-
-
 def sibling_blocks_of(logits: NDArray[np.float32], keys: Int64s) -> SiblingBlocks:
     """Return the 2x2x2 blocks of a cube, from its logits (side**3,) and the keys of kept voxels."""
     kept = np.zeros(len(logits), dtype=bool)

@@ -182,6 +182,7 @@ class HyperSynthesis(nn.Module):
 class PCGCv1(MultiRateNetwork):
     """Transforms g_a, g_s, h_a and h_s, and a bottleneck of z and gains of y for each rate."""
 
+    Shape = Pcgcv1Shape
     shape: Pcgcv1Shape
 
     def __init__(self, shape: Pcgcv1Shape) -> None:

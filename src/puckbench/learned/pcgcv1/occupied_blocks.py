@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.learned.pcgcv1.cubes import Int64s, OccupiedCubes, Voxels, in_order, most_likely
+from puckbench.learned.pcgcv1.cubes import Int64s, OccupiedCubes, Voxels, in_order
+from puckbench.learned.sparse.layers import top_k
 
 STRIDE = 4
 """Voxels along an edge of a block; the hyper-latent has a position for 2x2x2 blocks."""
@@ -66,7 +67,7 @@ def most_likely_per_block(logits: NDArray[np.float32], blocks: Bools, count: int
     side = blocks.shape[0] * STRIDE
     rows = _in_blocks(logits.reshape(side, side, side))[blocks]
     rows[np.arange(len(rows)), rows.argmax(axis=1)] = np.inf
-    keys: Int64s = _keys(side)[blocks].ravel()[most_likely(rows.ravel(), count)]
+    keys: Int64s = _keys(side)[blocks].ravel()[top_k(rows.ravel(), count)]
     return np.sort(keys)
 
 

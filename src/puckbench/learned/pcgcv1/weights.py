@@ -21,14 +21,13 @@ from torch import Tensor
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.core.models import parsed
 from puckbench.learned.catalogue import PCGCV1, weights_path
 from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
 from puckbench.learned.pcgcv1.inference import CpuTransforms, Transforms
 from puckbench.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
-from puckbench.learned.weights_file import Tables, load_multi_rate, save_multi_rate
+from puckbench.learned.weights_file import MultiRateWeights, load_multi_rate, save_multi_rate
 
 _BLOCK_LAYERS = ("conv1_1", "conv1_2", "conv2_1", "conv2_2", "conv2_3")
 _LAYERS = {
@@ -52,14 +51,9 @@ _KERNEL_AXES = (4, 3, 0, 1, 2)
 
 
 @dataclass(frozen=True)
-class Pcgcv1Weights:
-    shape: Pcgcv1Shape
+class Pcgcv1Weights(MultiRateWeights[PCGCv1]):
     network: Transforms  # transforms g_a, g_s and h_a
     hyper_synthesis: IntegerHyperSynthesis  # transform h_s in integers
-    lmbdas: tuple[float, ...]  # Lagrangian weights of the rates, lowest bitrate first
-    tables: Tables  # frequency tables of the hyper-latent
-    digest: bytes  # by which streams name the set
-    card: Mapping[str, Any]  # model card
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
@@ -68,18 +62,12 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
     The transform h_s stays on the CPU, where its sums are exact.
     """
     path = weights_path(where)
-    weights = load_multi_rate(
-        path,
-        PCGCV1,
-        lambda sizes: PCGCv1(parsed(Pcgcv1Shape, sizes, f"{path}: shape")),
-        load_published,
-    )
-    with naming(path):
-        hyper_synthesis = IntegerHyperSynthesis(weights.model.h_s)
-    metadata = (weights.lmbdas, weights.tables, weights.digest, weights.card)
+    weights = load_multi_rate(path, PCGCV1, PCGCv1, load_published)
     model = weights.model
+    with naming(path):
+        hyper_synthesis = IntegerHyperSynthesis(model.h_s)
     network = CpuTransforms(model) if device == "cpu" else DeviceTransforms(placed(model, device))
-    return Pcgcv1Weights(model.shape, network, hyper_synthesis, *metadata)
+    return Pcgcv1Weights(**vars(weights), network=network, hyper_synthesis=hyper_synthesis)
 
 
 def save_weights(

@@ -145,6 +145,7 @@ class Pcgcv2Synthesis(nn.Module):
 class PCGCv2(MultiRateNetwork):
     """Transforms g_a and g_s, and an entropy bottleneck and gains of y for each rate."""
 
+    Shape = Pcgcv2Shape
     shape: Pcgcv2Shape
 
     def __init__(self, shape: Pcgcv2Shape) -> None:

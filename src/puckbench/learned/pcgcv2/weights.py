@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from puckbench.core.errors import InputError
-from puckbench.core.models import parsed
 from puckbench.learned.catalogue import PCGCV2, weights_path
 from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
@@ -29,12 +28,7 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
     """Read trained weights, a shipped set by name, or a set or an authors' checkpoint by path."""
     path = weights_path(where)
-    weights = load_multi_rate(
-        path,
-        PCGCV2,
-        lambda sizes: PCGCv2(parsed(Pcgcv2Shape, sizes, f"{path}: shape")),
-        load_published,
-    )
+    weights = load_multi_rate(path, PCGCV2, PCGCv2, load_published)
     placed(weights.model, device)
     return weights
 

@@ -1,7 +1,7 @@
 """Compiled layers of RENO: convolutions, and heads that return cumulative frequencies.
 
 Encoder and decoder agree to the last bit: the order of IEEE 754 operations does not depend on the
-number of threads (see `add_fused_products`), and the exponential function, which libraries round
+number of threads (see `add_products`), and the exponential function, which libraries round
 differently, is computed here.
 """
 
@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.intrinsics import add_fused_products
+from puckbench.coding.intrinsics import add_products
 from puckbench.core.compiling import compiled
 from puckbench.learned.reno.weights import VALUES, Floats32
 from puckbench.learned.sparse.voxels import OFFSETS, NeighbourTable
@@ -59,7 +59,7 @@ def convolution(channels: int) -> Callable[..., None]:
                     # overwritten by the next neighbour if there is none
                     targets[pairs], sources[pairs] = i, neighbour
                     pairs += neighbour >= 0
-                add_fused_products(
+                add_products(
                     sums, targets, features, sources, pairs, kernel, offset * channels * channels,
                     channels, channels,
                 )  # fmt: skip
@@ -88,14 +88,12 @@ def head(channels: int) -> Callable[..., None]:
                         value += embedding[np.int64(symbols[start + i]) * channels + j]
                     inputs[i * channels + j] = value
                     result[i * channels + j] = hidden_bias[j]
-            add_fused_products(
-                result, all_rows, inputs, all_rows, count, hidden, 0, channels, channels
-            )
+            add_products(result, all_rows, inputs, all_rows, count, hidden, 0, channels, channels)
             for k in range(count * channels):
                 inputs[k] = max(result[k], _ZERO)
             for k in range(count * VALUES):
                 sums[k] = logits_bias[k % VALUES]
-            add_fused_products(sums, all_rows, inputs, all_rows, count, logits, 0, channels, VALUES)
+            add_products(sums, all_rows, inputs, all_rows, count, logits, 0, channels, VALUES)
             for i in range(count):
                 cumulate(sums, i * VALUES, predicted[start + i])
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -44,28 +44,6 @@ class PairLayout:
     groups: list[tuple[int, list[int], list[int]]]
 
 
-class GatherScatter(Protocol):
-    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout: ...
-
-    def gather(
-        self,
-        features: Tensor,
-        kernel_map: KernelMap,
-        rows: slice,
-        scratch: Scratch,
-        at_output: bool = False,
-    ) -> Segments:
-        """Gather features (n, children, channels) of a chunk's neighbours at each offset but zero.
-
-        With `at_output`, gather the features of the rows themselves, at the children that the
-        convolution writes.
-        """
-
-    def scatter_add(
-        self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
-    ) -> None: ...
-
-
 class _Chunk(NamedTuple):
     firsts: NDArray[np.int64]
     layout: PairLayout
@@ -96,6 +74,11 @@ class CompiledGatherScatter:
         scratch: Scratch,
         at_output: bool = False,
     ) -> Segments:
+        """Gather features (n, children, channels) of a chunk's neighbours at each offset but zero.
+
+        With `at_output`, gather the features of the rows themselves, at the children that the
+        convolution writes.
+        """
         width, name = features.shape[2], "own" if at_output else "read"
         chunk = self._chunk(kernel_map, rows)
         buffer = scratch.take(name, chunk.layout.size * width)
@@ -178,6 +161,9 @@ class TorchGatherScatter:
                 children = torch.from_numpy(kernel_map.written[offset, : kernel_map.sizes[offset]])
                 target = (chunk_rows[:, None], children.to(chunk_rows.device)[None, :])
                 sums[target] = sums[target] + product.view(len(chunk_rows), len(children), -1)
+
+
+GatherScatter = CompiledGatherScatter | TorchGatherScatter
 
 
 def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> PairLayout:
