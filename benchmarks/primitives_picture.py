@@ -122,7 +122,7 @@ def main() -> None:
     truth = read_mesh(options.results / "scenes" / f"{options.scene}.ply")
     stream = open_codec("primitives").encode(cloud.xyz, options.rate)
     patches = read_patches(stream)
-    planes, rounds = int(patches.leaves.counts[1]), len(patches.revolutions)
+    planes, rounds = int(patches.octree.leaves.counts[1]), len(patches.revolutions)
     print(f"{8 * len(stream) / len(cloud):.4f} bpp, {planes} planes, {rounds} round surfaces")
     decoded, names = segment_points(patches)
     scan = replace(cloud, xyz=cloud.to_metres(cloud.xyz))

@@ -152,6 +152,6 @@ def test_one_plane_serves_a_noisy_wall() -> None:
     height = across @ [0.21, -0.13] + rng.normal(0, 1.3, len(across))
     points = np.column_stack([across, height])
     patches = read_patches(open_codec("primitives").encode(points, "r5"))
-    leaves, planes = patches.leaves.counts
+    leaves, planes = patches.octree.leaves.counts
     assert planes <= 3 < leaves
     assert len(set(segment_leaves(patches))) == 1

@@ -20,7 +20,6 @@ from puckbench.gpcc.compiled import integer, kernel
 from puckbench.gpcc.fixed_point import TURN, arc_tangent, int32, inverse_square_root
 
 Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
 NO_LASER = 255
 """Laser of a node that is too large to be assigned to one laser."""

@@ -30,14 +30,6 @@ from puckbench.gpcc.slices import (
 from puckbench.gpcc.syntax import Three
 from puckbench.gpcc.tree import Tree, build_tree, coded_axes, sorted_rows
 
-__all__ = [
-    "PROFILES",
-    "DecodedGeometry",
-    "GpccOptions",
-    "decode_geometry",
-    "encode_geometry",
-]
-
 MAX_POINTS = 1 << 24
 """Maximum number of points of a stream and of a slice; it limits the memory needed."""
 MAX_LEVELS = 1 << 14
@@ -161,32 +153,26 @@ def encode_octree_geometry(
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
     if sum(len(slice_points.axes) for slice_points in slices) > MAX_LEVELS:
         raise InputError(f"G-PCC: {len(slices)} slices have more than {MAX_LEVELS} octree levels")
-    if attributes is None:
-        units = (
-            (syntax.GEOMETRY_DATA_UNIT, _data_unit(part, number, sps, gps)[0])
-            for number, part in enumerate(slices)
-        )
-        return stream_of(sps, gps, units)
-    extent = (bounding_corners(points)[1] - low).tolist()
-    return stream_of(
-        sps,
-        gps,
-        _units_with_attributes(points, low, slices, sps, gps, attributes),
-        attributes.start(sps, gps, extent),
-    )
+    parameters = []
+    if attributes is not None:
+        extent = (bounding_corners(points)[1] - low).tolist()
+        parameters = attributes.start(sps, gps, extent)
+    return stream_of(sps, gps, _units(points, low, slices, sps, gps, attributes), parameters)
 
 
-def _units_with_attributes(
+def _units(
     points: Ints,
     low: Ints,
     slices: list[_SlicePoints],
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
-    attributes: AttributeWriter,
+    attributes: AttributeWriter | None,
 ) -> Iterator[tuple[int, bytes]]:
-    axes = _AXIS_ORDERS[sps.geom_axis_order]
+    axes, merged = _AXIS_ORDERS[sps.geom_axis_order], bool(gps.geom_unique_points_flag)
     for number, part in enumerate(slices):
-        merged = bool(gps.geom_unique_points_flag)
+        if attributes is None:
+            yield syntax.GEOMETRY_DATA_UNIT, _data_unit(part, number, sps, gps)[0]
+            continue
         leaves = np.empty(len(part.tree.keys) if merged else len(part.members), dtype=np.int64)
         unit, header = _data_unit(part, number, sps, gps, leaves)
         yield syntax.GEOMETRY_DATA_UNIT, unit
@@ -233,7 +219,7 @@ def stream_of(
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
     units: Iterable[tuple[int, bytes]],
-    attribute_parameters: Iterable[bytes] = (),
+    attribute_parameters: Iterable[bytes],
 ) -> bytes:
     payloads = [
         (syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)),

@@ -9,7 +9,6 @@ from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats, bounds
 
 Rounding = Literal["nearest", "truncate"]
-ROUNDINGS: tuple[Rounding, ...] = ("nearest", "truncate")
 MOST_BITS = 21
 """Maximum number of bits of a coordinate, as in the default level of the standard's profiles."""
 _FARTHEST = 2.0**30

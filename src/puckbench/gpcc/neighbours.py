@@ -42,10 +42,6 @@ def _grid_cell(x: int, y: int, z: int) -> int:
     return 16 * x + 4 * y + z
 
 
-def _signed(bits: int) -> int:
-    return bits - (1 << 64) if bits >> 63 else bits
-
-
 # A node and its 26 neighbours lie in a 4 x 4 x 4 grid of bits around the node's parent.
 _GRID_OF_OCCUPANCY = np.array(
     [

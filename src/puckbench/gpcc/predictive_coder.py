@@ -121,22 +121,15 @@ def encode_trees_geometry(
     parts = list(_partition(relative, np.arange(len(points)), options.slice_max_points))
     if len(parts) > MAX_TREE_SLICES:
         raise InputError(f"G-PCC: more than {MAX_TREE_SLICES} slices")
-    if attributes is None:
-        units = (
-            (
-                syntax.GEOMETRY_DATA_UNIT,
-                _coded_part(relative[rows], k, options, sps, gps, centre).unit,
-            )
-            for k, rows in enumerate(parts)
-        )
-        return stream_of(sps, gps, units)
     sources = np.unique(first_of) if options.merge_duplicates else np.arange(len(points))
     del points
 
-    def units_with_attributes() -> Iterator[tuple[int, bytes]]:
+    def units() -> Iterator[tuple[int, bytes]]:
         for number, rows in enumerate(parts):
             part = _coded_part(relative[rows], number, options, sps, gps, centre)
             yield syntax.GEOMETRY_DATA_UNIT, part.unit
+            if attributes is None:
+                continue
             members, coded_rows = sources[rows], None
             if options.merge_duplicates:
                 members = np.flatnonzero(np.isin(first_of, members))
@@ -146,9 +139,10 @@ def encode_trees_geometry(
             for unit in attributes.data_units(number, part.corner, coded):
                 yield syntax.ATTRIBUTE_DATA_UNIT, unit
 
-    extent = (whole.max(axis=0) - low).tolist()
-    parameters = attributes.start(sps, gps, extent)
-    return stream_of(sps, gps, units_with_attributes(), parameters)
+    parameters = []
+    if attributes is not None:
+        parameters = attributes.start(sps, gps, (whole.max(axis=0) - low).tolist())
+    return stream_of(sps, gps, units(), parameters)
 
 
 def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> Three:

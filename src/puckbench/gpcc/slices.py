@@ -335,7 +335,4 @@ def _empty_nodes(count: int, *, encoding: bool) -> octree.Nodes:
 
 
 def _first_nodes(nodes: octree.Nodes, count: int) -> octree.Nodes:
-    morton, occupancy, idcm_eligible, first_child, laser = nodes
-    return octree.Nodes(
-        morton[:count], occupancy[:count], idcm_eligible[:count], first_child[:count], laser[:count]
-    )
+    return octree.Nodes._make(array[:count] for array in nodes)

@@ -12,12 +12,11 @@ from puckbench.primitives.entropy import reader
 from puckbench.primitives.occupancy_decision import NO_CRITERION
 from puckbench.primitives.occupancy_map import code_occupancy_maps
 from puckbench.primitives.octree_arrays import (
-    Bytes,
     EncoderNodes,
-    IndexGrid,
     Ints,
     Leaves,
     OctreeGeometry,
+    PlaneOctree,
 )
 from puckbench.primitives.reconstruction import count_points, reconstruct_points
 from puckbench.primitives.revolution import (
@@ -67,9 +66,7 @@ class Patches(NamedTuple):
     """Decoded primitives with their occupancy maps."""
 
     header: SurfaceHeader
-    geometry: OctreeGeometry
-    leaves: Leaves
-    occupancy: Bytes  # grid of cells with the states of the planes' columns
+    octree: PlaneOctree
     revolutions: list[UnrolledMap]
 
 
@@ -108,30 +105,30 @@ def decode_surface(stream: bytes) -> DecodedSurface:
 
 def read_patches(stream: bytes) -> Patches:
     header, payload = unpack_surface(stream)
-    geometry = octree_geometry(header)
-    leaves, leaf_grid, occupancy = allocate_arrays(header)
+    octree = empty_octree(header)
     coder = reader(payload, CONTEXTS, MIXERS)
     revolutions = [
         UnrolledMap(surface, np.zeros(surface.column_count(), np.uint8))
         for surface in unpack_parameters(header.revolutions)
     ]
-    is_complete = code_octree(coder, geometry, _NO_NODES, leaves, leaf_grid)
+    is_complete = code_octree(coder, octree, _NO_NODES)
     if is_complete:
-        if count_columns(leaves) > MAX_COLUMNS:
-            raise InputError(f"the stream is damaged ({count_columns(leaves)} columns)")
-        code_occupancy_maps(coder, geometry, leaves, leaf_grid, NO_CRITERION, occupancy)
+        if (columns := count_columns(octree.leaves)) > MAX_COLUMNS:
+            raise InputError(f"the stream is damaged ({columns} columns)")
+        code_occupancy_maps(coder, octree, NO_CRITERION)
         for surface, bits in revolutions:
             code_unrolled_map(coder, surface.columns_per_row(), bits)
     if not is_complete or exhausted(coder.bits):
         raise InputError("the stream is damaged (its octree is too large, or it ends too early)")
-    return Patches(header, geometry, leaves, occupancy, revolutions)
+    return Patches(header, octree, revolutions)
 
 
 def reconstruct_surface(patches: Patches) -> DecodedSurface:
     """Return points on all primitives; raise InputError if none or more than `MAX_POINTS`."""
     xyz, leaf_of_point = reconstruct_planes(patches)
-    planes = patches.leaves.plane_index[leaf_of_point]
-    normals = patches.header.rotate_back(patches.leaves.planes[planes, :3])
+    leaves = patches.octree.leaves
+    planes = leaves.plane_index[leaf_of_point]
+    normals = patches.header.rotate_back(leaves.planes[planes, :3])
     parts = [DecodedSurface(xyz, normals, planes), *reconstruct_revolutions(patches)]
     surface = DecodedSurface(*map(np.concatenate, zip(*parts, strict=True)))
     if not 0 < len(surface.xyz) <= MAX_POINTS:
@@ -141,18 +138,17 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
     """Return points (m, 3) on all planes, in the cloud's coordinates, and their leaves (m,)."""
-    header = patches.header
-    arguments = (patches.geometry, patches.leaves, patches.occupancy, header.point_spacing)
-    count = count_points(*arguments)
+    header, octree = patches.header, patches.octree
+    count = count_points(octree, header.point_spacing)
     if count > MAX_POINTS:
         raise InputError(f"the stream is damaged ({count} points)")
     xyz, leaf_of_point = np.empty((count, 3)), np.empty(count, np.int64)
-    reconstruct_points(*arguments, xyz, leaf_of_point)
+    reconstruct_points(octree, header.point_spacing, xyz, leaf_of_point)
     return header.in_cloud(xyz), leaf_of_point
 
 
 def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
-    header, plane_count = patches.header, int(patches.leaves.counts[1])
+    header, plane_count = patches.header, int(patches.octree.leaves.counts[1])
     count = count_revolution_points(patches, header.point_spacing)
     if count > MAX_REVOLUTION_POINTS:
         raise InputError(f"the stream is damaged ({count} points on surfaces of revolution)")
@@ -165,8 +161,7 @@ def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
 
 
 def count_surface_points(patches: Patches, spacing: int) -> int:
-    arrays = (patches.geometry, patches.leaves, patches.occupancy)
-    return count_points(*arrays, spacing) + count_revolution_points(patches, spacing)
+    return count_points(patches.octree, spacing) + count_revolution_points(patches, spacing)
 
 
 def count_revolution_points(patches: Patches, spacing: int) -> int:
@@ -177,22 +172,19 @@ def count_columns(leaves: Leaves) -> int:
     return int((leaves.side[: leaves.counts[0]] ** 2).sum())
 
 
-def octree_geometry(header: SurfaceHeader, lmbda: float = 0.0) -> OctreeGeometry:
+def empty_octree(header: SurfaceHeader, lmbda: float = 0.0) -> PlaneOctree:
     levels_above_finest = np.maximum(header.finest_leaf_level - np.arange(header.depth + 1), 0)
     steps = header.plane_step / 16 * 2.0 ** (-_PLANE_STEP_EXPONENT * levels_above_finest)
     shape = np.array(header.shape, np.int64)
-    return OctreeGeometry(
+    geometry = OctreeGeometry(
         header.depth, header.finest_leaf_level, header.coarsest_leaf_level, shape, steps, lmbda
     )
-
-
-def allocate_arrays(header: SurfaceHeader) -> tuple[Leaves, IndexGrid, Bytes]:
     n = header.leaf_capacity
     corner, side, plane = np.zeros((n, 3), np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
     leaves = Leaves(corner, side, plane, np.zeros((n, 4)), np.zeros(2, np.int64))
     side_log2 = header.depth - header.finest_leaf_level
     leaf_grid = np.zeros([((cells - 1) >> side_log2) + 1 for cells in header.shape], np.int32)
-    return leaves, leaf_grid, np.zeros(header.shape, np.uint8)
+    return PlaneOctree(geometry, leaves, leaf_grid, np.zeros(header.shape, np.uint8))
 
 
 _NO_NODES = EncoderNodes(

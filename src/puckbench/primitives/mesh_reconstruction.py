@@ -14,8 +14,7 @@ from puckbench.primitives.octree_arrays import (
     OCCUPIED,
     Bytes,
     Ints,
-    Leaves,
-    OctreeGeometry,
+    PlaneOctree,
     dominant_axis,
     plane_height,
 )
@@ -54,20 +53,20 @@ def decode_mesh(stream: bytes) -> Mesh:
 
 
 def _plane_quads(patches: Patches) -> tuple[Floats, Ints]:
-    if patches.leaves.counts[0] > _MAX_LEAVES:
+    if patches.octree.leaves.counts[0] > _MAX_LEAVES:
         raise InputError(f"the stream has more than {_MAX_LEAVES} leaves, too many for a mesh")
-    arrays = (patches.geometry, patches.leaves, patches.occupancy)
-    count = _cover_with_rectangles(*arrays, np.empty((0, 4, 3)), np.empty(0, np.int64))
+    octree = patches.octree
+    count = _cover_with_rectangles(octree, np.empty((0, 4, 3)), np.empty(0, np.int64))
     revolution_count = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
     if count + revolution_count > _MAX_RECTANGLES:
         raise InputError(f"the stream has more than {_MAX_RECTANGLES} rectangles of a mesh")
     quads, leaf_of_quad = np.empty((count, 4, 3)), np.empty(count, np.int64)
-    _cover_with_rectangles(*arrays, quads, leaf_of_quad)
+    _cover_with_rectangles(octree, quads, leaf_of_quad)
     return quads, leaf_of_quad
 
 
 def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -> Labels:
-    header, leaves = patches.header, patches.leaves
+    header, leaves = patches.header, patches.octree.leaves
     plane_ids, plane_of_quad = np.unique(leaves.plane_index[leaf_of_quad], return_inverse=True)
     segments, segment_of_quad = np.unique(
         segment_leaves(patches)[leaf_of_quad], return_inverse=True
@@ -108,14 +107,12 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 
 
 @compiled
-def _cover_with_rectangles(
-    geometry: OctreeGeometry, leaves: Leaves, occupancy: Bytes, quads: Floats, leaf_of_quad: Ints
-) -> int:
+def _cover_with_rectangles(octree: PlaneOctree, quads: Floats, leaf_of_quad: Ints) -> int:
     """Write corners of rectangles (m, 4, 3) that cover all occupied columns, and their leaves (m,).
 
     Returns the number needed, which may exceed the arrays.
     """
-    count = 0
+    leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)
     for i in range(leaves.counts[0]):
         plane_index, side = leaves.plane_index[i], leaves.side[i]
@@ -124,8 +121,8 @@ def _cover_with_rectangles(
         remaining = np.zeros((side, side), np.uint8)
         for a in range(side):
             for b in range(side):
-                if find_leaf_cell(geometry, leaves, i, axis, low_u + a, low_v + b, cell):
-                    remaining[a, b] = occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
+                if find_leaf_cell(octree, i, axis, low_u + a, low_v + b, cell):
+                    remaining[a, b] = octree.occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
         for a in range(side):
             for b in range(side):
                 if remaining[a, b]:

@@ -22,10 +22,9 @@ from puckbench.primitives.octree_arrays import (
     OCCUPIED,
     UNKNOWN,
     Bytes,
-    IndexGrid,
     Ints,
-    Leaves,
     OctreeGeometry,
+    PlaneOctree,
     dominant_axis,
     leaf_at,
     plane_height,
@@ -44,22 +43,18 @@ MIXERS = TREE_MIXERS + 1
 
 @compiled
 def code_occupancy_maps(
-    coder: ContextCoder,
-    geometry: OctreeGeometry,
-    leaves: Leaves,
-    leaf_grid: IndexGrid,
-    criterion: OccupancyCriterion,
-    occupancy: Bytes,
+    coder: ContextCoder, octree: PlaneOctree, criterion: OccupancyCriterion
 ) -> None:
     """Encode or decode the occupancy maps of all leaves, or fewer if the stream ends early.
 
-    The state of a column is written to the cell of the grid `occupancy` where it crosses the plane.
-    A leaf of one cell is always occupied and takes no bit.
+    The state of a column is written to the cell where it crosses the plane. A leaf of one cell is
+    always occupied and takes no bit.
     """
+    leaves = octree.leaves
     for i in range(leaves.counts[0]):
         if leaves.side[i] == 1:
             corner = leaves.corner[i]
-            occupancy[corner[0], corner[1], corner[2]] = OCCUPIED
+            octree.occupancy[corner[0], corner[1], corner[2]] = OCCUPIED
     bits = np.zeros((MAX_LEAF_COLUMNS, MAX_LEAF_COLUMNS), np.uint8)
     for i in range(leaves.counts[0]):
         side = leaves.side[i]
@@ -68,10 +63,8 @@ def code_occupancy_maps(
         if side == 1:
             continue
         if is_writing(coder):
-            _decide_columns(
-                geometry, leaves, i, leaf_grid, occupancy, criterion, bits[:side, :side]
-            )
-        _code_columns(coder, geometry, leaves, i, leaf_grid, bits[:side, :side], occupancy)
+            _decide_columns(octree, i, criterion, bits[:side, :side])
+        _code_columns(coder, octree, i, bits[:side, :side])
 
 
 @compiled_in_place
@@ -90,11 +83,10 @@ def find_plane_cell(
 
 
 @compiled_in_place
-def find_leaf_cell(
-    geometry: OctreeGeometry, leaves: Leaves, i: int, axis: int, a: int, b: int, cell: Ints
-) -> bool:
+def find_leaf_cell(octree: PlaneOctree, i: int, axis: int, a: int, b: int, cell: Ints) -> bool:
     """Write the cell where a leaf's plane crosses a column; return whether it is in the leaf."""
-    if not find_plane_cell(geometry, leaves.planes[leaves.plane_index[i]], axis, a, b, cell):
+    leaves = octree.leaves
+    if not find_plane_cell(octree.geometry, leaves.planes[leaves.plane_index[i]], axis, a, b, cell):
         return False
     low = leaves.corner[i, axis]
     return bool(low <= cell[axis] < low + leaves.side[i])
@@ -102,14 +94,9 @@ def find_leaf_cell(
 
 @compiled
 def _decide_columns(
-    geometry: OctreeGeometry,
-    leaves: Leaves,
-    i: int,
-    leaf_grid: IndexGrid,
-    occupancy: Bytes,
-    criterion: OccupancyCriterion,
-    bits: Bytes,
+    octree: PlaneOctree, i: int, criterion: OccupancyCriterion, bits: Bytes
 ) -> None:
+    leaves = octree.leaves
     corner, side, plane = leaves.corner[i], leaves.side[i], leaves.planes[leaves.plane_index[i]]
     axis = dominant_axis(plane)
     low_u, low_v = corner[(axis + 1) % 3], corner[(axis + 2) % 3]
@@ -119,13 +106,11 @@ def _decide_columns(
     for a in range(-1, side + 1):
         for b in range(-1, side + 1):
             if 0 <= a < side and 0 <= b < side:
-                if find_leaf_cell(geometry, leaves, i, axis, low_u + a, low_v + b, cell):
+                if find_leaf_cell(octree, i, axis, low_u + a, low_v + b, cell):
                     gains[a, b] = _column_gain(plane, axis, low_u + a, low_v + b, criterion, point)
             else:
                 column = (axis, low_u + a, low_v + b)
-                surrounding[a + 1, b + 1] = _column_state(
-                    geometry, plane, column, leaf_grid, occupancy, cell
-                )
+                surrounding[a + 1, b + 1] = _column_state(octree, plane, column, cell)
     optimise_occupancy_map(gains, criterion.edge_cost, surrounding, bits)
 
 
@@ -146,15 +131,8 @@ def _column_gain(
 
 
 @compiled
-def _code_columns(
-    coder: ContextCoder,
-    geometry: OctreeGeometry,
-    leaves: Leaves,
-    i: int,
-    leaf_grid: IndexGrid,
-    bits: Bytes,
-    occupancy: Bytes,
-) -> None:
+def _code_columns(coder: ContextCoder, octree: PlaneOctree, i: int, bits: Bytes) -> None:
+    leaves = octree.leaves
     corner, side, plane = leaves.corner[i], leaves.side[i], leaves.planes[leaves.plane_index[i]]
     axis = dominant_axis(plane)
     cell, neighbour_cell = np.zeros(3, np.int64), np.zeros(3, np.int64)
@@ -164,23 +142,15 @@ def _code_columns(
     for a in range(side):
         for b in range(side):
             column = (axis, corner[(axis + 1) % 3] + a, corner[(axis + 2) % 3] + b)
-            if find_leaf_cell(geometry, leaves, i, axis, column[1], column[2], cell):
-                contexts = _contexts(
-                    geometry, plane, column, side_log2, leaf_grid, occupancy, neighbour_cell
-                )
+            if find_leaf_cell(octree, i, axis, column[1], column[2], cell):
+                contexts = _contexts(octree, plane, column, side_log2, neighbour_cell)
                 bit = code_bit(coder, bits[a, b], _MIXER, contexts)
-                occupancy[cell[0], cell[1], cell[2]] = OCCUPIED if bit else EMPTY
+                octree.occupancy[cell[0], cell[1], cell[2]] = OCCUPIED if bit else EMPTY
 
 
 @compiled_in_place
 def _contexts(
-    geometry: OctreeGeometry,
-    plane: Floats,
-    column: tuple[int, int, int],
-    side_log2: int,
-    leaf_grid: IndexGrid,
-    occupancy: Bytes,
-    cell: Ints,
+    octree: PlaneOctree, plane: Floats, column: tuple[int, int, int], side_log2: int, cell: Ints
 ) -> tuple[int, int, int]:
     faces = diagonals = count = 0
     axis, a, b = column
@@ -188,9 +158,7 @@ def _contexts(
         for db in range(-1, 2):
             if da == 0 and db == 0:
                 continue
-            state = _column_state(
-                geometry, plane, (axis, a + da, b + db), leaf_grid, occupancy, cell
-            )
+            state = _column_state(octree, plane, (axis, a + da, b + db), cell)
             count += state == OCCUPIED
             if da == 0 or db == 0:
                 faces = 3 * faces + state
@@ -202,16 +170,11 @@ def _contexts(
 
 @compiled_in_place
 def _column_state(
-    geometry: OctreeGeometry,
-    plane: Floats,
-    column: tuple[int, int, int],
-    leaf_grid: IndexGrid,
-    occupancy: Bytes,
-    cell: Ints,
+    octree: PlaneOctree, plane: Floats, column: tuple[int, int, int], cell: Ints
 ) -> int:
-    if not find_plane_cell(geometry, plane, column[0], column[1], column[2], cell):
+    if not find_plane_cell(octree.geometry, plane, column[0], column[1], column[2], cell):
         return EMPTY
-    state = occupancy[cell[0], cell[1], cell[2]]
+    state = octree.occupancy[cell[0], cell[1], cell[2]]
     if state != UNKNOWN:
         return int(state)
-    return UNKNOWN if leaf_at(geometry, leaf_grid, cell[0], cell[1], cell[2]) > 0 else EMPTY
+    return UNKNOWN if leaf_at(octree, cell[0], cell[1], cell[2]) > 0 else EMPTY

@@ -41,6 +41,15 @@ class Leaves(NamedTuple):
     counts: Ints  # (2,) numbers of leaves and of planes
 
 
+class PlaneOctree(NamedTuple):
+    """An octree of planes, as far as it is coded."""
+
+    geometry: OctreeGeometry
+    leaves: Leaves
+    leaf_grid: IndexGrid  # grid of the smallest leaves with the leaves' indices
+    occupancy: Bytes  # grid of cells with the states of the planes' columns
+
+
 class EncoderNodes(NamedTuple):
     """Octree nodes of all levels, one level after the other, known to the encoder only."""
 
@@ -52,10 +61,10 @@ class EncoderNodes(NamedTuple):
 
 
 @compiled_in_place
-def leaf_at(geometry: OctreeGeometry, leaf_grid: IndexGrid, x: int, y: int, z: int) -> int:
+def leaf_at(octree: PlaneOctree, x: int, y: int, z: int) -> int:
     """Return 1 + the index of the leaf that contains a cell, or 0 if no leaf does."""
-    side_log2 = geometry.depth - geometry.finest_leaf_level
-    return int(leaf_grid[x >> side_log2, y >> side_log2, z >> side_log2])
+    side_log2 = octree.geometry.depth - octree.geometry.finest_leaf_level
+    return int(octree.leaf_grid[x >> side_log2, y >> side_log2, z >> side_log2])
 
 
 @compiled_in_place

@@ -15,20 +15,21 @@ from puckbench.geometry.moments import fit_plane, squared_distance
 from puckbench.primitives.entropy import ContextCoder, code_bit, code_number, is_writing
 from puckbench.primitives.octree_arrays import (
     EncoderNodes,
-    IndexGrid,
     Ints,
-    Leaves,
     OctreeGeometry,
+    PlaneOctree,
     dominant_axis,
     leaf_at,
 )
 
+Cube = tuple[Floats, float, float]
+"""Centre (3,), half the side, and quantisation step of planes, in cells."""
 _MAX_CANDIDATES = 4
 _MAX_EXTENT_LOG2 = 4
 """Largest log2 of a region's extent, in sides of the leaf."""
 _MAX_CONTACTS = 64
 
-# Index of the first context and of the first mixer of each kind of bit, relative to `base`.
+# Index of the first context and of the first mixer of each kind of bit.
 _MERGE = 0
 _AXIS = _MERGE + 192
 _PARAMETERS = _AXIS + 12
@@ -40,25 +41,19 @@ MIXERS = 19
 
 @compiled
 def code_plane(
-    coder: ContextCoder,
-    base: tuple[int, int],
-    geometry: OctreeGeometry,
-    level: int,
-    node: Ints,
-    nodes: EncoderNodes,
-    leaves: Leaves,
-    leaf_grid: IndexGrid,
+    coder: ContextCoder, octree: PlaneOctree, level: int, node: Ints, nodes: EncoderNodes
 ) -> None:
     """Encode or decode the plane of a leaf, and append the leaf to `leaves`.
 
-    The encoder minimises squared distance + lmbda * estimated bits. `base` holds the first context
-    and mixer, `node` (4,) the leaf's coordinates at its level and its index in `nodes`.
+    The encoder minimises squared distance + lmbda * estimated bits. `node` (4,) holds the leaf's
+    coordinates at its level and its index in `nodes`.
     """
+    geometry, leaves = octree.geometry, octree.leaves
     side_log2 = geometry.depth - level
     side = 1 << side_log2
     corner = node[:3] << side_log2
     candidates = np.zeros(_MAX_CANDIDATES, np.int64)
-    candidate_count = _merge_candidates(geometry, corner, side, leaves, leaf_grid, candidates)
+    candidate_count = _merge_candidates(octree, corner, side, candidates)
     cube = (corner.astype(np.float64) + side / 2, side / 2, geometry.plane_steps[level])
     predicted, indices = np.zeros(4, np.int64), np.zeros(4, np.int64)
     merge_index, extent_log2, max_extent_log2 = (
@@ -69,34 +64,26 @@ def code_plane(
     if is_writing(coder):
         moments = (nodes.moments[node[3]], nodes.region_moments[node[3]])
         merge_index, extent_log2 = _decide_plane(
-            geometry, moments, leaves, candidates[:candidate_count], cube, max_extent_log2, indices
+            octree, moments, candidates[:candidate_count], cube, max_extent_log2, indices
         )
-    merge_index = _code_merge_index(coder, base, merge_index, candidate_count, side_log2)
+    merge_index = _code_merge_index(coder, merge_index, candidate_count, side_log2)
     if merge_index < candidate_count:
         plane = candidates[merge_index]
     else:
-        extent_log2 = _code_extent(coder, base, extent_log2, side_log2, max_extent_log2)
+        extent_log2 = _code_extent(coder, extent_log2, side_log2, max_extent_log2)
         cube = _extended(cube, extent_log2)
         if candidate_count > 0:
             quantise_plane(leaves.planes[candidates[0]], cube, predicted)
-        _code_parameters(
-            coder, base, indices, predicted, candidate_count > 0, side_log2 + extent_log2
-        )
+        _code_parameters(coder, indices, predicted, candidate_count > 0, side_log2 + extent_log2)
         plane = leaves.counts[1]
         leaves.counts[1] += 1
         dequantise_plane(indices, cube, leaves.planes[plane])
-    _add_leaf(geometry, corner, side, plane, leaves, leaf_grid)
+    _add_leaf(octree, corner, side, plane)
 
 
 @compiled_in_place
-def _add_leaf(
-    geometry: OctreeGeometry,
-    corner: Ints,
-    side: int,
-    plane: int,
-    leaves: Leaves,
-    leaf_grid: IndexGrid,
-) -> None:
+def _add_leaf(octree: PlaneOctree, corner: Ints, side: int, plane: int) -> None:
+    geometry, leaves = octree.geometry, octree.leaves
     leaf = leaves.counts[0]
     leaves.counts[0] += 1
     for k in range(3):
@@ -110,30 +97,23 @@ def _add_leaf(
         corner[2] >> side_log2,
         side >> side_log2,
     )
-    leaf_grid[x : x + size, y : y + size, z : z + size] = leaf + 1
+    octree.leaf_grid[x : x + size, y : y + size, z : z + size] = leaf + 1
 
 
 @compiled
-def _merge_candidates(
-    geometry: OctreeGeometry,
-    corner: Ints,
-    side: int,
-    leaves: Leaves,
-    leaf_grid: IndexGrid,
-    candidates: Ints,
-) -> int:
+def _merge_candidates(octree: PlaneOctree, corner: Ints, side: int, candidates: Ints) -> int:
     """Write adjacent leaves' planes that pass near a cube, longest contact first; return their
     number.
     """
     contacts, planes = np.zeros(_MAX_CONTACTS, np.int64), np.zeros(_MAX_CONTACTS, np.int64)
-    count = _count_contacts(geometry, corner, side, leaves, leaf_grid, contacts, planes)
+    count = _count_contacts(octree, corner, side, contacts, planes)
     kept = 0
     while kept < len(candidates):
         best = np.argmax(contacts[:count]) if count else 0
         if contacts[best] == 0:
             break
         contacts[best] = 0
-        if _is_near(geometry, leaves.planes[planes[best]], corner, side):
+        if _is_near(octree.geometry, octree.leaves.planes[planes[best]], corner, side):
             candidates[kept] = planes[best]
             kept += 1
     return kept
@@ -141,24 +121,18 @@ def _merge_candidates(
 
 @compiled_in_place
 def _count_contacts(
-    geometry: OctreeGeometry,
-    corner: Ints,
-    side: int,
-    leaves: Leaves,
-    leaf_grid: IndexGrid,
-    contacts: Ints,
-    planes: Ints,
+    octree: PlaneOctree, corner: Ints, side: int, contacts: Ints, planes: Ints
 ) -> int:
-    count = 0
-    for x in range(max(corner[0] - 1, 0), min(corner[0] + side + 1, geometry.shape[0])):
-        for y in range(max(corner[1] - 1, 0), min(corner[1] + side + 1, geometry.shape[1])):
+    count, shape, plane_index = 0, octree.geometry.shape, octree.leaves.plane_index
+    for x in range(max(corner[0] - 1, 0), min(corner[0] + side + 1, shape[0])):
+        for y in range(max(corner[1] - 1, 0), min(corner[1] + side + 1, shape[1])):
             inside = corner[0] <= x < corner[0] + side and corner[1] <= y < corner[1] + side
-            for z in range(max(corner[2] - 1, 0), min(corner[2] + side + 1, geometry.shape[2])):
+            for z in range(max(corner[2] - 1, 0), min(corner[2] + side + 1, shape[2])):
                 if inside and corner[2] <= z < corner[2] + side:
                     continue
-                leaf = leaf_at(geometry, leaf_grid, x, y, z) - 1
+                leaf = leaf_at(octree, x, y, z) - 1
                 if leaf >= 0:
-                    count = _add_contact(leaves.plane_index[leaf], count, contacts, planes)
+                    count = _add_contact(plane_index[leaf], count, contacts, planes)
     return count
 
 
@@ -186,28 +160,23 @@ def _is_near(geometry: OctreeGeometry, plane: Floats, corner: Ints, side: int) -
 
 
 @compiled
-def _extended(cube: tuple[Floats, float, float], extent_log2: int) -> tuple[Floats, float, float]:
+def _extended(cube: Cube, extent_log2: int) -> Cube:
     return cube[0], cube[1] * 2.0**extent_log2, cube[2] * 2.0 ** (-0.5 * extent_log2)
 
 
 @compiled
 def _decide_plane(
-    geometry: OctreeGeometry,
-    moments: tuple[Floats, Floats],
-    leaves: Leaves,
-    candidates: Ints,
-    cube: tuple[Floats, float, float],
-    max_extent_log2: int,
-    indices: Ints,
-) -> tuple[int, int]:
-    plane = np.empty(4)
+    octree: PlaneOctree, moments: tuple[Floats, Floats], candidates: Ints, cube: Cube,
+    max_extent_log2: int, indices: Ints,
+) -> tuple[int, int]:  # fmt: skip
+    plane, planes, lmbda = np.empty(4), octree.leaves.planes, octree.geometry.lmbda
     extent_log2, bits = _quantise_region_plane(
-        geometry, moments[1], leaves, candidates, cube, max_extent_log2, indices, plane
+        octree, moments[1], candidates, cube, max_extent_log2, indices, plane
     )
-    least = squared_distance(moments[0], plane) + geometry.lmbda * bits
+    least = squared_distance(moments[0], plane) + lmbda * bits
     merge_index = len(candidates)
     for k in range(len(candidates)):
-        cost = squared_distance(moments[0], leaves.planes[candidates[k]]) + geometry.lmbda * (1 + k)
+        cost = squared_distance(moments[0], planes[candidates[k]]) + lmbda * (1 + k)
         if cost < least:
             merge_index, least = k, cost
     return merge_index, extent_log2
@@ -215,15 +184,9 @@ def _decide_plane(
 
 @compiled
 def _quantise_region_plane(
-    geometry: OctreeGeometry,
-    region: Floats,
-    leaves: Leaves,
-    candidates: Ints,
-    cube: tuple[Floats, float, float],
-    max_extent_log2: int,
-    indices: Ints,
-    plane: Floats,
-) -> tuple[int, float]:
+    octree: PlaneOctree, region: Floats, candidates: Ints, cube: Cube, max_extent_log2: int,
+    indices: Ints, plane: Floats,
+) -> tuple[int, float]:  # fmt: skip
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
     trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
@@ -232,12 +195,12 @@ def _quantise_region_plane(
         extended = _extended(cube, extent_log2)
         quantise_plane(fitted, extended, trial_indices)
         if len(candidates) > 0:
-            quantise_plane(leaves.planes[candidates[0]], extended, predicted)
+            quantise_plane(octree.leaves.planes[candidates[0]], extended, predicted)
         dequantise_plane(trial_indices, extended, dequantised)
         bits = extent_log2 + (3.0 if trial_indices[0] == predicted[0] else 6.0)
         for k in range(1, 4):
             bits += 1.0 + 2.0 * np.log2(1.0 + abs(trial_indices[k] - predicted[k]))
-        cost = squared_distance(region, dequantised) + geometry.lmbda * bits
+        cost = squared_distance(region, dequantised) + octree.geometry.lmbda * bits
         if cost < least:
             least, best_extent_log2, best_bits = cost, extent_log2, bits
             indices[:] = trial_indices
@@ -247,79 +210,58 @@ def _quantise_region_plane(
 
 @compiled_in_place
 def _code_merge_index(
-    coder: ContextCoder,
-    base: tuple[int, int],
-    merge_index: int,
-    candidate_count: int,
-    side_log2: int,
+    coder: ContextCoder, merge_index: int, candidate_count: int, side_log2: int
 ) -> int:
-    start, mixer = base[0] + _MERGE, base[1] + _MERGE_MIXER
     for k in range(candidate_count):
-        size_context = start + 16 * k + min(side_log2, 15)
-        contexts = (size_context, start + 64 + 8 * k + candidate_count, start + 128 + k)
-        if code_bit(coder, 1 if merge_index == k else 0, mixer + k, contexts) == 1:
+        size_context = _MERGE + 16 * k + min(side_log2, 15)
+        contexts = (size_context, _MERGE + 64 + 8 * k + candidate_count, _MERGE + 128 + k)
+        if code_bit(coder, 1 if merge_index == k else 0, _MERGE_MIXER + k, contexts) == 1:
             return k
     return candidate_count
 
 
 @compiled_in_place
 def _code_extent(
-    coder: ContextCoder,
-    base: tuple[int, int],
-    extent_log2: int,
-    side_log2: int,
-    max_extent_log2: int,
+    coder: ContextCoder, extent_log2: int, side_log2: int, max_extent_log2: int
 ) -> int:
-    start, mixer = base[0] + _EXTENT, base[1] + _EXTENT_MIXER
     for k in range(max_extent_log2):
-        size_context = start + 8 * min(side_log2, 15) + k
-        contexts = (size_context, size_context, start + 128 + k)
-        if code_bit(coder, 1 if extent_log2 > k else 0, mixer, contexts) == 0:
+        size_context = _EXTENT + 8 * min(side_log2, 15) + k
+        contexts = (size_context, size_context, _EXTENT + 128 + k)
+        if code_bit(coder, 1 if extent_log2 > k else 0, _EXTENT_MIXER, contexts) == 0:
             return k
     return max_extent_log2
 
 
 @compiled_in_place
 def _code_parameters(
-    coder: ContextCoder,
-    base: tuple[int, int],
-    indices: Ints,
-    predicted: Ints,
-    has_prediction: bool,
-    side_log2: int,
+    coder: ContextCoder, indices: Ints, predicted: Ints, has_prediction: bool, side_log2: int
 ) -> None:
-    indices[0] = _code_axis(coder, base, indices[0], predicted[0], 1 if has_prediction else 0)
+    indices[0] = _code_axis(coder, indices[0], predicted[0], 1 if has_prediction else 0)
     is_same_axis = 1 if has_prediction and indices[0] == predicted[0] else 0
-    start = base[0] + _PARAMETERS
     for k in range(3):
         prediction = predicted[k + 1] if is_same_axis else 0
-        size_context = start + 40 * (3 * min(side_log2, 15) + k)
-        kind_context = start + 40 * (48 + 3 * is_same_axis + k)
-        mixer = base[1] + _PARAMETER_MIXER + 3 * (k > 0) + 6 * is_same_axis
+        size_context = _PARAMETERS + 40 * (3 * min(side_log2, 15) + k)
+        kind_context = _PARAMETERS + 40 * (48 + 3 * is_same_axis + k)
+        mixer = _PARAMETER_MIXER + 3 * (k > 0) + 6 * is_same_axis
         number = code_number(coder, indices[k + 1] - prediction, mixer, size_context, kind_context)
         indices[k + 1] = prediction + number
 
 
 @compiled_in_place
-def _code_axis(
-    coder: ContextCoder, base: tuple[int, int], axis: int, expected: int, has_prediction: int
-) -> int:
-    start, mixer = base[0] + _AXIS + 6 * has_prediction, base[1] + _AXIS_MIXER
+def _code_axis(coder: ContextCoder, axis: int, expected: int, has_prediction: int) -> int:
+    start = _AXIS + 6 * has_prediction
     contexts = (start, start + 1, start + 1)
-    if code_bit(coder, 1 if axis == expected else 0, mixer, contexts) == 1:
+    if code_bit(coder, 1 if axis == expected else 0, _AXIS_MIXER, contexts) == 1:
         return expected
     next_axis = (expected + 1) % 3
     contexts = (start + 2, start + 3, start + 3)
-    bit = code_bit(coder, 1 if axis == next_axis else 0, mixer + 1, contexts)
+    bit = code_bit(coder, 1 if axis == next_axis else 0, _AXIS_MIXER + 1, contexts)
     return next_axis if bit == 1 else (expected + 2) % 3
 
 
 @compiled_in_place
-def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: Ints) -> None:
-    """Write the quantisation indices (4,) of a plane: axis, height at a cube's centre, two slopes.
-
-    `cube` is its centre (3,), half its side, and the quantisation step, in cells.
-    """
+def quantise_plane(plane: Floats, cube: Cube, indices: Ints) -> None:
+    """Write the quantisation indices (4,) of a plane: axis, height at a cube's centre, two slopes."""
     centre, half, step = cube
     axis = dominant_axis(plane)
     offset = plane[3] - plane[0] * centre[0] - plane[1] * centre[1] - plane[2] * centre[2]
@@ -331,7 +273,7 @@ def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: In
 
 
 @compiled
-def dequantise_plane(indices: Ints, cube: tuple[Floats, float, float], plane: Floats) -> None:
+def dequantise_plane(indices: Ints, cube: Cube, plane: Floats) -> None:
     centre, half, step = cube
     axis = indices[0]
     a, b = -indices[2] * step / half, -indices[3] * step / half

@@ -9,10 +9,9 @@ from puckbench.geometry.cloud import Floats
 from puckbench.primitives.occupancy_map import find_leaf_cell
 from puckbench.primitives.octree_arrays import (
     OCCUPIED,
-    Bytes,
     Ints,
     Leaves,
-    OctreeGeometry,
+    PlaneOctree,
     dominant_axis,
     plane_height,
 )
@@ -20,9 +19,8 @@ from puckbench.primitives.stream import SPACING_UNIT
 
 
 @compiled
-def count_points(geometry: OctreeGeometry, leaves: Leaves, occupancy: Bytes, spacing: int) -> int:
-    no_points = np.empty((0, 3)), np.empty(0, np.int64)
-    return int(reconstruct_points(geometry, leaves, occupancy, spacing, no_points[0], no_points[1]))
+def count_points(octree: PlaneOctree, spacing: int) -> int:
+    return int(reconstruct_points(octree, spacing, np.empty((0, 3)), np.empty(0, np.int64)))
 
 
 @compiled
@@ -35,20 +33,13 @@ def first_point(column: Any, spacing: int) -> Any:
 
 
 @compiled
-def reconstruct_points(
-    geometry: OctreeGeometry,
-    leaves: Leaves,
-    occupancy: Bytes,
-    spacing: int,
-    xyz: Floats,
-    leaf_of_point: Ints,
-) -> int:
+def reconstruct_points(octree: PlaneOctree, spacing: int, xyz: Floats, leaf_of_point: Ints) -> int:
     """Write points of occupied columns, on a square grid `spacing` / `SPACING_UNIT` columns apart.
 
     Returns their number, which may exceed the outputs `xyz` (m, 3) and `leaf_of_point` (m,), the
     leaves' indices.
     """
-    count = 0
+    leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)
     for i in range(leaves.counts[0]):
         axis = dominant_axis(leaves.planes[leaves.plane_index[i]])
@@ -62,8 +53,8 @@ def reconstruct_points(
                 points = (rows[1] - rows[0]) * (columns[1] - columns[0])
                 if (
                     points > 0
-                    and find_leaf_cell(geometry, leaves, i, axis, a, b, cell)
-                    and occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
+                    and find_leaf_cell(octree, i, axis, a, b, cell)
+                    and octree.occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
                 ):
                     _reconstruct_column(
                         leaves, i, axis, rows, columns, spacing, xyz[count:], leaf_of_point[count:]

@@ -33,13 +33,13 @@ def segment_leaves(patches: Patches) -> Ints:
 
 
 def _merge_leaves(patches: Patches, xyz: Floats, leaf_of_point: Ints) -> Ints:
-    moments = np.zeros((int(patches.leaves.counts[0]), 10))
+    moments = np.zeros((int(patches.octree.leaves.counts[0]), 10))
     centre = xyz.mean(axis=0) if len(xyz) else np.zeros(3)
     for first in range(0, len(xyz), _CHUNK):
         rows = slice(first, first + _CHUNK)
         point_moments = moments_of((xyz[rows] - centre) / patches.header.cell_size)
         np.add.at(moments, leaf_of_point[rows], point_moments)
-    pairs = adjacent_leaves(patches.leaves, patches.geometry.shape)
+    pairs = adjacent_leaves(patches.octree.leaves, patches.octree.geometry.shape)
     is_occupied = moments[:, 0] > 0
     pairs = pairs[is_occupied[pairs].all(axis=1)]
     limits = MergeLimits(0.0, _MAX_ADDED_ERROR, _MIN_COSINE)

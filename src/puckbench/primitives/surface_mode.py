@@ -9,10 +9,9 @@ from puckbench.geometry.cloud import Floats
 from puckbench.primitives.decoder import (
     DecodedSurface,
     Patches,
-    allocate_arrays,
     count_columns,
     count_surface_points,
-    octree_geometry,
+    empty_octree,
     reconstruct_surface,
 )
 from puckbench.primitives.entropy import writer
@@ -160,7 +159,7 @@ def _code_patches(
     column_side: float,
 ) -> tuple[Patches, bytes] | None:
     point_count, lmbda = len(cloud.points), _lambda_in_columns(cloud, column_side)
-    geometry = octree_geometry(header, lmbda)
+    octree = empty_octree(header, lmbda)
     levels_of_leaves = (header.coarsest_leaf_level, header.finest_leaf_level)
     prune_octree(levels, lmbda, _LEAF_BITS, _SPLIT_BITS, *levels_of_leaves)
     variance = (cloud.noise / column_side) ** 2
@@ -171,20 +170,18 @@ def _code_patches(
     node_bytes = _BYTES_PER_NODE + 2 * 4 ** (header.depth - header.finest_leaf_level)
     max_bytes = 4096 + node_bytes * header.leaf_capacity + map_columns // 4
     coder = writer(CONTEXTS, MIXERS, max_bytes)
-    leaves, leaf_grid, occupancy = allocate_arrays(header)
-    nodes = _encoder_nodes(levels, geometry.shape, limits)
-    is_complete = code_octree(coder, geometry, nodes, leaves, leaf_grid)
-    if not is_complete or count_columns(leaves) > MAX_COLUMNS:
+    nodes = _encoder_nodes(levels, octree.geometry.shape, limits)
+    if not code_octree(coder, octree, nodes) or count_columns(octree.leaves) > MAX_COLUMNS:
         return None
     criterion = _occupancy_criterion(surface, map_lmbda, column_side)
-    code_occupancy_maps(coder, geometry, leaves, leaf_grid, criterion, occupancy)
+    code_occupancy_maps(coder, octree, criterion)
     for unrolled in maps:
         code_unrolled_map(coder, unrolled.surface.columns_per_row(), unrolled.bits)
     decoded = unpack_parameters(header.revolutions)
     revolutions = [
         unrolled._replace(surface=surface) for surface, unrolled in zip(decoded, maps, strict=True)
     ]
-    return Patches(header, geometry, leaves, occupancy, revolutions), written(coder.bits)
+    return Patches(header, octree, revolutions), written(coder.bits)
 
 
 def _tolerance(cloud: PreparedCloud) -> float:

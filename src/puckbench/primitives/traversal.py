@@ -14,10 +14,9 @@ from puckbench.primitives.entropy import ContextCoder, code_bit, is_writing
 from puckbench.primitives.octree_arrays import (
     Bytes,
     EncoderNodes,
-    IndexGrid,
     Ints,
-    Leaves,
     OctreeGeometry,
+    PlaneOctree,
 )
 from puckbench.primitives.plane_coding import CONTEXTS as PLANE_CONTEXTS
 from puckbench.primitives.plane_coding import MIXERS as PLANE_MIXERS
@@ -28,42 +27,33 @@ from puckbench.primitives.stream import MAX_NODES
 _UNKNOWN, _EMPTY, _OCCUPIED, _SPLIT = 0, 1, 2, 3
 
 # Index of the first context and of the first mixer of each kind of bit.
-_FACES = 0
+_FACES = PLANE_CONTEXTS
 _SIBLINGS = _FACES + 729
 _COUNTS = _SIBLINGS + 8 * 128
 _LEAF = _COUNTS + 16 * 12
-_PLANES = _LEAF + 49 + 2 * 16
-CONTEXTS = _PLANES + PLANE_CONTEXTS
-_LEAF_MIXER, _OCTANT_MIXER, _PLANE_MIXER = 0, 1, 9
-MIXERS = _PLANE_MIXER + PLANE_MIXERS
+CONTEXTS = _LEAF + 49 + 2 * 16
+_LEAF_MIXER, _OCTANT_MIXER = PLANE_MIXERS, PLANE_MIXERS + 1
+MIXERS = _OCTANT_MIXER + 8
 
 
 @compiled
-def code_octree(
-    coder: ContextCoder,
-    geometry: OctreeGeometry,
-    nodes: EncoderNodes,
-    leaves: Leaves,
-    leaf_grid: IndexGrid,
-) -> bool:
+def code_octree(coder: ContextCoder, octree: PlaneOctree, nodes: EncoderNodes) -> bool:
     """Encode or decode all levels of the octree, and write the leaves and their grid.
 
     Return False if there are more leaves than allocated, more nodes than `MAX_NODES`, or the stream
     ends early.
     """
-    capacity = len(leaves.side)
+    geometry, capacity = octree.geometry, len(octree.leaves.side)
     # A row is a node: its coordinates at its level, and its index in `nodes`.
     level_nodes, children = np.zeros((capacity, 4), np.int64), np.zeros((capacity, 4), np.int64)
     count = node_count = 1
     states = np.full((3, 3, 3), _EMPTY, np.uint8)
     states[1, 1, 1] = _OCCUPIED
     for level in range(geometry.finest_leaf_level + 1):
-        if not _code_leaves(
-            coder, geometry, level, level_nodes[:count], states, nodes, leaves, leaf_grid
-        ):
+        if not _code_leaves(coder, octree, level, level_nodes[:count], states, nodes):
             return False
         if level < geometry.finest_leaf_level:
-            child_states = _plane_crossings(geometry, level + 1, leaves)
+            child_states = _plane_crossings(octree, level + 1)
             level_states = (states, child_states)
             count = _code_splits(
                 coder, geometry, level, level_nodes[:count], level_states, nodes, children
@@ -78,26 +68,21 @@ def code_octree(
 
 @compiled
 def _code_leaves(
-    coder: ContextCoder,
-    geometry: OctreeGeometry,
-    level: int,
-    level_nodes: Ints,
-    states: Bytes,
+    coder: ContextCoder, octree: PlaneOctree, level: int, level_nodes: Ints, states: Bytes,
     nodes: EncoderNodes,
-    leaves: Leaves,
-    leaf_grid: IndexGrid,
-) -> bool:
+) -> bool:  # fmt: skip
     """Encode or decode which nodes are leaves, whose index in `level_nodes` becomes -1, and their
     planes.
     """
+    leaves = octree.leaves
     for i in range(len(level_nodes)):
         node = level_nodes[i]
-        if not _code_is_leaf(coder, geometry, level, node, states, nodes):
+        if not _code_is_leaf(coder, octree.geometry, level, node, states, nodes):
             states[node[0] + 1, node[1] + 1, node[2] + 1] = _SPLIT
             continue
         if leaves.counts[0] >= len(leaves.side) or exhausted(coder.bits):
             return False
-        code_plane(coder, (_PLANES, _PLANE_MIXER), geometry, level, node, nodes, leaves, leaf_grid)
+        code_plane(coder, octree, level, node, nodes)
         node[3] = -1
     return True
 
@@ -127,7 +112,8 @@ def _code_splits(
 
 
 @compiled
-def _plane_crossings(geometry: OctreeGeometry, level: int, leaves: Leaves) -> Bytes:
+def _plane_crossings(octree: PlaneOctree, level: int) -> Bytes:
+    geometry, leaves = octree.geometry, octree.leaves
     side_log2 = geometry.depth - level
     shape = ((geometry.shape - 1) >> side_log2) + 3
     states = np.zeros((shape[0], shape[1], shape[2]), np.uint8)

@@ -18,13 +18,12 @@ from puckbench.gpcc.attributes.recolouring import Source, recoloured
 from puckbench.gpcc.attributes.writer import AttributeEncoder, Values
 from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.coder import (
-    PROFILES,
     CodedPoints,
     DecodedGeometry,
     encode_octree_geometry,
     read_stream,
 )
-from puckbench.gpcc.options import GpccOptions
+from puckbench.gpcc.options import PROFILES, GpccOptions
 from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_trees_geometry
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.syntax import Three

@@ -17,7 +17,7 @@ from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.layers import Rows
 from puckbench.learned.octree_net.model import OctreeNet, SymbolHead, as_index
 from puckbench.learned.octree_net.symbols import Frequencies, Symbols, powers_of_two
-from puckbench.learned.sparse.convolution import Neighbourhood, device_neighbourhood
+from puckbench.learned.sparse.convolution import Neighbourhood, neighbourhood_of
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
 from puckbench.learned.sparse.thread_pool import ThreadPool
 from puckbench.learned.sparse.voxels import NeighbourTable
@@ -41,7 +41,7 @@ class DevicePredictor:
     def convolved(
         self, features: DeviceFeatures, table: NeighbourTable, pool: ThreadPool
     ) -> DeviceFeatures:
-        neighbourhood = device_neighbourhood(table, voxel_kernel_map(), pool, self._device)
+        neighbourhood = neighbourhood_of(table, voxel_kernel_map(), pool, self._device)
         return DeviceFeatures(self.model.convolved(features.all, neighbourhood), neighbourhood)
 
     @torch.no_grad()

@@ -11,7 +11,7 @@ from puckbench.learned.device import device_of
 from puckbench.learned.pcgcv2.inference import AnalysisResult, decoded_blocks
 from puckbench.learned.pcgcv2.model import SCALES, PCGCv2
 from puckbench.learned.point_reconstruction import SiblingBlocks
-from puckbench.learned.sparse.convolution import device_neighbourhood
+from puckbench.learned.sparse.convolution import neighbourhood_of
 from puckbench.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
 from puckbench.learned.sparse.thread_pool import ThreadPool
 from puckbench.learned.sparse.voxels import Keys, VoxelSet, pyramid
@@ -21,7 +21,7 @@ def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
     device = device_of(model)
     sets, child_maps = pyramid(keys, SCALES, pool)
     neighbourhoods = [
-        device_neighbourhood(voxels.neighbours, voxel_kernel_map(), pool, device) for voxels in sets
+        neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool, device) for voxels in sets
     ]
     y = model.g_a(neighbourhoods, child_maps, torch.ones(len(keys), 1, 1, device=device))[:, 0]
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
@@ -39,7 +39,7 @@ def synthesise(
     device = device_of(model)
 
     def one_scale(scale: int, features: Tensor, parents: VoxelSet) -> tuple[Tensor, Tensor]:
-        neighbourhood = device_neighbourhood(parents.neighbours, block_kernel_map(), pool, device)
+        neighbourhood = neighbourhood_of(parents.neighbours, block_kernel_map(), pool, device)
         children, logits = model.g_s.scale(scale)(features, neighbourhood)
         return children, logits
 

@@ -52,13 +52,6 @@ def neighbourhood_of(
 ) -> Neighbourhood:
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
-    return device_neighbourhood(table, kernel_map, pool, device)
-
-
-def device_neighbourhood(
-    table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device
-) -> Neighbourhood:
-    """Like `neighbourhood_of`, but with PyTorch's indexing also on the CPU."""
     gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device))
     return Neighbourhood(gather_scatter, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 
