@@ -26,7 +26,6 @@ from puckbench.learned.octree_net.stream import OctreeNetStream, read_stream, wr
 from puckbench.learned.octree_net.symbols import (
     EVEN,
     ODD,
-    frequencies,
     groups_of,
     slots_of,
     symbols_of,
@@ -35,7 +34,7 @@ from puckbench.learned.octree_net.training import bits_per_level
 from puckbench.learned.octree_net.weights import load_weights, save_weights
 from puckbench.learned.sparse.thread_pool import thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels
-from tests.support.learned_codecs import octree_network, save_tiny
+from tests.support.learned_codecs import frequencies, octree_network, save_tiny
 
 
 def _shell(points: int = 6000) -> np.ndarray:

@@ -16,12 +16,12 @@ from puckbench.learned.octree_net.coder import OctreeNetCoder
 from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.inference import chunks_of, compiled_network
 from puckbench.learned.octree_net.model import OctreeNetShape
-from puckbench.learned.octree_net.symbols import frequencies, groups_of, slots_of, symbols_of
+from puckbench.learned.octree_net.symbols import groups_of, slots_of, symbols_of
 from puckbench.learned.sparse.convolution import neighbourhood_of
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
 from puckbench.learned.sparse.thread_pool import thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels, pyramid
-from tests.support.learned_codecs import octree_network
+from tests.support.learned_codecs import frequencies, octree_network
 
 Floats, Ints = NDArray[np.float32], NDArray[np.int64]
 

@@ -15,7 +15,9 @@ import torch
 from puckbench.codecs.base import Codec
 from puckbench.core.errors import InputError
 from puckbench.learned.octree_net import weights as octree_weights
+from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
+from puckbench.learned.octree_net.symbols import powers_of_two
 from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
 from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
 from puckbench.learned.pcgcv2 import weights as pcgcv2_weights
@@ -60,6 +62,14 @@ def octree_network(shape: OctreeNetShape | None = None, seed: int = 0) -> Octree
                 layer.kernel.mul_(3)
                 layer.bias.normal_(std=0.3)
     return model.eval().requires_grad_(False)
+
+
+def frequencies(logits: np.ndarray) -> np.ndarray:
+    """Integer frequencies (n, 16) of symbols from base-2 logits (n, 16) in fixed point."""
+    units = logits * np.float32(UNITS)
+    distances = (units.max(axis=1, keepdims=True) - units).astype(np.int32)
+    table = powers_of_two()
+    return np.asarray(table[np.minimum(distances, len(table) - 1)])
 
 
 def reno_state(channels: int = 8, seed: int = 0) -> dict[str, torch.Tensor]:

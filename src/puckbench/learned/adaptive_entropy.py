@@ -38,6 +38,12 @@ _DECISIONS = 12
 """Binary decisions of a value: zero, sign, magnitudes 1 to 4 and larger, of either sign."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Numbers of contexts of the seven kinds, see `_find_contexts`."""
+_EDGES, _CORNERS = (1, 3, 5, 7, 9, 11, 15, 17, 19, 21, 23, 25), (0, 2, 6, 8, 18, 20, 24, 26)
+_AROUND = np.array([*FACES, *_EDGES, *_CORNERS])
+"""Offsets of neighbours in three shells, those at faces first."""
+_SHELLS = np.repeat(np.arange(3), [len(FACES), len(_EDGES), len(_CORNERS)])
+_FIRST_OF_SHELL = np.searchsorted(_SHELLS, np.arange(3))
+_SHELL_WEIGHTS = np.array([36, 9, 4])
 _MAX_VALUE_BYTES = 80
 """Maximum bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
 
@@ -177,30 +183,18 @@ def _code_values(
 
 @compiled_in_place
 def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row: int) -> None:
+    around.patterns[:] = 0
     count = 0
-    for shell in range(3):
-        pattern = 0
-        for place in range((6, 12, 8)[shell]):
-            offset = _offset(shell, place)
-            other = neighbours[offset, row]
-            pattern |= (other >= 0) << place
-            if 0 <= other < row:
-                around.rows[count] = other
-                around.weights[count] = (36, 9, 4)[shell]
-                count += 1
-        around.patterns[shell] = pattern
-        if shell == 0:
+    for place in range(OFFSETS - 1):
+        if place == len(FACES):
             around.counts[1] = count
+        other, shell = neighbours[_AROUND[place], row], _SHELLS[place]
+        around.patterns[shell] |= (other >= 0) << (place - _FIRST_OF_SHELL[shell])
+        if 0 <= other < row:
+            around.rows[count] = other
+            around.weights[count] = _SHELL_WEIGHTS[shell]
+            count += 1
     around.counts[0] = count
-
-
-@compiled_in_place
-def _offset(shell: int, place: int) -> int:
-    if shell == 0:
-        return FACES[place]
-    if shell == 1:
-        return (1, 3, 5, 7, 9, 11, 15, 17, 19, 21, 23, 25)[place]
-    return (0, 2, 6, 8, 18, 20, 24, 26)[place]
 
 
 @compiled_in_place

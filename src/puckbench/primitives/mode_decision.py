@@ -22,7 +22,6 @@ from puckbench.primitives import hybrid_mode, voxel_mode
 from puckbench.primitives.decoder import Patches, count_surface_points, reconstruct_surface
 from puckbench.primitives.distortion import (
     Distortion,
-    DistortionEstimator,
     NearestOffsets,
     subsample,
 )
@@ -107,7 +106,6 @@ class _Selection(NamedTuple):
 
 class _SearchResult(NamedTuple):
     cloud: PreparedCloud
-    estimator: DistortionEstimator
     best: _Candidate  # the surface of least cost
     selection: _Selection  # the mode selected without refinement
     trials: tuple[voxel_mode.Trial, ...]
@@ -127,19 +125,14 @@ class SurfaceCache(CostlyResult[_SearchResult]):
 
 def _search(points: Floats, settings: PrimitiveSettings) -> _SearchResult:
     cloud = prepare(points, settings)
-    estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
-    best = _best_surface(cloud, estimator)
+    best = _best_surface(cloud)
     search = VoxelSearch(cloud.source)
-    selection = _select_mode(cloud, estimator, best, _max_bytes(points, settings), search)
-    return _SearchResult(cloud, estimator, best, selection, tuple(search.trials))
+    selection = _select_mode(cloud, best, _max_bytes(points, settings), search)
+    return _SearchResult(cloud, best, selection, tuple(search.trials))
 
 
 def _select_mode(
-    cloud: PreparedCloud,
-    estimator: DistortionEstimator,
-    best: _Candidate,
-    max_bytes: int,
-    search: VoxelSearch,
+    cloud: PreparedCloud, best: _Candidate, max_bytes: int, search: VoxelSearch
 ) -> _Selection:
     """Select the finest surface that is better than voxels of equal size in bytes.
 
@@ -156,18 +149,17 @@ def _select_mode(
         voxels.append(search.encode_to_budget(budget))
         if coded and fits:
             coarsest = _Selection(coded.stream, coded)
-            comparison = _Comparison.of(cloud, estimator, coded.decoded().xyz, voxels[-1])
+            comparison = _Comparison.of(cloud, coded.decoded().xyz, voxels[-1])
             if comparison.surface_is_better():
                 return coarsest
     if comparison is not None and comparison.surface_is_better_by_product():
         return coarsest
-    hybrid = _encode_coarse_hybrid(cloud, estimator, coded, best.mode, voxels[0], search)
+    hybrid = _encode_coarse_hybrid(cloud, coded, best.mode, voxels[0], search)
     return _Selection(hybrid or voxels[0].stream, None)
 
 
 def _encode_coarse_hybrid(
     cloud: PreparedCloud,
-    estimator: DistortionEstimator,
     coded: CodedSurface | None,
     mode: SurfaceMode,
     voxels: CodedVoxels,
@@ -177,8 +169,8 @@ def _encode_coarse_hybrid(
 
     Surfaces coarser than `coded` are tried while they improve the hybrid.
     """
-    criterion = _hybrid_criterion(cloud, estimator, 0.0)
-    voxel_cost = criterion.cost(estimator.measure(cloud.in_units(voxels.points)))
+    criterion = _hybrid_criterion(cloud, 0.0)
+    voxel_cost = criterion.cost(cloud.distortion(voxels.points))
     coarser = _encode_with_lambdas(cloud, mode, _HYBRID_LAMBDA_FACTORS)
     best, least, max_bytes = None, np.inf, len(voxels.stream)
     for surface in chain([coded], coarser):
@@ -193,18 +185,16 @@ def _encode_coarse_hybrid(
     return best if least < voxel_cost else None
 
 
-def _hybrid_criterion(
-    cloud: PreparedCloud, estimator: DistortionEstimator, refinement: float
-) -> hybrid_mode.HybridCriterion:
+def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.HybridCriterion:
     """Return a criterion: the product of the errors, with the surface's to the power 1 -
     refinement.
     """
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:
-        return estimator.nearest_offsets(cloud.in_units(decoded))
+        return cloud.estimator.nearest_offsets(cloud.in_units(decoded))
 
     def measure(decoded: Floats, offsets: NearestOffsets) -> Distortion:
-        return estimator.measure(cloud.in_units(subsample(decoded)), offsets)
+        return cloud.estimator.measure(cloud.in_units(subsample(decoded)), offsets)
 
     def cost(errors: Distortion) -> float:
         return float(errors.point * errors.plane * errors.surface ** (1 - refinement))
@@ -218,18 +208,18 @@ def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes
     The product of the errors decides, or `_voxels_lose_surface` for a surface selected without
     refinement.
     """
-    cloud, estimator, best, selection, trials = result
+    cloud, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)
     max_bytes, max_voxel_size = _refined_budget(search, len(selection.stream), settings)
     refined = selection
     if selection.surface is None and best.coded:
         refined = _Selection(best.coded.stream, best.coded)
     if refined.surface:
-        criterion = _hybrid_criterion(cloud, estimator, settings.refinement)
+        criterion = _hybrid_criterion(cloud, settings.refinement)
         hybrid = hybrid_mode.encode(search, refined.surface, max_bytes, max_voxel_size, criterion)
         if hybrid:
             voxels = search.encode_to_budget(len(hybrid.stream), max_voxel_size)
-            voxel_errors = estimator.measure(cloud.in_units(voxels.points))
+            voxel_errors = cloud.distortion(voxels.points)
             loses_surface = _voxels_lose_surface(voxel_errors, hybrid.distortion, settings)
             is_cheaper = hybrid.cost <= criterion.cost(voxel_errors)
             if loses_surface if selection.surface else is_cheaper:
@@ -281,20 +271,17 @@ def _encode_with_lambdas(
     return few_at_once(encode_with, factors)
 
 
-def _best_surface(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
+def _best_surface(cloud: PreparedCloud) -> _Candidate:
     searches: list[Callable[[], Any]] = [
-        partial(_best_grid, cloud, estimator),
+        partial(_best_grid, cloud),
         partial(revolution_candidates, cloud),
     ]
     best, detected = in_threads(lambda search: search(), searches)
-    return _add_revolutions(cloud, estimator, best, list(detected))
+    return _add_revolutions(cloud, best, list(detected))
 
 
 def _add_revolutions(
-    cloud: PreparedCloud,
-    estimator: DistortionEstimator,
-    best: _Candidate,
-    remaining: list[RevolutionSurface],
+    cloud: PreparedCloud, best: _Candidate, remaining: list[RevolutionSurface]
 ) -> _Candidate:
     rejected = 0
     while remaining and rejected < _MAX_REJECTED:
@@ -303,7 +290,7 @@ def _add_revolutions(
         batch = remaining[: _MAX_REJECTED - rejected]
         revolutions = best.mode.revolutions
         modes = [best.mode._replace(revolutions=(*revolutions, surface)) for surface in batch]
-        for candidate in few_at_once(partial(_evaluate, cloud, estimator), modes):
+        for candidate in few_at_once(partial(_evaluate, cloud), modes):
             remaining.pop(0)
             if candidate.cost < best.cost:
                 best, rejected = candidate, 0
@@ -312,32 +299,27 @@ def _add_revolutions(
     return best
 
 
-def _best_grid(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
-    best = _best_of(cloud, estimator, frame_candidates(cloud), None)
-    best = _best_of(cloud, estimator, diagonal_offset_candidates(cloud, best.mode), best)
+def _best_grid(cloud: PreparedCloud) -> _Candidate:
+    best = _best_of(cloud, frame_candidates(cloud), None)
+    best = _best_of(cloud, diagonal_offset_candidates(cloud, best.mode), best)
     for axis in range(3):
-        best = _best_of(cloud, estimator, axis_offset_candidates(cloud, best.mode, axis), best)
+        best = _best_of(cloud, axis_offset_candidates(cloud, best.mode, axis), best)
     return best
 
 
 def _best_of(
-    cloud: PreparedCloud,
-    estimator: DistortionEstimator,
-    modes: Iterable[SurfaceMode],
-    current: _Candidate | None,
+    cloud: PreparedCloud, modes: Iterable[SurfaceMode], current: _Candidate | None
 ) -> _Candidate:
-    candidates = in_threads(partial(_evaluate, cloud, estimator), modes)
+    candidates = in_threads(partial(_evaluate, cloud), modes)
     best = min([*candidates, *([current] if current else [])], key=lambda candidate: candidate.cost)
     return best if current is None or best.cost < _MIN_COST_RATIO * current.cost else current
 
 
-def _evaluate(
-    cloud: PreparedCloud, estimator: DistortionEstimator, mode: SurfaceMode
-) -> _Candidate:
+def _evaluate(cloud: PreparedCloud, mode: SurfaceMode) -> _Candidate:
     coded = encode_surface(cloud, mode)
     if coded is None:
         return _Candidate(np.inf, mode, None)
-    error = estimator.surface_error(cloud.in_units(_decode_sparsely(coded.patches)))
+    error = cloud.estimator.surface_error(cloud.in_units(_decode_sparsely(coded.patches)))
     rate = 8 * len(coded.stream) / len(cloud.points)
     return _Candidate(error + cloud.settings.lmbda * rate, mode, coded)
 
@@ -357,17 +339,11 @@ class _Comparison(NamedTuple):
     undisplaced: Distortion  # the same voxels without displacements
 
     @classmethod
-    def of(
-        cls,
-        cloud: PreparedCloud,
-        estimator: DistortionEstimator,
-        surface: Floats,
-        voxels: CodedVoxels,
-    ) -> _Comparison:
+    def of(cls, cloud: PreparedCloud, surface: Floats, voxels: CodedVoxels) -> _Comparison:
         decoded = [surface, voxels.points]
         if voxels.displacements:
             decoded.append(voxels.undisplaced().points)
-        errors = in_threads(lambda xyz: estimator.measure(cloud.in_units(xyz)), decoded)
+        errors = in_threads(cloud.distortion, decoded)
         return cls(errors[0], errors[1], errors[-1])
 
     def surface_is_better(self) -> bool:

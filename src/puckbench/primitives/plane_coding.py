@@ -261,7 +261,7 @@ def _code_axis(coder: ContextCoder, axis: int, expected: int, has_prediction: in
 
 @compiled_in_place
 def quantise_plane(plane: Floats, cube: Cube, indices: Ints) -> None:
-    """Write the quantisation indices (4,) of a plane: axis, height at a cube's centre, two slopes."""
+    """Write a plane's quantisation indices (4,): axis, height at a cube's centre, two slopes."""
     centre, half, step = cube
     axis = dominant_axis(plane)
     offset = plane[3] - plane[0] * centre[0] - plane[1] * centre[1] - plane[2] * centre[2]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats, bounds
 from puckbench.geometry.spatial_order import morton_order
+from puckbench.primitives.distortion import Distortion, DistortionEstimator
 from puckbench.primitives.noise import estimate_noise
 from puckbench.primitives.settings import UNITS, PrimitiveSettings
 from puckbench.primitives.smoothing import downsample, smooth_samples
@@ -44,9 +45,14 @@ class PreparedCloud(NamedTuple):
     noise: float  # standard deviation in units
     surface: SurfaceSamples  # in units
     settings: PrimitiveSettings  # adapted to the noise
+    estimator: DistortionEstimator  # in units
 
     def in_units(self, points: Floats) -> Floats:
         return np.asarray((points - self.corner) / self.unit)
+
+    def distortion(self, decoded: Floats) -> Distortion:
+        """Estimate the distortion of decoded points (k, 3) in the input's coordinates."""
+        return self.estimator.measure(self.in_units(decoded))
 
 
 def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
@@ -60,7 +66,8 @@ def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
     noise = estimate_noise(points, _NOISE_CELL_SIZE)
     settings = settings.adapted_to(noise)
     surface = _smoothed_surface(points, noise, settings)
-    return PreparedCloud(points, source, corner, unit, noise, surface, settings)
+    estimator = DistortionEstimator.of(points, *surface[:3])
+    return PreparedCloud(points, source, corner, unit, noise, surface, settings, estimator)
 
 
 def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:

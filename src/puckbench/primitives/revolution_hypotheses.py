@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from puckbench.core.compiling import compiled, compiled_in_place, inlined
@@ -24,6 +26,13 @@ _ANGLES = (0.02, 1.3)
 _FIELDS = 9
 
 
+class _Hypotheses(NamedTuple):
+    fields: Floats  # (m, 9), see `surface_of_hypothesis`
+    size: Ints  # (1,) number of rows in use
+    tolerance: float  # least radius
+    max_radius: float
+
+
 def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
     cells = np.floor(xyz / radius).astype(np.int64)
     return blocks_of(CellSamples(xyz, np.ones(len(xyz)), cells), 1)
@@ -39,22 +48,15 @@ def make_hypotheses(
     `spacing` is that of the samples, `tolerance` the least radius; a sphere or cylinder may miss
     the second sample by twice this.
     """
+    fields = np.empty((3 * len(SPANS) * len(seeds), _FIELDS))
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2
-    hypotheses, count = np.empty((3 * len(SPANS) * len(seeds), _FIELDS)), 0
+    hypotheses = _Hypotheses(fields, np.zeros(1, np.int64), tolerance, max_radius)
     sorted_row = np.empty(len(xyz), np.int64)
     for span in SPANS:
         order, blocks = block_samples(xyz, span * spacing)
         sorted_row[order] = np.arange(len(xyz))
-        count = _sample_hypotheses(
-            blocks,
-            normals[order],
-            sorted_row[seeds],
-            span * spacing,
-            (tolerance, max_radius),
-            hypotheses,
-            count,
-        )
-    return hypotheses[:count]
+        _sample_hypotheses(blocks, normals[order], sorted_row[seeds], span * spacing, hypotheses)
+    return fields[: hypotheses.size[0]]
 
 
 @compiled
@@ -66,17 +68,9 @@ def surface_of_hypothesis(fields: Floats) -> RevolutionSurface:
 
 @compiled
 def _sample_hypotheses(
-    blocks: BlockedSamples,
-    normals: Floats,
-    seeds: Ints,
-    radius: float,
-    radius_bounds: tuple[float, float],
-    hypotheses: Floats,
-    count: int,
-) -> int:
-    """Write hypotheses of each seed and two samples at 0.6 to 1 times `radius`; return their
-    number.
-    """
+    blocks: BlockedSamples, normals: Floats, seeds: Ints, radius: float, hypotheses: _Hypotheses
+) -> None:
+    """Write hypotheses of each seed and two samples at 0.6 to 1 times `radius`."""
     ranges = np.empty((9, 2), np.int64)
     for seed in seeds:
         block = np.searchsorted(blocks.starts, seed, side="right") - 1
@@ -85,10 +79,7 @@ def _sample_hypotheses(
         if count_around >= 2:
             selection = (_PRIMES[0] * seed % count_around, _PRIMES[1] * seed % count_around)
             _, rows = _annulus_samples(blocks.xyz, seed, near_ranges, radius, selection)
-            count = _add_hypotheses(
-                blocks.xyz, normals, (seed, *rows), radius_bounds, hypotheses, count
-            )
-    return int(count)
+            _add_hypotheses(blocks.xyz, normals, (seed, *rows), hypotheses)
 
 
 @compiled_in_place
@@ -112,18 +103,13 @@ def _annulus_samples(
 
 @compiled_in_place
 def _add_hypotheses(
-    xyz: Floats,
-    normals: Floats,
-    rows: tuple[int, int, int],
-    radius_bounds: tuple[float, float],
-    hypotheses: Floats,
-    count: int,
-) -> int:
+    xyz: Floats, normals: Floats, rows: tuple[int, int, int], hypotheses: _Hypotheses
+) -> None:
     a, n = row_of(xyz, rows[0]), row_of(normals, rows[0])
     m, o = _oriented(row_of(normals, rows[1]), n), _oriented(row_of(normals, rows[2]), n)
     offset, normal_change = add_multiple(a, -1.0, row_of(xyz, rows[1])), add_multiple(n, -1.0, m)
     if dot(normal_change, normal_change) < _MIN_BEND:
-        return count
+        return
     for kind in (SPHERE, CONE):
         axis = (0.0, 0.0, 1.0)
         if kind == CONE:
@@ -133,12 +119,10 @@ def _add_hypotheses(
             axis = multiply(1 / length(direction), direction)
             offset = add_multiple(offset, -dot(offset, axis), axis)
         radius = dot(offset, normal_change) / dot(normal_change, normal_change)
-        if length(add_multiple(offset, -radius, normal_change)) < 2 * radius_bounds[0]:
+        if length(add_multiple(offset, -radius, normal_change)) < 2 * hypotheses.tolerance:
             origin = add_multiple(a, -radius, n)
-            count = _add_hypothesis(
-                kind, origin, axis, (abs(radius), 0.0), radius_bounds, hypotheses, count
-            )
-    return _add_cone(xyz, rows, (n, m, o), radius_bounds, hypotheses, count)
+            _add_hypothesis(kind, origin, axis, abs(radius), 0.0, hypotheses)
+    _add_cone(xyz, rows, (n, m, o), hypotheses)
 
 
 @compiled_in_place
@@ -146,16 +130,14 @@ def _add_cone(
     xyz: Floats,
     rows: tuple[int, int, int],
     normals: tuple[Vector, Vector, Vector],
-    radius_bounds: tuple[float, float],
-    hypotheses: Floats,
-    count: int,
-) -> int:
+    hypotheses: _Hypotheses,
+) -> None:
     n, m, o = normals
     a, b, c = row_of(xyz, rows[0]), row_of(xyz, rows[1]), row_of(xyz, rows[2])
     axis = cross(add_multiple(n, -1.0, m), add_multiple(n, -1.0, o))
     volume = dot(n, cross(m, o))
     if length(axis) < _MIN_AXIS_LENGTH or abs(volume) < _MIN_VOLUME:
-        return count
+        return
     apex = multiply(dot(n, a) / volume, cross(m, o))
     apex = add_multiple(apex, dot(m, b) / volume, cross(o, n))
     apex = add_multiple(apex, dot(o, c) / volume, cross(n, m))
@@ -168,10 +150,7 @@ def _add_cone(
     ) / 3
     if _ANGLES[0] < angle < _ANGLES[1]:
         origin = add_multiple(apex, height, axis)
-        count = _add_hypothesis(
-            CONE, origin, axis, (height * np.tan(angle), angle), radius_bounds, hypotheses, count
-        )
-    return count
+        _add_hypothesis(CONE, origin, axis, height * np.tan(angle), angle, hypotheses)
 
 
 @inlined
@@ -191,15 +170,13 @@ def _add_hypothesis(
     kind: int,
     origin: Vector,
     axis: Vector,
-    radius_and_angle: tuple[float, float],
-    radius_bounds: tuple[float, float],
-    hypotheses: Floats,
-    count: int,
-) -> int:
-    radius, angle = radius_and_angle
-    if not radius_bounds[0] < radius < radius_bounds[1]:
-        return count
-    hypotheses[count, 0], hypotheses[count, 7], hypotheses[count, 8] = kind, radius, angle
-    for k in range(3):
-        hypotheses[count, 1 + k], hypotheses[count, 4 + k] = origin[k], axis[k]
-    return count + 1
+    radius: float,
+    angle: float,
+    hypotheses: _Hypotheses,
+) -> None:
+    if hypotheses.tolerance < radius < hypotheses.max_radius:
+        row = hypotheses.fields[hypotheses.size[0]]
+        row[0], row[7], row[8] = kind, radius, angle
+        for k in range(3):
+            row[1 + k], row[4 + k] = origin[k], axis[k]
+        hypotheses.size[0] += 1

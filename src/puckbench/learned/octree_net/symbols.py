@@ -66,16 +66,3 @@ def powers_of_two() -> Frequencies:
     steps = range((_FREQUENCY_BITS - 3) * UNITS + 1)
     exact = [Decimal(2) ** (_FREQUENCY_BITS - Decimal(d) / UNITS) for d in steps]
     return np.array([round(power) for power in exact], dtype=np.int32)
-
-
-def frequencies(logits: NDArray[np.float32]) -> Frequencies:
-    """Return integer frequencies (n, 16) of symbols from logits (n, 16).
-
-    Logits are to the base 2, in multiples of 1 / UNITS. The most likely value gets 65,536, others
-    at least 8.
-    """
-    units = logits * np.float32(UNITS)
-    distances = (units.max(axis=1, keepdims=True) - units).astype(np.int32)
-    table = powers_of_two()
-    np.minimum(distances, len(table) - 1, out=distances)
-    return np.asarray(table[distances])
