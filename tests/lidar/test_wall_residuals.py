@@ -240,10 +240,10 @@ def test_another_sensors_capture_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = box_capture(10)
-    log.payloads.view(PACKET)["product"] = 0x63
+    log.payloads.view(PACKET)["product"] = 0x31
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(log))
     line = fails(tmp_path / "a.pcap", tmp_path / "a.parquet", capsys)
-    assert "packets of HDL-64E" in line
+    assert "packets of Velarray" in line
 
 
 @pytest.mark.parametrize(
