@@ -71,10 +71,11 @@ def _cases() -> list[str]:
     here = [name for name in classes if open_codec(name).available().ok]
     scaled = [name for name in here if classes[name].rates]
     if find_spec("torch") and "reno" not in here:
-        here.append("reno")  # with the random weights of `weights_of_reno`
+        here.append("reno")  # with the random weights of `at_work`
     return scaled + [name + METRES for name in here if classes[name].metric_rates]
 
 
+@cache
 def _opened(case: str) -> Case:
     return Case(open_codec(case.removesuffix(METRES)), case.endswith(METRES))
 
@@ -97,16 +98,16 @@ OWN = [
 
 
 @pytest.fixture(autouse=True, scope="module")
-def weights_of_reno(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Random weights of RENO where the codec looks for its authors', also in other processes."""
-    folder = tmp_path_factory.mktemp("reno")
-    with pytest.MonkeyPatch.context() as patch:
-        if find_spec("torch"):
-            from tests.support.learned_codecs import save_tiny
+def at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The working directory, with random weights of RENO where the codec looks for its authors'."""
+    folder = tmp_path_factory.mktemp("contract")
+    if find_spec("torch"):
+        from tests.support.learned_codecs import save_tiny
 
-            save_tiny("reno", folder / PUBLISHED_WEIGHTS / "KITTIDetection.pt")
-            patch.chdir(folder)
-        yield
+        save_tiny("reno", folder / PUBLISHED_WEIGHTS / "KITTIDetection.pt")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield folder
 
 
 @pytest.fixture(params=NAMES, scope="module")
@@ -177,17 +178,28 @@ def test_the_order_of_the_points_does_not_change_the_decoded_set(case: Case) -> 
     assert np.array_equal(_sorted(decoded[0]), _sorted(decoded[1]))
 
 
-def test_streams_decode_in_a_fresh_process(case: Case, tmp_path: Path) -> None:
-    stream = next(iter(_streams(case).values()))
-    (tmp_path / "a.bin").write_bytes(stream)
+@pytest.fixture(scope="module")
+def decoded_elsewhere(at_work: Path) -> list[np.ndarray]:
+    """The points that a fresh process decodes of a stream of each case."""
+    for number, name in enumerate(NAMES):
+        case = _opened(name)
+        case.codec.load()
+        (at_work / f"{number}.bin").write_bytes(next(iter(_streams(case).values())))
     program = (
-        "import sys, numpy as np; from puckbench.codecs.registry import open_codec;"
-        "c = open_codec(sys.argv[1]); c.load();"
-        "np.save(sys.argv[3], c.decode(open(sys.argv[2], 'rb').read()))"
+        "import sys, numpy as np; from puckbench.codecs.registry import open_codec\n"
+        "for number, name in enumerate(sys.argv[1:]):\n"
+        "    codec = open_codec(name); codec.load()\n"
+        "    np.save(f'{number}.npy', codec.decode(open(f'{number}.bin', 'rb').read()))"
     )
-    command = [sys.executable, "-c", program, case.codec.name]
-    subprocess.run([*command, tmp_path / "a.bin", tmp_path / "a.npy"], check=True)
-    assert np.array_equal(np.load(tmp_path / "a.npy"), case.decode(stream))
+    names = [name.removesuffix(METRES) for name in NAMES]
+    subprocess.run([sys.executable, "-c", program, *names], cwd=at_work, check=True)
+    return [np.load(at_work / f"{number}.npy") for number in range(len(NAMES))]
+
+
+def test_streams_decode_in_a_fresh_process(case: Case, decoded_elsewhere: list[np.ndarray]) -> None:
+    number = NAMES.index(case.codec.name + METRES * case.is_metric)
+    decoded = case.decode(next(iter(_streams(case).values())))
+    assert np.array_equal(decoded_elsewhere[number], decoded)
 
 
 def test_the_stream_names_a_codec_that_decodes_it(case: Case) -> None:

@@ -4,7 +4,6 @@ import subprocess
 import sys
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -85,16 +84,28 @@ def test_the_same_returns_give_the_same_bytes(codec: ReturnsCodec) -> None:
     assert codec_of(first) == codec.name
 
 
-def test_streams_decode_in_a_fresh_process(codec: ReturnsCodec, tmp_path: Path) -> None:
-    stream, out = tmp_path / "stream.bin", tmp_path / "points.npy"
-    stream.write_bytes(codec.encode_returns(recorded(), next(iter(codec.metric_rates))))
+@pytest.fixture(scope="module")
+def decoded_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+    """The points that a fresh process decodes of a stream of each codec."""
+    folder = tmp_path_factory.mktemp("streams")
+    for name in NAMES:
+        codec = open_codec(name)
+        stream = codec.encode_returns(recorded(), next(iter(codec.metric_rates)))
+        (folder / name).write_bytes(stream)
     program = (
-        "import sys, numpy as np; from pathlib import Path;"
-        "from puckbench.codecs.registry import open_codec;"
-        "np.save(sys.argv[2], open_codec(sys.argv[3]).decode(Path(sys.argv[1]).read_bytes()))"
+        "import sys, numpy as np; from puckbench.codecs.registry import open_codec\n"
+        "for name in sys.argv[1:]:\n"
+        "    np.save(f'{name}.npy', open_codec(name).decode(open(name, 'rb').read()))"
     )
-    subprocess.run([sys.executable, "-c", program, stream, out, codec.name], check=True)
-    np.testing.assert_array_equal(np.load(out), codec.decode(stream.read_bytes()))
+    subprocess.run([sys.executable, "-c", program, *NAMES], cwd=folder, check=True)
+    return {name: np.load(folder / f"{name}.npy") for name in NAMES}
+
+
+def test_streams_decode_in_a_fresh_process(
+    codec: ReturnsCodec, decoded_elsewhere: dict[str, np.ndarray]
+) -> None:
+    stream = codec.encode_returns(recorded(), next(iter(codec.metric_rates)))
+    np.testing.assert_array_equal(decoded_elsewhere[codec.name], codec.decode(stream))
 
 
 def test_nothing_and_bare_points_are_refused(codec: ReturnsCodec) -> None:

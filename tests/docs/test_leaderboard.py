@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import re
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 
 import pandas as pd
@@ -94,11 +93,3 @@ def test_titles_are_text_not_markup(pages: ModuleType, study: ReferenceResults) 
     style = [{"dataset_titles": {"objects": "Things"}, "codec_titles": {"gpcc": "G<b>PCC"}}]
     page = pages._study(replace(study, about={**study.about, "style": style}))
     assert "G&lt;b&gt;PCC</th>" in page
-
-
-def test_every_study_that_comes_with_the_program_is_on_the_page(pages: ModuleType) -> None:
-    page = pages.results()
-    assert "## The default run (`default`)" in page
-    assert "none yet" not in page
-    assert Path(ROOT, "docs", "static", "ranking.css").exists()
-    assert 'class="docutils ranking"' in page

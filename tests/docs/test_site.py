@@ -63,6 +63,15 @@ def test_the_reference_knows_the_commands_codecs_and_functions(site: Path) -> No
         assert all(word in text for word in words), name
 
 
+def test_the_leaderboard_has_every_study(site: Path) -> None:
+    text = (site / "reference" / "results.html").read_text(encoding="utf-8")
+    for name in shipped_studies():
+        assert f'<span class="pre">{name}</span></code>)<a class="headerlink"' in text
+    assert "none yet" not in text
+    assert (site / "_static" / "ranking.css").exists()
+    assert 'class="docutils ranking"' in text
+
+
 def test_no_page_fetches_anything(site: Path) -> None:
     pages = [*site.rglob("*.html"), *site.rglob("*.css")]
     assert len(pages) > 40

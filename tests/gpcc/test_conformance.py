@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
+from puckbench.gpcc import decode_cloud
 from puckbench.gpcc.conformance import (
     FOLDER,
     conformance_streams,
@@ -69,18 +71,34 @@ def test_a_program_is_judged_by_what_it_writes(code: str, outcome: str, why: str
 
 _PROGRAM = """
 import sys
+from hashlib import sha256
 from pathlib import Path
-from puckbench.gpcc import decode_cloud
+import numpy as np
 from puckbench.io.ply import write_vertices
-cloud = decode_cloud(Path(sys.argv[1]).read_bytes())
-columns = dict(zip("xyz", cloud.positions().T))
-if "color" in cloud.attributes:
-    columns |= dict(zip(("red", "green", "blue"), cloud.attributes["color"].T))
-if "reflectance" in cloud.attributes:
-    columns["refc"] = cloud.attributes["reflectance"]
+name = sha256(Path(sys.argv[1]).read_bytes()).hexdigest() + ".npz"
+columns = dict(np.load(Path(__file__).with_name(name)))
 CHANGE
 write_vertices(Path(sys.argv[2]), columns)
 """
+_NAMES = {"attributes/both", "attributes/lifting_colours", "attributes/raht"}
+
+
+@pytest.fixture(scope="module")
+def decoded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the decoded columns of three streams, which the program writes as its work."""
+    folder = tmp_path_factory.mktemp("decoded")
+    for stream in STREAMS:
+        if stream.name in _NAMES:
+            data = stream.path.read_bytes()
+            cloud = decode_cloud(data)
+            columns = dict(zip("xyz", cloud.positions().T, strict=True))
+            if "color" in cloud.attributes:
+                colours = cloud.attributes["color"].T
+                columns |= dict(zip(("red", "green", "blue"), colours, strict=True))
+            if "reflectance" in cloud.attributes:
+                columns["refc"] = cloud.attributes["reflectance"]
+            np.savez(folder / sha256(data).hexdigest(), **columns)
+    return folder
 
 
 @pytest.mark.parametrize(
@@ -93,13 +111,12 @@ write_vertices(Path(sys.argv[2]), columns)
     ],
 )
 def test_a_program_is_judged_by_the_attributes_too(
-    tmp_path: Path, change: str, outcomes: set[str], why: str
+    decoded: Path, change: str, outcomes: set[str], why: str
 ) -> None:
-    program = tmp_path / "decoder.py"
+    program = decoded / "decoder.py"
     program.write_text(_PROGRAM.replace("CHANGE", change))
     decode = program_decoder(f"{sys.executable} {program} {{stream}} {{points}}")
-    names = {"attributes/both", "attributes/lifting_colours", "attributes/raht"}
-    judged = list(verdicts(decode, [stream for stream in STREAMS if stream.name in names]))
+    judged = list(verdicts(decode, [stream for stream in STREAMS if stream.name in _NAMES]))
     assert {verdict.outcome for verdict in judged} == outcomes
     assert all(why in verdict.why for verdict in judged)
 

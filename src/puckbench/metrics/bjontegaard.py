@@ -7,6 +7,8 @@ interpolates the log rate, without extrapolation.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +36,20 @@ class RateDistortionCurve:
     log_rate: Floats
     quality: Floats
     dropped: int
+
+    @cached_property
+    def rate_interpolant(self) -> Any:
+        return _interpolant(self.quality, self.log_rate)
+
+    @cached_property
+    def quality_interpolant(self) -> Any:
+        return _interpolant(self.log_rate, self.quality)
+
+
+def _interpolant(x: Floats, y: Floats) -> Any:
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(x, y)
 
 
 @dataclass(frozen=True)
@@ -81,35 +97,20 @@ def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCur
 def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) -> BjontegaardDelta:
     if min(len(anchor.quality), len(tested.quality)) < MIN_POINTS:
         return BjontegaardDelta(None, None, TOO_FEW_POINTS, TOO_FEW_POINTS)
-    ratio, rate_status, overlap = _difference(
-        (anchor.quality, anchor.log_rate), (tested.quality, tested.log_rate)
-    )
-    gain, quality_status, _ = _difference(
-        (anchor.log_rate, anchor.quality), (tested.log_rate, tested.quality)
-    )
+    ratio, rate_status, overlap = _difference(anchor, tested, "quality", "rate_interpolant")
+    gain, quality_status, _ = _difference(anchor, tested, "log_rate", "quality_interpolant")
     return BjontegaardDelta(ratio, gain, rate_status, quality_status, overlap)
 
 
 def _difference(
-    anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats]
+    anchor: RateDistortionCurve, tested: RateDistortionCurve, axis: str, interpolant: str
 ) -> tuple[float | None, str, float]:
-    low, high = _common(anchor[0], tested[0])
-    overlap = max(0.0, high - low) / float(min(np.ptp(anchor[0]), np.ptp(tested[0])))
+    a, b = getattr(anchor, axis), getattr(tested, axis)
+    low, high = float(max(a[0], b[0])), float(min(a[-1], b[-1]))
+    overlap = max(0.0, high - low) / float(min(np.ptp(a), np.ptp(b)))
     if overlap == 0:
         return None, NO_COMMON_RANGE, overlap
     if overlap < MIN_OVERLAP * (1 - _ROUNDING):
         return None, LITTLE_OVERLAP, overlap
-    return _mean_difference(anchor, tested, low, high), COMPARED, overlap
-
-
-def _common(a: Floats, b: Floats) -> tuple[float, float]:
-    return float(max(a[0], b[0])), float(min(a[-1], b[-1]))
-
-
-def _mean_difference(
-    anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats], low: float, high: float
-) -> float:
-    from scipy.interpolate import PchipInterpolator
-
-    areas = [float(PchipInterpolator(x, y).integrate(low, high)) for x, y in (anchor, tested)]
-    return (areas[1] - areas[0]) / (high - low)
+    areas = [float(getattr(curve, interpolant).integrate(low, high)) for curve in (anchor, tested)]
+    return (areas[1] - areas[0]) / (high - low), COMPARED, overlap
