@@ -7,7 +7,6 @@ estimates it. Variables are named as in `ranges`.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from puckbench.coding.binary_coder import BitCoder, exhausted
 from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.puck.experts import FINE, Experts, begin, learn, new_experts
+from puckbench.puck.gains import Gains, estimated, learn_estimate, new_gains
 from puckbench.puck.least_squares import (
     LeastSquares,
     learn_target,
@@ -34,7 +34,6 @@ from puckbench.puck.numbers import (
 from puckbench.puck.options import Effort
 from puckbench.puck.ranges import PAD
 
-MAX_VALUE = (1 << 16) - 1
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
 """Numbers in the efforts `normal` and `thorough`; `fast` has one counter for each decision."""
 _FEATURES: dict[Effort, int] = {"fast": 8, "normal": 13, "thorough": 20}
@@ -46,28 +45,6 @@ _SIZES = 36
 _CLIP = 480
 """Limit of features: larger differences are clipped."""
 _MOST_ERROR = 1 << 20
-_OCTAVE = 4096
-"""A factor of 2 as a difference of logarithms."""
-_BINS = 400
-"""Entries of a table of logarithms, 16 for an octave."""
-_COARSE_BINS, _COARSE = 52, 3
-"""Entries of a laser's table of logarithms of ranges, 2 ** (4 - _COARSE) for an octave."""
-_TABLES = 5
-_VARIANCE = 1 << 24
-"""The variance 1 (squared octave)."""
-_FIRST_VARIANCES = np.array([1.0, 0.05, 1.0, 0.05, 0.05])
-"""Variances of entries of the tables of ranges, lasers' ranges, lasers, signals and sums before
-the first estimate,"""
-_ADDED_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
-"""and their least variances, by which the tables adapt to changes."""
-_LEAST_NOISE, _MOST_NOISE = _VARIANCE >> 13, _VARIANCE // 25
-"""Limits of the variance of what no table explains."""
-_ROUNDING = round(0.2 * _VARIANCE)
-"""Variance of the logarithm of a value v because it is rounded, times v squared."""
-_EARLY_GAIN = -81633 << 8
-"""Logarithm of a reflectivity of 16 bits less those of signal and squared range (mm): that of the
-early firmware of two sensors."""
-
 
 class ChannelModel(NamedTuple):
     zero: Mixer  # of the decision whether a value is 0
@@ -78,13 +55,8 @@ class ChannelModel(NamedTuple):
     last: Ints  # for each laser: its last value above 0,
     error: Ints  # the running means of its errors' sizes, in 1 / FINE,
     bias: Ints  # and of its signed errors, in shifted units / 256
-    memory: Ints  # number of values, estimate in 2**-20 octaves, its value, variance of its error
-    gains: Ints  # logarithms that are summed, in 2**-20 octaves: all tables, then a constant,
-    variances: Ints  # and the variances of their errors
-    starts_of_gains: Ints  # first entry of each table, and the constant
-    places: Ints  # places in the tables, in 1 / 256
-    logarithms: Words  # tables
-    powers: Words
+    memory: Ints  # number of values
+    gains: Gains
     has_signals: int  # 1 for reflectivities, which depend on ranges and signals
     farthest: int  # largest value
 
@@ -109,9 +81,7 @@ def new_channel_model(
     zeros = np.zeros(lasers, np.int64)
     level = np.arange(_LEVELS) + 4
     usual = (1 << level // 2) * (2 + level % 2) * 128
-    entries = np.array([_BINS, lasers * _COARSE_BINS, lasers + 1, _BINS, _BINS])
-    variances = np.append(np.repeat(_VARIANCE * _FIRST_VARIANCES, entries), 0).astype(np.int64)
-    model = ChannelModel(
+    return ChannelModel(
         new_mixer(bits, MixerOptions(
             experts=0, contexts=zero_contexts, counters=1024 + lasers * 32 + 512, rows=8,
             weights=[0.4] * zero_contexts, learning_rate=14, final_learning_rate=3, memory=160,
@@ -124,23 +94,9 @@ def new_channel_model(
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), experts),
         new_least_squares(1, _FEATURES[effort]),
-        zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(4, np.int64),
-        np.zeros(entries.sum() + 1, np.int64), variances, np.cumsum([0, *entries]),
-        np.zeros(_TABLES, np.int64),
-        *_tables(), int(has_signals), farthest,
+        zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(1, np.int64),
+        new_gains(lasers, farthest), int(has_signals), farthest,
     )  # fmt: skip
-    model.memory[3] = _VARIANCE // 1000
-    if farthest == MAX_VALUE:
-        model.gains[-1] = _EARLY_GAIN
-    return model
-
-
-@cache
-def _tables() -> tuple[Words, Words]:
-    """Return the logarithms of 1 + k / 4096, and 2 ** (k / 4096) in 2 ** -15."""
-    k = np.arange(_OCTAVE) / _OCTAVE
-    logarithms, powers = np.rint(_OCTAVE * np.log2(1 + k)), np.rint(2**15 * 2**k)
-    return logarithms.astype(np.int32), powers.astype(np.int32)
 
 
 @compiled_in_place
@@ -156,7 +112,10 @@ def code_channel(
     for c in range(PAD, len(values)):
         t = nearest[c - PAD]
         for laser in range(values.shape[1]):
-            estimate = _estimate(model, image, c, laser)
+            estimate = 0
+            if model.has_signals == 1:
+                distance, signal = int(image.ranges[c, laser]), int(image.signals[c, laser])
+                estimate = estimated(model.gains, distance, signal, laser)
             image.estimates[c, laser] = estimate
             if _code_zero(model, image, before, c, laser, t) == 1:
                 values[c, laser] = 0
@@ -165,106 +124,10 @@ def code_channel(
                 _code_value(model, image, before, c, laser, t, estimate)
                 model.last[laser] = values[c, laser]
                 if estimate > 0:
-                    _learn_estimate(model, values[c, laser])
+                    learn_estimate(model.gains, values[c, laser])
         if exhausted(model.zero.bits):
             return False
     return True
-
-
-@inlined
-def _logarithm(model: ChannelModel, value: int) -> int:
-    octave = halves(value - 1) >> 1
-    return octave * _OCTAVE + int(model.logarithms[np.uint64(((value << 12) >> octave) - _OCTAVE)])
-
-
-@inlined
-def _power(model: ChannelModel, logarithm: int) -> int:
-    logarithm = min(max(logarithm, -3 * _OCTAVE), 24 * _OCTAVE - 1)
-    mantissa = int(model.powers[np.uint64(logarithm & (_OCTAVE - 1))])
-    return max((mantissa << ((logarithm >> 12) + 4)) >> 15, 1)
-
-
-@inlined
-def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) -> int:
-    """Return a reflectivity estimated from range and signal, or 0."""
-    distance, signal = int(image.ranges[c, laser]), int(image.signals[c, laser])
-    if model.has_signals == 0 or distance == 0 or signal == 0:
-        return 0
-    places = model.places
-    places, starts = model.places, model.starts_of_gains
-    distance, signal = _logarithm(model, distance), _logarithm(model, signal)
-    places[0] = distance
-    places[1] = (starts[1] + laser * _COARSE_BINS << 8) + (distance >> _COARSE)
-    places[2] = starts[2] + laser << 8
-    _start_range(model)
-    places[3] = (starts[3] << 8) + signal
-    total = int(model.gains[starts[5]]) + (signal + 2 * distance << 8)
-    for k in range(4):
-        total += _gain(model, k)
-    places[4] = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
-    total += _gain(model, 4)
-    model.memory[1] = total
-    estimate = _power(model, total >> 8)
-    model.memory[2] = estimate // FINE
-    if model.farthest == MAX_VALUE:  # a larger value has lost its highest bits
-        return max(estimate % (FINE << 16), 1)
-    return min(estimate, FINE * model.farthest)
-
-
-@inlined
-def _start_range(model: ChannelModel) -> None:
-    """Initialise an entry of the table of ranges with its learnt neighbour."""
-    gains, variances, first = model.gains, model.variances, model.places[0] >> 8
-    low, high = variances[first] == _VARIANCE, variances[first + 1] == _VARIANCE
-    if low and not high:
-        gains[first], variances[first] = gains[first + 1], _VARIANCE // 4
-    if high and not low:
-        gains[first + 1], variances[first + 1] = gains[first], _VARIANCE // 4
-
-
-@inlined
-def _gain(model: ChannelModel, table: int) -> int:
-    place, share, gains = model.places[table] >> 8, model.places[table] & 255, model.gains
-    gain: int = (gains[place] * (256 - share) + gains[place + 1] * share) >> 8
-    return gain
-
-
-@inlined
-def _learn_estimate(model: ChannelModel, value: int) -> None:
-    """Share an error among the entries by their variances: a Kalman filter without covariances."""
-    places, gains, variances, memory = model.places, model.gains, model.variances, model.memory
-    if model.farthest == MAX_VALUE:
-        value += max(memory[2] - value + (1 << 15), 0) >> 16 << 16
-    elif value == model.farthest:
-        return
-    error = (_logarithm(model, value) << 8) - memory[1]
-    constant = model.starts_of_gains[5]
-    if gains[constant] == 0:
-        gains[constant] = error
-        return
-    if model.farthest == MAX_VALUE and abs(error) > _OCTAVE << 6:
-        return
-    rounding = _ROUNDING // (value * value)
-    total = memory[3] + rounding
-    for k in range(_TABLES):
-        place, share = places[k] >> 8, places[k] & 255
-        total += variances[place] * (256 - share) * (256 - share) >> 16
-        total += variances[place + 1] * share * share >> 16
-    size = min(abs(error) >> 8, 1 << 14)
-    memory[3] += (
-        min(max((size * size >> 1) - rounding, _LEAST_NOISE), _MOST_NOISE) - memory[3]
-    ) >> 6
-    limit = 5 << 7 + (halves(total) >> 2)  # about 2.5 standard deviations
-    error = min(max(error, -limit), limit)
-    inverse = (1 << 40) // total
-    for k in range(_TABLES):
-        for after in range(2):
-            place, share = (places[k] >> 8) + after, places[k] & 255
-            variance = variances[place] * (share if after else 256 - share) >> 8
-            gain = variance * inverse >> 24
-            gains[place] += error * gain >> 16
-            left = variances[place] - (variance * gain >> 16)
-            variances[place] = max(left, _ADDED_VARIANCES[k])
 
 
 @inlined

@@ -20,6 +20,7 @@ from puckbench.puck.channels import (
 )
 from puckbench.puck.gaps import decode_gaps, encode_gaps
 from puckbench.puck.options import EFFORTS, Effort
+from puckbench.puck.quick_images import ImageCoder, ImageJob, framed
 from puckbench.puck.ranges import PAD
 from puckbench.puck.turns import (
     PartReader,
@@ -45,6 +46,7 @@ class _State:
     models: dict[int, ChannelModel] = field(default_factory=dict)
     coded: dict[int, ChannelContext] = field(default_factory=dict)
     azimuths: Ints | None = None
+    images: ImageCoder = field(default_factory=ImageCoder)
 
 
 @dataclass
@@ -68,7 +70,8 @@ class FieldsEncoder:
         layout, writer = self._kind.layout, PartWriter()
         images = [padded(by_elevation(image[None], layout)[0]) for image in rest.images]
         widths = [_width(image) for image in images]
-        _code_images(self._kind, self._state, turn, images, widths, writer, self._effort)
+        code = _code_quickly if self._effort == "fast" else _code_images
+        code(self._kind, self._state, turn, images, widths, writer, self._effort)
         flags = EFFORTS.index(self._effort) << 1 | rest.has_crc
         rows = [*rest.outsides, *rest.heads] if self._kind.outside_bytes else [*rest.heads]
         rows.append(rest.remainders.astype("<u2").view(np.uint8).reshape(-1, 2).T.ravel())
@@ -92,7 +95,9 @@ class FieldsDecoder:
             raise InputError(_DAMAGED)
         images = [np.zeros((PAD + columns, kind.layout.lasers), np.int32) for _ in widths]
         parts = PartReader(reader)
-        _code_images(kind, state, turn, images, widths, parts, EFFORTS[flags >> 1])
+        effort = EFFORTS[flags >> 1]
+        code = _code_quickly if effort == "fast" else _code_images
+        code(kind, state, turn, images, widths, parts, effort)
         packets = columns // kind.columns_per_packet if kind.outside_bytes else 0
         outsides, heads, low_high = _decode_rows(reader, packets, columns, kind.outside_bytes)
         remainders = np.frombuffer(low_high, np.uint8).reshape(2, -1).T.copy().view("<u2")[:, 0]
@@ -168,3 +173,29 @@ def _code_images(
     state.azimuths = azimuths
     for job in jobs:
         parts.close(job.bits, job.is_complete)
+
+
+def _code_quickly(
+    kind: OusterKind, state: _State, turn: Turn, images: list[Words], widths: list[int],
+    parts: Parts, effort: Effort,
+) -> None:  # fmt: skip
+    azimuths, layout = turn.azimuths.astype(np.int64), kind.layout
+    nearest = nearest_columns(azimuths, state.azimuths, layout)
+    ranges = [framed(image) for image in by_elevation(turn.ranges, layout)]
+    coded: dict[int | None, Words] = {}
+    for is_dependent in (False, True):
+        jobs = [
+            ImageJob(
+                number, image[PAD:], (1 << width) - 1, ranges[channel.kind],
+                coded.get(channel.signal, np.zeros_like(ranges[0])) if is_dependent else None,
+            )
+            for number, (image, width, channel) in enumerate(
+                zip(images, widths, kind.channels, strict=True)
+            )
+            if width and (channel.signal is not None) == is_dependent
+        ]  # fmt: skip
+        results = parts.code_images(state.images, jobs, nearest)
+        coded |= {job.number: image for job, image in zip(jobs, results, strict=True)}
+    for number, image in coded.items():
+        images[number][PAD:] = image[PAD:-PAD, 1:-1]
+    state.azimuths = azimuths

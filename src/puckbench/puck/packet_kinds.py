@@ -167,7 +167,8 @@ def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
 
 class PacketsEncoder:
     def __init__(self, kind: Kind, options: CodingOptions) -> None:
-        self.kind, self._turns = kind, TurnEncoder(kind.layout, options)
+        is_quick = options.effort == "fast" and isinstance(kind, OusterKind)
+        self.kind, self._turns = kind, TurnEncoder(kind.layout, options, is_quick=is_quick)
         self._effort = options.effort
         self._fields: FieldsEncoder | None = None
 

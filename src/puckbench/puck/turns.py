@@ -33,6 +33,7 @@ from puckbench.lidar.turns import (
 )
 from puckbench.puck.channels import ChannelModel
 from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
+from puckbench.puck.quick_images import ImageCoder, ImageJob
 from puckbench.puck.ranges import (
     MODEL_SIZES,
     PAD,
@@ -61,6 +62,8 @@ _LEAN = 32
 """Flag: reflectivities are coded with few contexts."""
 _WIDE = 64
 """Flag: ranges have 32 bits."""
+_QUICK = 128
+"""Flag: ranges and reflectivities are coded by `quick_images`."""
 _CLOCK = 1 << 32
 _FARTHEST_COLUMN = 180
 """A column of the previous turn is a context up to 1 / 180 of a revolution away."""
@@ -82,11 +85,13 @@ class _State:
     step: int
     effort: int
     is_wide: bool
+    is_quick: bool
     azimuths: SequenceModel
     ranges: RangeModel
     second: SecondReturnModel
     times: SequenceModel
     reflectivities: list[ReflectivityModel]
+    images: ImageCoder = field(default_factory=ImageCoder)
     previous: _CodedTurn | None = None
 
 
@@ -101,13 +106,15 @@ class _CodedTurn:
     held: list[Words] = field(default_factory=list)
 
 
-def _new_state(layout: Layout, step: int, lmbda: float, effort: int, is_wide: bool) -> _State:
+def _new_state(
+    layout: Layout, step: int, lmbda: float, effort: int, is_wide: bool, is_quick: bool
+) -> _State:
     bits, lasers = bit_writer(0), layout.lasers
-    farthest = MAX_RANGE if is_wide else 0xFFFF
+    farthest = _farthest(is_wide)
     size = MODEL_SIZES[EFFORTS[effort]]
     sixteenths = max(round(16 * lmbda), 1) if lmbda > 0 else 0
     return _State(
-        layout, step, effort, is_wide,
+        layout, step, effort, is_wide, is_quick,
         new_sequence_model(bits, layout.azimuth_steps),
         new_range_model(bits, lasers, size, step, sixteenths, farthest),
         new_second_return_model(bits, lasers, step, farthest),
@@ -117,8 +124,11 @@ def _new_state(layout: Layout, step: int, lmbda: float, effort: int, is_wide: bo
 
 
 class TurnEncoder:
-    def __init__(self, layout: Layout, options: CodingOptions | None = None) -> None:
+    def __init__(
+        self, layout: Layout, options: CodingOptions | None = None, *, is_quick: bool = False
+    ) -> None:
         self.layout, self.options = layout, options or CodingOptions()
+        self._is_quick = is_quick
         self._state: _State | None = None
         self._since_key = 0
 
@@ -129,11 +139,13 @@ class TurnEncoder:
         is_wide = has_wide_ranges(turn)
         is_key = 0 < options.key_every <= self._since_key
         if self._state is None or is_key or is_wide != self._state.is_wide:
-            self._state = _new_state(self.layout, options.step, options.lmbda, effort, is_wide)
+            self._state = _new_state(
+                self.layout, options.step, options.lmbda, effort, is_wide, self._is_quick
+            )
             self._since_key, is_key = 0, True
         self._since_key += 1
         flags = is_key * _KEY | effort << _EFFORT | (options.effort == "fast") * _LEAN
-        flags |= is_wide * _WIDE
+        flags |= is_wide * _WIDE | self._is_quick * _QUICK
         flags |= (options.times and turn.times is not None) * _TIMES
         flags |= (options.reflectivities and turn.reflectivities is not None) * _REFLECTIVITIES
         writer = PartWriter()
@@ -156,16 +168,15 @@ class TurnDecoder:
         effort = flags >> _EFFORT & 3
         if (
             effort >= len(EFFORTS)
-            or flags > 2 * _WIDE - 1
             or not 1 <= step <= MAX_STEP
             or not 1 <= blocks <= self.layout.max_blocks
         ):
             raise InputError("the stream is damaged (a turn's header)")
-        is_wide = bool(flags & _WIDE)
+        is_wide, is_quick = bool(flags & _WIDE), bool(flags & _QUICK)
         if flags & _KEY:
-            self._state = _new_state(self.layout, step, 0, effort, is_wide)
-        state = self._state
-        if state is None or (step, effort, is_wide) != (state.step, state.effort, state.is_wide):
+            self._state = _new_state(self.layout, step, 0, effort, is_wide, is_quick)
+        state, kind = self._state, (step, effort, is_wide, is_quick)
+        if state is None or kind != (state.step, state.effort, state.is_wide, state.is_quick):
             raise InputError("the turn needs the turn before it")
         self._state = None  # no other turn may use the models of a damaged turn
         blank = _blank(blocks, self.layout, is_wide)
@@ -209,6 +220,10 @@ def _by_elevation(turn: Turn, layout: Layout) -> Turn:
     )
 
 
+def _farthest(is_wide: bool) -> int:
+    return MAX_RANGE if is_wide else 0xFFFF
+
+
 def _range_type(is_wide: bool) -> type[np.uint16] | type[np.uint32]:
     return np.uint32 if is_wide else np.uint16
 
@@ -233,6 +248,11 @@ class PartWriter:
     def open(self, most_decisions: int) -> BitCoder:
         return bit_writer(most_decisions * _BYTES_PER_DECISION + 64)
 
+    def code_images(self, coder: ImageCoder, jobs: list[ImageJob], nearest: Ints) -> list[Words]:
+        images, parts = coder.encode(jobs, nearest)
+        self.parts += parts
+        return images
+
     def close(self, bits: BitCoder, is_complete: bool) -> None:
         del is_complete
         self.parts.append(written(bits))
@@ -251,6 +271,10 @@ class PartReader:
         del most_decisions
         return bit_reader(self._reader.take(self._reader.number()))
 
+    def code_images(self, coder: ImageCoder, jobs: list[ImageJob], nearest: Ints) -> list[Words]:
+        parts = [self._reader.take(self._reader.number()) for _ in jobs]
+        return coder.decode(jobs, nearest, parts)
+
     def close(self, bits: BitCoder, is_complete: bool) -> None:
         if not is_complete or not read_to_its_end(bits):
             raise InputError("the stream is damaged (a turn)")
@@ -266,13 +290,16 @@ def _code_turn(
     state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
     previous = None if state.previous is None else state.previous.azimuths
     nearest = nearest_columns(azimuths, previous, state.layout)
-    coded = _code_kinds(state, azimuths, nearest, turn, parts)
+    if state.is_quick:
+        coded = _code_images(state, azimuths, nearest, turn, flags, parts)
+    else:
+        coded = _code_kinds(state, azimuths, nearest, turn, parts)
     times = None
     if flags & _TIMES and turn.times is not None:
         numbers = turn.times.astype(np.int64)
         state.times = _code_numbers(state.times, numbers, parts)
         times = numbers.astype(np.uint32)
-    if flags & _REFLECTIVITIES and turn.reflectivities is not None:
+    if flags & _REFLECTIVITIES and turn.reflectivities is not None and not state.is_quick:
         lean = bool(flags & _LEAN)
         _code_all_reflectivities(state, coded, nearest, turn.reflectivities, parts, lean=lean)
     state.previous = coded
@@ -305,6 +332,24 @@ def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None)
         values = by_laser(np.stack(kinds).astype(np.uint8), state.layout)
     ranges = by_laser(ranges, state.layout)
     return Turn(ranges, coded.azimuths.astype(np.uint16), times, values)
+
+
+def _code_images(
+    state: _State, azimuths: Ints, nearest: Ints, turn: Turn, flags: int, parts: Parts
+) -> _CodedTurn:
+    farthest, ranges, values, end = _farthest(state.is_wide), [], [], PAD + len(nearest)
+    for kind, image in enumerate(turn.ranges):
+        job = ImageJob(kind, image, farthest, like=ranges[0] if kind else None)
+        ranges += parts.code_images(state.images, [job], nearest)
+    if flags & _REFLECTIVITIES and turn.reflectivities is not None:
+        jobs = [
+            ImageJob(len(ranges) + kind, image, 0xFF, ranges[kind])
+            for kind, image in enumerate(turn.reflectivities)
+        ]
+        values = parts.code_images(state.images, jobs, nearest)
+    inside = [image[:end, 1:-1] for image in ranges]
+    strongest = RangeContext(*inside[:1] * 4)
+    return _CodedTurn(azimuths, strongest, inside, [image[:end, 1:-1] for image in values])
 
 
 def _code_kinds(
