@@ -103,10 +103,12 @@ def _joined(gaps: list[bytes]) -> bytes:
         for edge, count in zip(edges, counts, strict=True)
     ]
     parts = [base_128(len(runs)), *runs]
-    frequent = _frequent(lengths)
-    for length in frequent:
-        group = b"".join(gap for gap in gaps if len(gap) == length)
-        parts.append(_planes(np.frombuffer(group, np.uint8).reshape(-1, length)))
+    frequent: dict[int, list[bytes]] = {length: [] for length in _frequent(lengths)}
+    for gap in gaps:
+        if len(gap) in frequent:
+            frequent[len(gap)].append(gap)
+    for length, group in frequent.items():
+        parts.append(_planes(np.frombuffer(b"".join(group), np.uint8).reshape(-1, length)))
     parts += [gap for gap in gaps if len(gap) not in frequent]
     return b"".join(parts)
 

@@ -13,13 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.coding.byte_io import Reader
 from puckbench.coding.context_mixing import Ints, Words
 from puckbench.coding.integers import leading_zeros
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
+from puckbench.lidar.turns import MAX_RANGE
 from puckbench.puck.experts import FINE
 from puckbench.puck.gains import Gains, estimated, learn_estimate, new_gains
+from puckbench.puck.gaps import compress_bytes, decompress_bytes
 from puckbench.puck.numbers import halves
 from puckbench.puck.ranges import PAD
 
@@ -51,6 +54,10 @@ _LEARNT = 64
 """Columns after which only every fourth is learnt, and every fourth laser's estimate."""
 _MOST_ERROR = 1 << 16
 _FIRST_ERROR = 48
+_FEW = 32
+"""Values above 0 are listed if at most 1 / 32 of an image has them."""
+_CODED, _LISTED = b"\0", b"\1"
+"""First byte of a part."""
 _DAMAGED = "the stream is damaged (an image of a turn)"
 
 
@@ -75,6 +82,7 @@ class _Model(NamedTuple):
     coded: Ints  # number of columns
     gains: Gains
     has_signals: bool  # a reflectivity, which depends on range and signal
+    has_like: bool
     is_range: bool
     farthest: int
 
@@ -121,7 +129,8 @@ def _new_model(job: ImageJob) -> _Model:
         np.zeros((_FEATURES, _FEATURES), np.int64), np.zeros(_FEATURES, np.int64),
         np.zeros(_FEATURES, np.int64), x, x.copy(), x[:6].copy(),
         np.full(lasers, _FIRST_ERROR, np.int32), np.zeros(1, np.int64),
-        new_gains(lasers, job.farthest), job.signals is not None, job.ranges is None, job.farthest,
+        new_gains(lasers, job.farthest), job.signals is not None,
+        job.like is not None, job.ranges is None, job.farthest,
     )  # fmt: skip
     _make_tables(model)
     return model
@@ -259,7 +268,7 @@ def _estimate_column(model: _Model, ranges: Words, signals: Words, like: Words) 
         for laser in range(len(estimates)):
             distance, signal = int(ranges[laser + 1]), int(signals[laser + 1])
             estimates[laser] = estimated(model.gains, distance, signal, laser)
-    else:
+    elif model.has_like:
         for laser in range(len(estimates)):
             estimates[laser] = FINE * like[laser + 1]
 
@@ -467,7 +476,7 @@ class ImageCoder:
 
     def __init__(self) -> None:
         self._models: dict[int, _Model] = {}
-        self._coded: dict[int, tuple[_Image, int]] = {}
+        self._coded: dict[int, _Image] = {}
 
     def encode(self, jobs: list[ImageJob], nearest: Ints) -> tuple[list[Words], list[bytes]]:
         """Return the images, as later jobs need them, and a part of the stream for each."""
@@ -482,28 +491,53 @@ class ImageCoder:
     def _code(self, job: ImageJob, nearest: Ints, part: bytes | None) -> tuple[Words, bytes]:
         columns, lasers = job.values.shape
         image = _Image(*np.zeros((3, columns + 2 * PAD, lasers + 2), np.int32))
-        image.errors[:PAD] = _FIRST_ERROR
-        nothing = np.zeros((len(image.values), 0), np.int32)
-        before, rows = _Image(nothing, nothing, nothing), np.zeros_like(nearest)
+        inside, former = image.values[PAD:-PAD, 1:-1], self._coded.pop(job.number, None)
+        if part is None:
+            inside[:] = job.values
+            part = _listed(inside)
+        if part[:1] == _LISTED:
+            _write_listed(inside, part[1:])
+            return image.values, part
         model = self._models.get(job.number)
         if model is None or model.farthest != job.farthest:
             model = self._models[job.number] = _new_model(job)
-        if job.number in self._coded:
-            (before, end), rows = self._coded[job.number], nearest
-            for array, earlier in zip(image, before, strict=True):
-                array[:PAD] = earlier[end - PAD : end]
-        self._coded[job.number] = image, PAD + columns
-        coder = _writer(columns * lasers) if part is None else _reader(part)
-        if part is None:
-            image.values[PAD : PAD + columns, 1:-1] = job.values
-        none = np.zeros((len(image.values), lasers + 2), np.int32)
-        others = (none if each is None else each for each in (job.ranges, job.signals, job.like))
-        is_complete = _code_image(model, coder, image, before, *others, rows)
-        if part is None:
-            return image.values, _written(coder)
+        coder = _reader(part[1:]) if part else _writer(columns * lasers)
+        image.errors[:PAD] = _FIRST_ERROR
+        if former is not None:
+            for array, earlier in zip(image, former, strict=True):
+                array[:PAD] = earlier[-2 * PAD : -PAD]
+        others = (
+            image.values if each is None else each for each in (job.ranges, job.signals, job.like)
+        )
+        rows = np.zeros_like(nearest) if former is None else nearest
+        is_complete = _code_image(model, coder, image, former or image, *others, rows)
+        self._coded[job.number] = image
+        if not part:
+            return image.values, _CODED + _written(coder)
         if not is_complete or list(coder.registers) != [_LOW, len(coder.words) - 1]:
             raise InputError(_DAMAGED)
         return image.values, part
+
+
+def _listed(image: Words) -> bytes:
+    """Return a list of the values above 0 and their places, or nothing unless they are few."""
+    values = image[image > 0]
+    if _FEW * len(values) > image.size:
+        return b""
+    steps = np.diff(np.flatnonzero(image), prepend=0)
+    return _LISTED + compress_bytes(np.stack([steps, values]).astype("<u4").tobytes())
+
+
+def _write_listed(image: Words, body: bytes) -> None:
+    def admit(size: int) -> None:
+        if size % 8 or _FEW * size > 8 * image.size:
+            raise InputError(_DAMAGED)
+
+    listed = np.frombuffer(decompress_bytes(Reader(body), admit), "<u4").reshape(2, -1)
+    places = np.cumsum(listed[0], dtype=np.int64)
+    if len(places) and places[-1] >= image.size or listed[1].max(initial=0) > MAX_RANGE:
+        raise InputError(_DAMAGED)
+    image[np.unravel_index(places, image.shape)] = listed[1]
 
 
 def _writer(values: int) -> _Coder:
