@@ -493,8 +493,9 @@ class ImageCoder:
         image = _Image(*np.zeros((3, columns + 2 * PAD, lasers + 2), np.int32))
         inside, former = image.values[PAD:-PAD, 1:-1], self._coded.pop(job.number, None)
         if part is None:
-            inside[:] = job.values
-            part = _listed(inside)
+            part = _listed(job.values)
+            if not part:
+                inside[:] = job.values
         if part[:1] == _LISTED:
             _write_listed(inside, part[1:])
             return image.values, part
@@ -519,12 +520,12 @@ class ImageCoder:
         return image.values, part
 
 
-def _listed(image: Words) -> bytes:
+def _listed(image: NDArray[Any]) -> bytes:
     """Return a list of the values above 0 and their places, or nothing unless they are few."""
-    values = image[image > 0]
-    if _FEW * len(values) > image.size:
+    if _FEW * np.count_nonzero(image) > image.size:
         return b""
-    steps = np.diff(np.flatnonzero(image), prepend=0)
+    places = np.flatnonzero(image)
+    steps, values = np.diff(places, prepend=0), image.ravel()[places]
     return _LISTED + compress_bytes(np.stack([steps, values]).astype("<u4").tobytes())
 
 
