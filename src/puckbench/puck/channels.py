@@ -46,6 +46,7 @@ _CLIP = 480
 """Limit of features: larger differences are clipped."""
 _MOST_ERROR = 1 << 20
 
+
 class ChannelModel(NamedTuple):
     zero: Mixer  # of the decision whether a value is 0
     value: Mixer  # of the decisions on other values

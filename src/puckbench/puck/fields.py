@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +42,8 @@ _WIDTHS = (0, 8, 16)
 """Bits of an image's values; 0 if all are 0."""
 _DAMAGED = "the stream is damaged (fields of a turn)"
 
+Image = NDArray[np.uint16] | Words
+
 
 @dataclass
 class _State:
@@ -68,10 +72,12 @@ class FieldsEncoder:
         if is_key:
             self._state = _State()
         layout, writer = self._kind.layout, PartWriter()
-        images = [padded(by_elevation(image[None], layout)[0]) for image in rest.images]
-        widths = [_width(image) for image in images]
-        code = _code_quickly if self._effort == "fast" else _code_images
-        code(self._kind, self._state, turn, images, widths, writer, self._effort)
+        widths = [_width(image) for image in rest.images]
+        images = [
+            by_elevation(image[None], layout)[0] if width else image
+            for image, width in zip(rest.images, widths, strict=True)
+        ]
+        _code_images(self._kind, self._state, turn, images, widths, writer, self._effort)
         flags = EFFORTS.index(self._effort) << 1 | rest.has_crc
         rows = [*rest.outsides, *rest.heads] if self._kind.outside_bytes else [*rest.heads]
         rows.append(rest.remainders.astype("<u2").view(np.uint8).reshape(-1, 2).T.ravel())
@@ -93,16 +99,17 @@ class FieldsDecoder:
         unit = reader.number()
         if state is None or flags >> 1 >= len(EFFORTS) or not set(widths) <= set(_WIDTHS):
             raise InputError(_DAMAGED)
-        images = [np.zeros((PAD + columns, kind.layout.lasers), np.int32) for _ in widths]
-        parts = PartReader(reader)
-        effort = EFFORTS[flags >> 1]
-        code = _code_quickly if effort == "fast" else _code_images
-        code(kind, state, turn, images, widths, parts, effort)
+        shape, parts = (columns, kind.layout.lasers), PartReader(reader)
+        images = [np.zeros(shape, np.uint16) for _ in widths]
+        images = _code_images(kind, state, turn, images, widths, parts, EFFORTS[flags >> 1])
         packets = columns // kind.columns_per_packet if kind.outside_bytes else 0
         outsides, heads, low_high = _decode_rows(reader, packets, columns, kind.outside_bytes)
         remainders = np.frombuffer(low_high, np.uint8).reshape(2, -1).T.copy().view("<u2")[:, 0]
         self._state = state
-        decoded = [by_laser(each[None, PAD:].astype(np.uint16), kind.layout)[0] for each in images]
+        decoded = [
+            by_laser(image[None].astype(np.uint16, copy=False), kind.layout)[0] if width else image
+            for image, width in zip(images, widths, strict=True)
+        ]
         return Rest(decoded, heads, outsides, remainders, unit, bool(flags & 1))
 
 
@@ -124,18 +131,29 @@ def _decode_rows(
     return outsides, heads, rows[-1]
 
 
-def _width(image: Words) -> int:
+def _width(image: Image) -> int:
     most = int(image.max(initial=0))
     return 0 if most == 0 else 8 if most < 256 else 16
 
 
 def _code_images(
-    kind: OusterKind, state: _State, turn: Turn, images: list[Words], widths: list[int],
+    kind: OusterKind, state: _State, turn: Turn, images: list[Image], widths: list[int],
     parts: Parts, effort: Effort,
-) -> None:  # fmt: skip
+) -> list[Image]:  # fmt: skip
     azimuths, layout = turn.azimuths.astype(np.int64), kind.layout
     nearest = nearest_columns(azimuths, state.azimuths, layout)
-    ranges = [padded(image) for image in by_elevation(turn.ranges, layout)]
+    state.azimuths = azimuths
+    code = _code_quickly if effort == "fast" else partial(_code_mixed, effort=effort)
+    ranges = by_elevation(turn.ranges, layout)
+    return code(kind, state, ranges, nearest, images, widths, parts)
+
+
+def _code_mixed(
+    kind: OusterKind, state: _State, turn_ranges: NDArray[Any], nearest: Ints, given: list[Image],
+    widths: list[int], parts: Parts, effort: Effort,
+) -> list[Image]:  # fmt: skip
+    lasers = kind.layout.lasers
+    ranges, images = list(map(padded, turn_ranges)), list(map(padded, given))
     jobs = [
         _Job(number, kind.channels[number], image, width, parts.open(image.size * _DECISIONS))
         for number, (image, width) in enumerate(zip(images, widths, strict=True))
@@ -151,11 +169,11 @@ def _code_images(
         farthest, model = (1 << job.width) - 1, state.models.get(job.number)
         if model is None or model.farthest != farthest:
             model = new_channel_model(
-                job.bits, layout.lasers, effort, farthest,
+                job.bits, lasers, effort, farthest,
                 has_signals=job.channel.signal is not None,
             )  # fmt: skip
         model = state.models[job.number] = with_coder(model, job.bits)
-        nothing = np.zeros((1, layout.lasers), np.int32)
+        nothing = np.zeros((1, lasers), np.int32)
         before = ChannelContext(nothing, nothing, nothing, nothing, nothing)
         rows = np.zeros_like(nearest)
         coded = state.coded.get(job.number)
@@ -170,32 +188,30 @@ def _code_images(
     state.coded = {job.number: state.coded[job.number] for job in jobs if job.number in state.coded}
     in_threads(code, [job for job in jobs if job.channel.signal is None])
     in_threads(code, [job for job in jobs if job.channel.signal is not None])
-    state.azimuths = azimuths
     for job in jobs:
         parts.close(job.bits, job.is_complete)
+    return [image[PAD:] for image in images]
 
 
 def _code_quickly(
-    kind: OusterKind, state: _State, turn: Turn, images: list[Words], widths: list[int],
-    parts: Parts, effort: Effort,
-) -> None:  # fmt: skip
-    azimuths, layout = turn.azimuths.astype(np.int64), kind.layout
-    nearest = nearest_columns(azimuths, state.azimuths, layout)
-    ranges = [framed(image) for image in by_elevation(turn.ranges, layout)]
+    kind: OusterKind, state: _State, turn_ranges: NDArray[Any], nearest: Ints, given: list[Image],
+    widths: list[int], parts: Parts,
+) -> list[Image]:  # fmt: skip
+    ranges, images = list(map(framed, turn_ranges)), [*given]
     coded: dict[int | None, Words] = {}
     for is_dependent in (False, True):
-        jobs = [
-            ImageJob(
-                number, image[PAD:], (1 << width) - 1, ranges[channel.kind],
-                coded.get(channel.signal, np.zeros_like(ranges[0])) if is_dependent else None,
-            )
-            for number, (image, width, channel) in enumerate(
-                zip(images, widths, kind.channels, strict=True)
-            )
-            if width and (channel.signal is not None) == is_dependent
-        ]  # fmt: skip
+        jobs = []
+        for number, (image, width, channel) in enumerate(
+            zip(images, widths, kind.channels, strict=True)
+        ):
+            if width and (channel.signal is not None) == is_dependent:
+                signals = coded.get(channel.signal, np.zeros_like(ranges[0]))
+                jobs.append(ImageJob(
+                    number, image, (1 << width) - 1, ranges[channel.kind],
+                    signals if is_dependent else None,
+                ))  # fmt: skip
         results = parts.code_images(state.images, jobs, nearest)
         coded |= {job.number: image for job, image in zip(jobs, results, strict=True)}
     for number, image in coded.items():
-        images[number][PAD:] = image[PAD:-PAD, 1:-1]
-    state.azimuths = azimuths
+        images[number] = image[PAD:-PAD, 1:-1]
+    return images

@@ -73,7 +73,8 @@ def _tables() -> tuple[Words, Words]:
 @inlined
 def _logarithm(gains: Gains, value: int) -> int:
     octave = halves(value - 1) >> 1
-    return octave * _OCTAVE + int(gains.of_mantissas[np.uint64(((value << 12) >> octave) - _OCTAVE)])
+    place = np.uint64(((value << 12) >> octave) - _OCTAVE)
+    return octave * _OCTAVE + int(gains.of_mantissas[place])
 
 
 @inlined
@@ -85,7 +86,10 @@ def _power(gains: Gains, logarithm: int) -> int:
 
 @inlined
 def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
-    """Return a reflectivity (1 / FINE) estimated from range and signal; 0 if one of them is 0."""
+    """Return a reflectivity (1 / FINE) estimated from range and signal; 0 if one of them is 0.
+
+    `learn_estimate` corrects the last estimate.
+    """
     if distance == 0 or signal == 0:
         return 0
     places, starts = gains.places, gains.starts
@@ -93,16 +97,36 @@ def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
     places[0] = distance
     places[1] = (starts[1] + laser * _COARSE_BINS << 8) + (distance >> _COARSE)
     places[2] = starts[2] + laser << 8
-    _start_range(gains)
     places[3] = (starts[3] << 8) + signal
+    _start_range(gains)
     total = int(gains.logarithms[starts[5]]) + (signal + 2 * distance << 8)
     for k in range(4):
-        total += _gain(gains, k)
+        total += _gain(gains, places[k])
     places[4] = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
-    total += _gain(gains, 4)
+    total += _gain(gains, places[4])
     gains.memory[0] = total
     estimate = _power(gains, total >> 8)
     gains.memory[1] = estimate // FINE
+    return _within(gains, estimate)
+
+
+@inlined
+def estimated_only(gains: Gains, distance: int, signal: int, laser: int) -> int:
+    """Return what `estimated` does, but change nothing, which takes less time."""
+    if distance == 0 or signal == 0:
+        return 0
+    starts = gains.starts
+    distance, signal = _logarithm(gains, distance), _logarithm(gains, signal)
+    total = int(gains.logarithms[starts[5]]) + (signal + 2 * distance << 8)
+    total += _gain(gains, distance)
+    total += _gain(gains, (starts[1] + laser * _COARSE_BINS << 8) + (distance >> _COARSE))
+    total += int(gains.logarithms[starts[2] + laser]) + _gain(gains, (starts[3] << 8) + signal)
+    total += _gain(gains, (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8))
+    return _within(gains, _power(gains, total >> 8))
+
+
+@inlined
+def _within(gains: Gains, estimate: int) -> int:
     if gains.farthest == MAX_VALUE:  # a larger value has lost its highest bits
         return max(estimate % (FINE << 16), 1)
     return min(estimate, FINE * gains.farthest)
@@ -120,9 +144,9 @@ def _start_range(gains: Gains) -> None:
 
 
 @inlined
-def _gain(gains: Gains, table: int) -> int:
-    place, share, sums = gains.places[table] >> 8, gains.places[table] & 255, gains.logarithms
-    gain: int = (sums[place] * (256 - share) + sums[place + 1] * share) >> 8
+def _gain(gains: Gains, place: int) -> int:
+    share, sums, index = place & 255, gains.logarithms, np.uint64(place >> 8)
+    gain: int = (sums[index] * (256 - share) + sums[index + np.uint64(1)] * share) >> 8
     return gain
 
 

@@ -68,7 +68,10 @@ _HOLES = (50, 52, 54, 68)
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
-    """Return the formats of packets to search for; Ouster's need metadata beside the recording."""
+    """Return the formats of packets to search for, the likeliest first.
+
+    Those of Ousters need metadata beside the recording.
+    """
     metadata = metadata_beside(recording)
     try:
         whole = OusterKind.of(read_sensor(metadata)) if metadata else None
@@ -78,7 +81,7 @@ def formats_of(recording: Path) -> list[PacketFormat]:
         return [VELODYNE]
     kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
     formats = [PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds]
-    return [VELODYNE, *formats]
+    return [*formats, VELODYNE]
 
 
 def decode_kind(body: bytes) -> Kind:

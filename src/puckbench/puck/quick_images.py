@@ -21,7 +21,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
 from puckbench.lidar.turns import MAX_RANGE
 from puckbench.puck.experts import FINE
-from puckbench.puck.gains import Gains, estimated, learn_estimate, new_gains
+from puckbench.puck.gains import Gains, estimated, estimated_only, learn_estimate, new_gains
 from puckbench.puck.gaps import compress_bytes, decompress_bytes
 from puckbench.puck.numbers import halves
 from puckbench.puck.ranges import PAD
@@ -31,7 +31,7 @@ _SLOTS = 1 << _SCALE
 """Sum of the frequencies of symbols."""
 _LOW = 1 << 31
 """Least state of a coder between symbols."""
-_STATE_BYTES, _WORD_BYTES = 8, 4
+_STATE_WORDS, _WORD_BYTES = 4, 4
 _DENSE, _OCTAVES = 48, 26
 """Numbers of symbols for errors of one size each, and for larger ones of each sign."""
 _ZERO = _DENSE + 2 * _OCTAVES
@@ -62,7 +62,7 @@ _DAMAGED = "the stream is damaged (an image of a turn)"
 
 
 class _Coder(NamedTuple):
-    registers: NDArray[np.uint64]  # state, place in the next array
+    registers: NDArray[np.uint64]  # place in the next arrays, and states of two coders in turn
     words: NDArray[np.uint32]  # that a reader reads, then 0
     tokens: NDArray[np.uint64]  # that a writer makes; none in a reader
 
@@ -123,21 +123,19 @@ class ImageJob(NamedTuple):
 def _new_model(job: ImageJob) -> _Model:
     lasers = job.values.shape[1]
     x = np.zeros((_FEATURES, lasers), np.int32)
-    model = _Model(
-        _first_counts().copy(), np.full(_CONTEXTS, -_MOST_COUNTS),
-        np.zeros((_CONTEXTS, _SYMBOLS), np.uint32), np.zeros((_CONTEXTS, _SLOTS), np.uint8),
+    return _Model(
+        *(table.copy() for table in _first_tables()),
         np.zeros((_FEATURES, _FEATURES), np.int64), np.zeros(_FEATURES, np.int64),
         np.zeros(_FEATURES, np.int64), x, x.copy(), x[:6].copy(),
         np.full(lasers, _FIRST_ERROR, np.int32), np.zeros(1, np.int64),
         new_gains(lasers, job.farthest), job.signals is not None,
         job.like is not None, job.ranges is None, job.farthest,
     )  # fmt: skip
-    _make_tables(model)
-    return model
 
 
 @cache
-def _first_counts() -> Words:
+def _first_tables() -> tuple[Words, Ints, NDArray[np.uint32], NDArray[np.uint8]]:
+    """Return the first counts, their sums, pairs and slots."""
     counts = np.zeros((_CONTEXTS, _SYMBOLS))
     for context in range(_CONTEXTS):
         empty, level = divmod(context, _LEVELS)
@@ -151,23 +149,33 @@ def _first_counts() -> Words:
         counts[context, :_DENSE] = np.diff(cumulative) * (1 - share)
         counts[context, _DENSE:_ZERO] = np.tile(octaves, 2) * (1 - share)
         counts[context, _ZERO] = share
-    counts: Words = np.rint(32 * 24 * counts).astype(np.int32)
-    return counts
+    tables = (
+        np.rint(32 * _COUNT * counts).astype(np.int32),
+        np.full(_CONTEXTS, -_MOST_COUNTS),
+        np.zeros((_CONTEXTS, _SYMBOLS), np.uint32),
+        np.zeros((_CONTEXTS, _SLOTS), np.uint8),
+    )
+    _make_tables(*tables)
+    return tables
 
 
 @compiled_in_place
-def _make_tables(model: _Model) -> None:
+def _make_tables(
+    counts: Words, seen: Ints, pairs: NDArray[np.uint32], slots: NDArray[np.uint8]
+) -> None:
     for context in range(_CONTEXTS):
         total = 0
         for symbol in range(_SYMBOLS):
-            total += model.counts[context, symbol]
-        if total - model.seen[context] > 32 * _COUNT:
-            _make_table(model, context, total)
+            total += counts[context, symbol]
+        if total - seen[context] > 32 * _COUNT:
+            _make_table(counts[context], pairs[context], slots[context], total)
+            seen[context] = total >> 1 if total > _MOST_COUNTS else total
 
 
 @inlined
-def _make_table(model: _Model, context: int, total: int) -> None:
-    counts, pairs, slots = model.counts[context], model.pairs[context], model.slots[context]
+def _make_table(
+    counts: Words, pairs: NDArray[np.uint32], slots: NDArray[np.uint8], total: int
+) -> None:
     free = _SLOTS - _SYMBOLS
     share, left, most = (free << 32) // total, free, 0
     for symbol in range(_SYMBOLS):
@@ -180,12 +188,9 @@ def _make_table(model: _Model, context: int, total: int) -> None:
         for slot in range(start, start + size):
             slots[np.uint64(slot)] = symbol
         start += size
-    model.seen[context] = total
     if total > _MOST_COUNTS:
-        model.seen[context] = 0
         for symbol in range(_SYMBOLS):
             counts[symbol] -= counts[symbol] >> 1
-            model.seen[context] += counts[symbol]
 
 
 @compiled_in_place
@@ -205,7 +210,7 @@ def _code_image(
         _estimate_column(model, ranges[c], signals[c], like[c])
         _code_column(model, coder, image, then, c)
         _learn_column(model, image, ranges[c], signals[c], then, c)
-        if len(coder.tokens) == 0 and coder.registers[1] >= len(coder.words):
+        if len(coder.tokens) == 0 and coder.registers[0] >= len(coder.words):
             return False
     return True
 
@@ -267,7 +272,7 @@ def _estimate_column(model: _Model, ranges: Words, signals: Words, like: Words) 
     if model.has_signals:
         for laser in range(len(estimates)):
             distance, signal = int(ranges[laser + 1]), int(signals[laser + 1])
-            estimates[laser] = estimated(model.gains, distance, signal, laser)
+            estimates[laser] = estimated_only(model.gains, distance, signal, laser)
     elif model.has_like:
         for laser in range(len(estimates)):
             estimates[laser] = FINE * like[laser + 1]
@@ -281,7 +286,8 @@ def _code_column(model: _Model, coder: _Coder, image: _Image, then: Words, c: in
     )  # fmt: skip
     west, west_errors = image.held[c - 1], image.errors[c - 1]
     w2, w6 = model.coefficients[2], model.coefficients[6]
-    state, place, is_writing = coder.registers[0], coder.registers[1], len(coder.tokens) > 0
+    place, state, other = coder.registers[0], coder.registers[1], coder.registers[2]
+    is_writing = len(coder.tokens) > 0
     below, below_error, below_empty = west[1], west_errors[1], empty[0] >> 1
     held[0], errors[0], values[0] = below, below_error, image.values[c - 1, 1]
     for laser in range(len(sums)):
@@ -303,13 +309,14 @@ def _code_column(model: _Model, coder: _Coder, image: _Image, then: Words, c: in
                 model, coder.words, state, place, context, kept, centre
             )
             values[laser + 1] = value
+            state, other = other, state
         below, below_error, below_empty = base, west_errors[laser + 1], 1
         if value > 0:
             below_error, below_empty = min(abs(FINE * value - mean), _MOST_ERROR), 0
             if estimate > 0 or not model.has_signals:
                 below = FINE * value - estimate
         held[laser + 1], errors[laser + 1] = below, below_error
-    coder.registers[0], coder.registers[1] = state, place
+    coder.registers[0], coder.registers[1], coder.registers[2] = place, state, other
     end = len(sums)
     values[end + 1], held[end + 1], errors[end + 1] = values[end], below, below_error
 
@@ -388,7 +395,7 @@ def _learn_column(
         _write_weights(model, image, c)
         _learn_linear(model)
     if model.has_signals:
-        first, step = (0, 1) if coded < _LEARNT else (coded & 3, 4)
+        first, step = (0, 1) if coded < _LEARNT else (coded & 15, 16)
         for laser in range(first, len(error), step):
             distance, signal = int(ranges[laser + 1]), int(signals[laser + 1])
             value = int(image.values[c, laser + 1])
@@ -397,7 +404,7 @@ def _learn_column(
     coded += 1
     model.coded[0] = coded
     if coded & 63 == 0 or (coded < 64 and coded & (coded - 1) == 0):
-        _make_tables(model)
+        _make_tables(model.counts, model.seen, model.pairs, model.slots)
 
 
 @inlined
@@ -442,25 +449,27 @@ def _learn_linear(model: _Model) -> None:
 @compiled_in_place
 def _write_words(coder: _Coder, out: NDArray[np.uint32]) -> int:
     """Code the tokens, from the last to the first, to the end of `out`; return the first place."""
-    place, state = len(out), np.uint64(_LOW)
-    for k in range(coder.registers[1], 0, -1):
+    place, next_state, state = len(out), np.uint64(_LOW), np.uint64(_LOW)
+    for k in range(coder.registers[0], 0, -1):
         token = coder.tokens[np.uint64(k - 1)]
         start, size = token & np.uint64(0xFFFF), token >> np.uint64(16) & np.uint64(0xFFFF)
         more, raw = token >> np.uint64(32) & np.uint64(31), token >> np.uint64(37)
         if more > np.uint64(_FEW_BITS):
             if state >> np.uint64(63) - more != 0:
                 place -= 1
-                out[place] = state & np.uint64(0xFFFFFFFF)
+                out[np.uint64(place)] = state & np.uint64(0xFFFFFFFF)
                 state >>= np.uint64(32)
             state = state << more | raw
             more, raw = np.uint64(0), np.uint64(0)
         if state >= size << np.uint64(63 - _SCALE) - more:
             place -= 1
-            out[place] = state & np.uint64(0xFFFFFFFF)
+            out[np.uint64(place)] = state & np.uint64(0xFFFFFFFF)
             state >>= np.uint64(32)
         state = state << more | raw
-        state = (state // size << np.uint64(_SCALE)) + state % size + start
-    coder.registers[0] = state
+        ratio = state // size
+        state += ratio * np.uint64(_SLOTS) - ratio * size + start
+        state, next_state = next_state, state
+    coder.registers[1], coder.registers[2] = next_state, state
     return place
 
 
@@ -515,7 +524,7 @@ class ImageCoder:
         self._coded[job.number] = image
         if not part:
             return image.values, _CODED + _written(coder)
-        if not is_complete or list(coder.registers) != [_LOW, len(coder.words) - 1]:
+        if not is_complete or coder.registers.tolist() != [len(coder.words) - 1, _LOW, _LOW]:
             raise InputError(_DAMAGED)
         return image.values, part
 
@@ -536,27 +545,26 @@ def _write_listed(image: Words, body: bytes) -> None:
 
     listed = np.frombuffer(decompress_bytes(Reader(body), admit), "<u4").reshape(2, -1)
     places = np.cumsum(listed[0], dtype=np.int64)
-    if len(places) and places[-1] >= image.size or listed[1].max(initial=0) > MAX_RANGE:
+    if (len(places) and places[-1] >= image.size) or listed[1].max(initial=0) > MAX_RANGE:
         raise InputError(_DAMAGED)
     image[np.unravel_index(places, image.shape)] = listed[1]
 
 
 def _writer(values: int) -> _Coder:
     tokens = np.empty(values, np.uint64)
-    return _Coder(np.zeros(2, np.uint64), np.zeros(1, np.uint32), tokens)
+    return _Coder(np.zeros(3, np.uint64), np.zeros(1, np.uint32), tokens)
 
 
 def _reader(part: bytes) -> _Coder:
-    if len(part) < _STATE_BYTES or len(part) % _WORD_BYTES:
+    words = np.frombuffer(part, "<u4") if len(part) % _WORD_BYTES == 0 else np.zeros(0, "<u4")
+    if len(words) < _STATE_WORDS:
         raise InputError(_DAMAGED)
-    state = int.from_bytes(part[:_STATE_BYTES], "little")
-    words = np.frombuffer(part[_STATE_BYTES:] + bytes(_WORD_BYTES), "<u4").astype(np.uint32)
-    return _Coder(np.array([state, 0], np.uint64), words, np.zeros(0, np.uint64))
+    registers = np.append(np.zeros(1, np.uint64), words[:_STATE_WORDS].view("<u8"))
+    words = np.append(words[_STATE_WORDS:], np.zeros(1, "<u4"))
+    return _Coder(registers.astype(np.uint64), words.astype(np.uint32), np.zeros(0, np.uint64))
 
 
 def _written(coder: _Coder) -> bytes:
     out = np.empty(2 * len(coder.tokens), np.uint32)
-    place = _write_words(coder, out)
-    return int(coder.registers[0]).to_bytes(_STATE_BYTES, "little") + out[place:].astype(
-        "<u4"
-    ).tobytes()
+    words = out[_write_words(coder, out) :]
+    return coder.registers[1:].astype("<u8").tobytes() + words.astype("<u4").tobytes()

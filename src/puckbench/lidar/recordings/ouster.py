@@ -40,6 +40,13 @@ class Field(NamedTuple):
     bit: int
     bits: int
 
+    def whole(self, words: NDArray[np.uint32]) -> NDArray[Any] | None:
+        """Return a view of the values if they are whole bytes."""
+        if self.bits not in (8, 16) or self.bit % self.bits:
+            return None
+        parts: NDArray[Any] = words.view(f"<u{self.bits // 8}")
+        return parts[..., self.word * 32 // self.bits + self.bit // self.bits]
+
     def of(self, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
         values = (words[..., self.word] >> self.bit) & ((1 << self.bits) - 1)
         return values.astype(np.uint32, copy=False)

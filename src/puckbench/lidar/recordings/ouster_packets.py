@@ -182,7 +182,11 @@ class OusterKind:
 
     def rest_of(self, payloads: Payloads) -> Rest:
         columns = self._columns(payloads)
-        images = [each.field.of(columns["pixels"]).astype(np.uint16) for each in self.channels]
+        words = columns["pixels"]
+        images = [
+            (each.of(words) if (whole := each.whole(words)) is None else whole).astype(np.uint16)
+            for each in (channel.field for channel in self.channels)
+        ]
         heads = np.zeros(len(columns), _HEAD)
         heads["hours"] = columns["time"] // np.uint64(_NS * HOUR_US)
         for name in ("status", "encoder", "frame"):
@@ -218,6 +222,10 @@ class OusterKind:
         others = [channel.field for channel in self.channels]
         fields += zip(others, rest.images, strict=True)
         for field, values in fields:
+            whole = field.whole(words)
+            if whole is not None:
+                whole[:] = values
+                continue
             mask = np.uint32((1 << field.bits) - 1)
             words[..., field.word] |= (values.astype(np.uint32) & mask) << np.uint32(field.bit)
         packets["columns"] = columns.reshape(count, -1)
@@ -275,7 +283,7 @@ def _unused(fields: list[Field], words: int) -> list[Field]:
 def checks_of(payloads: Payloads) -> Payloads:
     """Return the CRC-64 (ECMA-182, reflected) of all but the last bytes of each packet (p, 8)."""
     checks = np.zeros(len(payloads), np.uint64)
-    _write_checks(np.ascontiguousarray(payloads[:, :-_CRC_BYTES]), _crc_tables(), checks)
+    _write_checks(np.ascontiguousarray(payloads), _crc_tables(), checks)
     return checks.astype("<u8").view(np.uint8).reshape(-1, _CRC_BYTES)
 
 
@@ -295,7 +303,8 @@ def _crc_tables() -> NDArray[np.uint64]:
 def _write_checks(
     payloads: Payloads, tables: NDArray[np.uint64], checks: NDArray[np.uint64]
 ) -> None:
-    whole = payloads.shape[1] // 8 * 8
+    end = payloads.shape[1] - _CRC_BYTES
+    whole = end // 8 * 8
     for row in range(len(payloads)):
         check = np.uint64(0xFFFFFFFFFFFFFFFF)
         for at in range(0, whole, 8):
@@ -304,6 +313,6 @@ def _write_checks(
                 byte = (check >> np.uint64(8 * k)) & np.uint64(255) ^ payloads[row, at + k]
                 folded ^= tables[7 - k, byte]
             check = folded
-        for byte in payloads[row, whole:]:
+        for byte in payloads[row, whole:end]:
             check = tables[0, (np.uint64(byte) ^ check) & np.uint64(255)] ^ (check >> np.uint64(8))
         checks[row] = check ^ np.uint64(0xFFFFFFFFFFFFFFFF)
