@@ -395,7 +395,7 @@ def _learn_column(
         _write_weights(model, image, c)
         _learn_linear(model)
     if model.has_signals:
-        first, step = (0, 1) if coded < _LEARNT else (coded & 15, 16)
+        first, step = (0, 1) if coded < _LEARNT else (coded & 7, 8)
         for laser in range(first, len(error), step):
             distance, signal = int(ranges[laser + 1]), int(signals[laser + 1])
             value = int(image.values[c, laser + 1])
@@ -535,7 +535,8 @@ def _listed(image: NDArray[Any]) -> bytes:
         return b""
     places = np.flatnonzero(image)
     steps, values = np.diff(places, prepend=0), image.ravel()[places]
-    return _LISTED + compress_bytes(np.stack([steps, values]).astype("<u4").tobytes())
+    listed = np.stack([steps, values]).astype("<u4").view(np.uint8)
+    return _LISTED + compress_bytes(listed.reshape(-1, 4).T.tobytes(), are_headers=True)
 
 
 def _write_listed(image: Words, body: bytes) -> None:
@@ -543,7 +544,8 @@ def _write_listed(image: Words, body: bytes) -> None:
         if size % 8 or _FEW * size > 8 * image.size:
             raise InputError(_DAMAGED)
 
-    listed = np.frombuffer(decompress_bytes(Reader(body), admit), "<u4").reshape(2, -1)
+    raw = np.frombuffer(decompress_bytes(Reader(body), admit), np.uint8)
+    listed = np.ascontiguousarray(raw.reshape(4, -1).T).view("<u4").reshape(2, -1)
     places = np.cumsum(listed[0], dtype=np.int64)
     if (len(places) and places[-1] >= image.size) or listed[1].max(initial=0) > MAX_RANGE:
         raise InputError(_DAMAGED)
