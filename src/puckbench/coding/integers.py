@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.coding.intrinsics import leading_zeros as leading_zeros
 from puckbench.core.compiling import inlined
 
 
@@ -13,18 +14,6 @@ def bit_count(word: int) -> int:
     fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
     eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
     return (eights * 0x0101010101010101) >> 56
-
-
-@inlined
-def leading_zeros(word: int) -> int:
-    """Return the number of zero bits above the highest set bit of a 64-bit word, or 64 for 0."""
-    word |= word >> 1
-    word |= word >> 2
-    word |= word >> 4
-    word |= word >> 8
-    word |= word >> 16
-    word |= word >> 32
-    return 64 - bit_count(word)
 
 
 @inlined

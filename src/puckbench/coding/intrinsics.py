@@ -269,6 +269,16 @@ def _add_products(
     return types.void(*kinds), _or_loop(write, add_products_loop)
 
 
+def _leading_zeros(typing: Any, word: Any) -> Any:
+    def write(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.ctlz(values[0], ir.Constant(ir.IntType(1), 0))
+
+    return types.int64(types.int64), write
+
+
+leading_zeros: Any = intrinsic(_leading_zeros)
+"""``leading_zeros(word)``: the number of zero bits above the highest set bit of a 64-bit word, or
+64 for 0."""
 add_scaled: Any = intrinsic(_add_scaled, prefer_literal=True)
 """``add_scaled(onto, i, numbers, factor, shift, lanes)``: add ``(numbers[k] * factor + 2 ** (shift
 - 1)) >> shift`` to each ``onto[i + k]``; the factor has 32 bits, the shift is a constant."""
