@@ -37,8 +37,8 @@ _DENSE, _OCTAVES = 48, 26
 _ZERO = _DENSE + 2 * _OCTAVES
 _SYMBOLS = _ZERO + 1
 _LEVELS = 20
-_CONTEXTS = 4 * _LEVELS
-"""Contexts: up to three neighbours are 0, and levels of the errors around the pixel."""
+_CONTEXTS = 8 * _LEVELS
+"""Contexts: which of three neighbours are 0, and levels of the errors around the pixel."""
 _COUNT = 24
 """Weight of a symbol."""
 _MOST_COUNTS = 1 << 17
@@ -145,7 +145,7 @@ def _first_tables() -> tuple[Words, Ints, NDArray[np.uint32], NDArray[np.uint8]]
         decay = np.exp(-np.abs(edges) / size)
         cumulative = np.where(edges < 0, decay / 2, 1 - decay / 2)
         octaves = 0.02 * 0.75 ** np.arange(_OCTAVES)
-        share = (0.01, 0.1, 0.6, 0.95)[empty]
+        share = (0.01, 0.1, 0.6, 0.95)[empty.bit_count()]
         counts[context, :_DENSE] = np.diff(cumulative) * (1 - share)
         counts[context, _DENSE:_ZERO] = np.tile(octaves, 2) * (1 - share)
         counts[context, _ZERO] = share
@@ -256,7 +256,7 @@ def _begin_column(
             + x[7, k] * w[7]
         )  # fmt: skip
         around[k] = 2 * error[k] + above[k + 2]
-        empty[k] = (1 if values[k + 1] == 0 else 0) + (1 if third[k + 1] == 0 else 0)
+        empty[k] = (2 if values[k + 1] == 0 else 0) + (1 if third[k + 1] == 0 else 0)
     if t > 0:
         past, east, back = before.errors[t], before.errors[t + 1], before.errors[t - 1]
         for k in range(len(around)):
@@ -298,7 +298,7 @@ def _code_column(model: _Model, coder: _Coder, image: _Image, then: Words, c: in
         mean = min(max(mean, FINE), FINE * model.farthest)
         centre = (mean + FINE // 2) // FINE
         level = min(max(halves((around[laser] + below_error) >> 3) - 6, 0), _LEVELS - 1)
-        context = np.uint64((empty[laser] + below_empty) * _LEVELS + level)
+        context = np.uint64((empty[laser] + 4 * below_empty) * _LEVELS + level)
         kept = max((level >> 1) - 3, 0)
         if is_writing:
             value = int(values[laser + 1])
