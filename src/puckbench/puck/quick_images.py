@@ -150,7 +150,7 @@ def _first_tables() -> tuple[Words, Ints, NDArray[np.uint32], NDArray[np.uint8]]
         counts[context, _DENSE:_ZERO] = np.tile(octaves, 2) * (1 - share)
         counts[context, _ZERO] = share
     tables = (
-        np.rint(32 * _COUNT * counts).astype(np.int32),
+        np.rint(64 * _COUNT * counts).astype(np.int32),
         np.full(_CONTEXTS, -_MOST_COUNTS),
         np.zeros((_CONTEXTS, _SYMBOLS), np.uint32),
         np.zeros((_CONTEXTS, _SLOTS), np.uint8),
