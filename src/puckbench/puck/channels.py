@@ -26,8 +26,6 @@ from puckbench.puck.least_squares import (
 from puckbench.puck.numbers import (
     NODES,
     code_number,
-    code_unmixed_bit,
-    code_unmixed_number,
     halves,
     level_of,
 )
@@ -35,9 +33,7 @@ from puckbench.puck.options import Effort
 from puckbench.puck.ranges import PAD
 
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
-"""Numbers in the efforts `normal` and `thorough`; `fast` has one counter for each decision."""
-_FEATURES: dict[Effort, int] = {"fast": 8, "normal": 13, "thorough": 20}
-_FEATURES_OF_NORMAL = 13
+_FEATURES_OF_NORMAL, _FEATURES_OF_THOROUGH = 13, 20
 _LEVELS = 20
 """Levels of the prediction errors around a pixel (its activity)."""
 _SIZES = 36
@@ -73,28 +69,24 @@ class ChannelContext(NamedTuple):
 def new_channel_model(
     bits: BitCoder, lasers: int, effort: Effort, farthest: int, *, has_signals: bool
 ) -> ChannelModel:
-    is_unmixed = effort == "fast"
-    sizes = np.array([_LEVELS * 16] if is_unmixed else [
-        _LEVELS * 4, 100, 100, lasers, _SIZES * 10, _SIZES * _LEVELS,
-    ]) * NODES  # fmt: skip
-    experts, contexts = (0, 1) if is_unmixed else (_EXPERTS, _CONTEXTS)
-    zero_contexts = 1 if is_unmixed else _ZERO_CONTEXTS
+    sizes = np.array([_LEVELS * 4, 100, 100, lasers, _SIZES * 10, _SIZES * _LEVELS]) * NODES
+    features = _FEATURES_OF_THOROUGH if effort == "thorough" else _FEATURES_OF_NORMAL
     zeros = np.zeros(lasers, np.int64)
     level = np.arange(_LEVELS) + 4
     usual = (1 << level // 2) * (2 + level % 2) * 128
     return ChannelModel(
         new_mixer(bits, MixerOptions(
-            experts=0, contexts=zero_contexts, counters=1024 + lasers * 32 + 512, rows=8,
-            weights=[0.4] * zero_contexts, learning_rate=14, final_learning_rate=3, memory=160,
+            experts=0, contexts=_ZERO_CONTEXTS, counters=1024 + lasers * 32 + 512, rows=8,
+            weights=[0.4] * _ZERO_CONTEXTS, learning_rate=14, final_learning_rate=3, memory=160,
         )),
         new_mixer(bits, MixerOptions(
-            experts=experts, contexts=contexts, counters=int(sizes.sum()),
-            rows=NODES * (_LEVELS + _SIZES), weights=[0.2] * (experts + contexts),
-            learning_rate=24, final_learning_rate=4, memory=160, sets=1 if is_unmixed else 2,
+            experts=_EXPERTS, contexts=_CONTEXTS, counters=int(sizes.sum()),
+            rows=NODES * (_LEVELS + _SIZES), weights=[0.2] * (_EXPERTS + _CONTEXTS),
+            learning_rate=24, final_learning_rate=4, memory=160, sets=2,
         )),
         np.cumsum(sizes) - sizes,
-        new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), experts),
-        new_least_squares(1, _FEATURES[effort]),
+        new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
+        new_least_squares(1, features),
         zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(1, np.int64),
         new_gains(lasers, farthest), int(has_signals), farthest,
     )  # fmt: skip
@@ -149,8 +141,6 @@ def _code_zero(
     bit = 1 if values[c, laser] == 0 else 0
     state = ((west * 2 + west2) * 2 + below) * 2 + above
     first = (state * 3 + then) * 2 + returned
-    if len(zero.sizes.contexts) == 1:
-        return code_unmixed_bit(zero, first, bit)
     size = min(halves(model.last[laser]), 31)
     zero.contexts[0] = first
     zero.contexts[1] = 1024 + laser * 32 + (west * 3 + then) * 2 + returned
@@ -172,23 +162,12 @@ def _code_value(
     mean = base + ((first + (int(model.bias[laser]) >> 8)) << shift)
     mean = min(max(mean, FINE), FINE * model.farthest)
     level = _activity(model, image, before, c, laser, t)
-    unit = max(int(scales[0, level] >> 8) * (4 if len(model.experts.every) > 0 else 7) // 64, 1)
+    unit = max(int(scales[0, level] >> 8) * 4 // 64, 1)
     centre = (mean + FINE // 2) // FINE
     value = int(values[c, laser])
-    if len(model.experts.every) == 0:
-        other = int(before.values[t, laser]) if t > 0 else 0
-        if other == 0 and laser > 0:
-            other = int(values[c, laser - 1])
-        start = (level * 16 + _level(other, centre, unit)) * NODES
-        value = code_unmixed_number(
-            model.value, model.experts, start, value, centre, unit, 1, model.farthest
-        )
-        wrong = min(abs(FINE * value - mean), 4000) * 256
-        scales[0, level] += (wrong - scales[0, level]) >> 6
-    else:
-        _write_contexts(model, image, before, c, laser, t, base, shift, mean, level, unit)
-        value = code_number(model.value, model.experts, value, centre, unit, 1, model.farthest)
-        learn(model.experts, level, FINE * value, 6)
+    _write_contexts(model, image, before, c, laser, t, base, shift, mean, level, unit)
+    value = code_number(model.value, model.experts, value, centre, unit, 1, model.farthest)
+    learn(model.experts, level, FINE * value, 6)
     value = min(max(value, 1), model.farthest)
     values[c, laser] = value
     wrong = min(abs(FINE * value - mean), _MOST_ERROR)
@@ -198,10 +177,7 @@ def _code_value(
     if abs(target) < 2 * _CLIP:
         model.bias[laser] += (((target - first) << 8) - int(model.bias[laser])) >> 6
         model.memory[0] += 1
-        if len(model.experts.every) > 0:
-            learn_target(model.linear, 0, target, 0, 12)
-        elif model.memory[0] & 3 == 0 or model.memory[0] < 1000:
-            learn_target(model.linear, 0, target, 0, 10)
+        learn_target(model.linear, 0, target, 0, 12)
         if model.memory[0] & 15 == 0:
             solve(model.linear, 0)
 
@@ -282,9 +258,6 @@ def _write_features(
     x = model.linear.features
     for k in range(len(model.linear.every)):
         x[k] = 0
-    if len(model.linear.every) < _FEATURES_OF_NORMAL:
-        _write_few_features(model, image, before, c, laser, t, base, shift)
-        return
     for k in range(4):
         x[k] = _change(model, image, c, laser, c - 1 - k, laser, base, shift)
     if laser > 0:
@@ -299,28 +272,6 @@ def _write_features(
     x[12] = 2 * FINE
     if len(model.linear.every) > _FEATURES_OF_NORMAL:
         _write_more_features(model, image, c, laser, base, shift)
-
-
-@inlined
-def _write_few_features(
-    model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
-    base: int, shift: int,
-) -> None:  # fmt: skip
-    x = model.linear.features
-    x[0] = 2 * FINE
-    if laser > 0:
-        x[1] = _change(model, image, c, laser, c, laser - 1, base, shift)
-    if laser + 1 < image.values.shape[1]:
-        x[2] = _change(model, image, c, laser, c - 1, laser + 1, base, shift)
-    if model.has_signals == 1:
-        x[3] = _change(model, image, c, laser, c - 1, laser, base, shift)
-        return
-    x[3] = _change(model, image, c, laser, c - 2, laser, base, shift)
-    x[4] = _change(model, image, c, laser, c - 3, laser, base, shift)
-    if laser > 0:
-        x[5] = _change(model, image, c, laser, c - 1, laser - 1, base, shift)
-    if t > 0:
-        x[6] = _difference(before.values[t, laser], base, shift)
 
 
 @inlined
