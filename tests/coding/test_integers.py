@@ -1,7 +1,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.integers import bit_count, dot, leading_zeros
+from puckbench.coding.integers import bit_count, dot
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import compiled
 
 RANDOM = np.random.default_rng(3)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from puckbench.coding.integers import leading_zeros
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.gpcc.compiled import compiled
 from puckbench.gpcc.fixed_point import arc_tangent, inverse_square_root
 

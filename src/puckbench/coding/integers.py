@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.intrinsics import leading_zeros as leading_zeros
 from puckbench.core.compiling import inlined
 
 

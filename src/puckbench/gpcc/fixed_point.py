@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.coding.integers import leading_zeros
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.gpcc.compiled import kernel
 

@@ -73,7 +73,7 @@ class FieldsEncoder:
             self._state = _State()
         layout, writer = self._kind.layout, PartWriter()
         widths = [_width(image) for image in rest.images]
-        images = [
+        images: list[Image] = [
             by_elevation(image[None], layout)[0] if width else image
             for image, width in zip(rest.images, widths, strict=True)
         ]
@@ -100,16 +100,13 @@ class FieldsDecoder:
         if state is None or flags >> 1 >= len(EFFORTS) or not set(widths) <= set(_WIDTHS):
             raise InputError(_DAMAGED)
         shape, parts = (columns, kind.layout.lasers), PartReader(reader)
-        images = [np.zeros(shape, np.uint16) for _ in widths]
+        images: list[Image] = [np.zeros(shape, np.uint16) for _ in widths]
         images = _code_images(kind, state, turn, images, widths, parts, EFFORTS[flags >> 1])
         packets = columns // kind.columns_per_packet if kind.outside_bytes else 0
         outsides, heads, low_high = _decode_rows(reader, packets, columns, kind.outside_bytes)
         remainders = np.frombuffer(low_high, np.uint8).reshape(2, -1).T.copy().view("<u2")[:, 0]
         self._state = state
-        decoded = [
-            by_laser(image[None].astype(np.uint16, copy=False), kind.layout)[0] if width else image
-            for image, width in zip(images, widths, strict=True)
-        ]
+        decoded = [by_laser(image[None].astype(np.uint16), kind.layout)[0] for image in images]
         return Rest(decoded, heads, outsides, remainders, unit, bool(flags & 1))
 
 
@@ -212,6 +209,5 @@ def _code_quickly(
                 ))  # fmt: skip
         results = parts.code_images(state.images, jobs, nearest)
         coded |= {job.number: image for job, image in zip(jobs, results, strict=True)}
-    for number, image in coded.items():
-        images[number] = image[PAD:-PAD, 1:-1]
-    return images
+    inside = (slice(PAD, -PAD), slice(1, -1))
+    return [coded[k][inside] if k in coded else image for k, image in enumerate(images)]

@@ -17,7 +17,7 @@ from puckbench.coding.context_mixing import (
     code_bit,
     learn_bit,
 )
-from puckbench.coding.integers import leading_zeros
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.puck.experts import FINE, Experts, narrow, write_logits
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from puckbench.coding.byte_io import Reader
 from puckbench.coding.context_mixing import Ints, Words
-from puckbench.coding.integers import leading_zeros
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
@@ -113,7 +113,7 @@ class ImageJob(NamedTuple):
     """
 
     number: int
-    values: NDArray[np.unsignedinteger[Any]]
+    values: NDArray[Any]
     farthest: int
     ranges: Words | None = None
     signals: Words | None = None
@@ -123,8 +123,9 @@ class ImageJob(NamedTuple):
 def _new_model(job: ImageJob) -> _Model:
     lasers = job.values.shape[1]
     x = np.zeros((_FEATURES, lasers), np.int32)
+    counts, seen, pairs, slots = _first_tables()
     return _Model(
-        *(table.copy() for table in _first_tables()),
+        counts.copy(), seen.copy(), pairs.copy(), slots.copy(),
         np.zeros((_FEATURES, _FEATURES), np.int64), np.zeros(_FEATURES, np.int64),
         np.zeros(_FEATURES, np.int64), x, x.copy(), x[:6].copy(),
         np.full(lasers, _FIRST_ERROR, np.int32), np.zeros(1, np.int64),
@@ -351,7 +352,8 @@ def _next_value(
     model.counts[context, index] += _COUNT
     state = (pair >> np.uint64(16)) * (state >> np.uint64(_SCALE))
     state += slot - (pair & np.uint64(0xFFFF))
-    symbol, value = np.int64(index), 0
+    symbol: Any = np.int64(index)  # mixed with signed ones, an unsigned number becomes a float
+    value = 0
     if symbol < _DENSE:
         apart = (symbol - _DENSE // 2 << kept) + (np.int64(state) & (1 << kept) - 1)
         state >>= np.uint64(kept)
@@ -362,7 +364,7 @@ def _next_value(
         more = np.uint64(kept + octave)
         if more > np.uint64(_FEW_BITS):
             state, place = _refilled(words, state, place)
-        raw = np.int64(state & (np.uint64(1) << more) - np.uint64(1))
+        raw: Any = np.int64(state & (np.uint64(1) << more) - np.uint64(1))
         state >>= more
         size = (raw >> kept) + (1 << octave)
         apart = size - 1 + _DENSE // 2 if is_up else -size - _DENSE // 2
@@ -516,11 +518,13 @@ class ImageCoder:
         if former is not None:
             for array, earlier in zip(image, former, strict=True):
                 array[:PAD] = earlier[-2 * PAD : -PAD]
-        others = (
-            image.values if each is None else each for each in (job.ranges, job.signals, job.like)
-        )
         rows = np.zeros_like(nearest) if former is None else nearest
-        is_complete = _code_image(model, coder, image, former or image, *others, rows)
+        none = image.values  # arrays that are not used
+        is_complete = _code_image(
+            model, coder, image, former or image, none if job.ranges is None else job.ranges,
+            none if job.signals is None else job.signals, none if job.like is None else job.like,
+            rows,
+        )  # fmt: skip
         self._coded[job.number] = image
         if not part:
             return image.values, _CODED + _written(coder)

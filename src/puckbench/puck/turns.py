@@ -73,7 +73,7 @@ _DECISIONS, _WIDE_DECISIONS = 48, 80
 _BYTES_PER_DECISION = 2
 """The most that a decision costs: its bit has a probability of at least 2**-11."""
 
-Values = Ranges | NDArray[np.uint8]
+Values = Ranges | NDArray[np.uint8] | Words
 _Model = TypeVar(
     "_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel, ChannelModel
 )
@@ -337,7 +337,9 @@ def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None)
 def _code_images(
     state: _State, azimuths: Ints, nearest: Ints, turn: Turn, flags: int, parts: Parts
 ) -> _CodedTurn:
-    farthest, ranges, values, end = _farthest(state.is_wide), [], [], PAD + len(nearest)
+    ranges: list[Words] = []
+    values: list[Words] = []
+    farthest, end = _farthest(state.is_wide), PAD + len(nearest)
     for kind, image in enumerate(turn.ranges):
         job = ImageJob(kind, image, farthest, like=ranges[0] if kind else None)
         ranges += parts.code_images(state.images, [job], nearest)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.integers import leading_zeros
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
 from puckbench.gpcc.attributes.neighbour_search import (

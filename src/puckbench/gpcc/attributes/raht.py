@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.integers import leading_zeros
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import Ints
 from puckbench.gpcc.attributes.quantisation import (
