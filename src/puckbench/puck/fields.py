@@ -196,6 +196,7 @@ def _code_quickly(
 ) -> list[Image]:  # fmt: skip
     ranges, images = list(map(framed, turn_ranges)), [*given]
     coded: dict[int | None, Words] = {}
+    state.images.keep([number for number, width in enumerate(widths) if width])
     for is_dependent in (False, True):
         jobs = []
         for number, (image, width, channel) in enumerate(

@@ -7,6 +7,7 @@ are stored. Symbols are coded by asymmetric numeral systems (rANS; Duda 2013).
 
 from __future__ import annotations
 
+from collections.abc import Container
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -19,7 +20,6 @@ from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
-from puckbench.lidar.turns import MAX_RANGE
 from puckbench.puck.experts import FINE
 from puckbench.puck.gains import Gains, estimated, estimated_only, learn_estimate, new_gains
 from puckbench.puck.gaps import compress_bytes, decompress_bytes
@@ -489,6 +489,10 @@ class ImageCoder:
         self._models: dict[int, _Model] = {}
         self._coded: dict[int, _Image] = {}
 
+    def keep(self, numbers: Container[int]) -> None:
+        """Forget the last images with other numbers, which the next turn lacks."""
+        self._coded = {k: image for k, image in self._coded.items() if k in numbers}
+
     def encode(self, jobs: list[ImageJob], nearest: Ints) -> tuple[list[Words], list[bytes]]:
         """Return the images, as later jobs need them, and a part of the stream for each."""
         coded = in_threads(lambda job: self._code(job, nearest, None), jobs)
@@ -508,7 +512,7 @@ class ImageCoder:
             if not part:
                 inside[:] = job.values
         if part[:1] == _LISTED:
-            _write_listed(inside, part[1:])
+            _write_listed(inside, part[1:], job.farthest)
             return image.values, part
         model = self._models.get(job.number)
         if model is None or model.farthest != job.farthest:
@@ -543,7 +547,7 @@ def _listed(image: NDArray[Any]) -> bytes:
     return _LISTED + compress_bytes(listed.reshape(-1, 4).T.tobytes(), are_headers=True)
 
 
-def _write_listed(image: Words, body: bytes) -> None:
+def _write_listed(image: Words, body: bytes, farthest: int) -> None:
     def admit(size: int) -> None:
         if size % 8 or _FEW * size > 8 * image.size:
             raise InputError(_DAMAGED)
@@ -551,7 +555,7 @@ def _write_listed(image: Words, body: bytes) -> None:
     raw = np.frombuffer(decompress_bytes(Reader(body), admit), np.uint8)
     listed = np.ascontiguousarray(raw.reshape(4, -1).T).view("<u4").reshape(2, -1)
     places = np.cumsum(listed[0], dtype=np.int64)
-    if (len(places) and places[-1] >= image.size) or listed[1].max(initial=0) > MAX_RANGE:
+    if (len(places) and places[-1] >= image.size) or listed[1].max(initial=0) > farthest:
         raise InputError(_DAMAGED)
     image[np.unravel_index(places, image.shape)] = listed[1]
 

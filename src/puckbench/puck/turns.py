@@ -340,6 +340,8 @@ def _code_images(
     ranges: list[Words] = []
     values: list[Words] = []
     farthest, end = _farthest(state.is_wide), PAD + len(nearest)
+    has_values = flags & _REFLECTIVITIES and turn.reflectivities is not None
+    state.images.keep(range(len(turn.ranges) * (2 if has_values else 1)))
     for kind, image in enumerate(turn.ranges):
         job = ImageJob(kind, image, farthest, like=ranges[0] if kind else None)
         ranges += parts.code_images(state.images, [job], nearest)
