@@ -77,8 +77,8 @@ def test_damaged_parts_raise_one_error_or_hold_values_in_range() -> None:
         damaged = damaged[: random.integers(len(damaged) // 2, len(damaged) + 1)]
         try:
             image = ImageCoder().decode([jobs[number]], rows, [bytes(damaged)])[0]
-            assert 0 <= image.min() <= image.max() <= jobs[number].farthest
-        except InputError as error:
-            assert "damaged" in str(error) or "truncated" in str(error)
+        except InputError:
             errors += 1
+        else:
+            assert 0 <= image.min() <= image.max() <= jobs[number].farthest
     assert errors > 280
