@@ -18,15 +18,17 @@ from puckbench.gpcc.compiled import entry, integer
 Ints = NDArray[np.int64]
 Indices = NDArray[np.int32]
 Positions = NDArray[np.int32]
-Best = tuple[int, int, int, int, int, int]
+Best = tuple[int, int, int]
 
 _CELL_BITS = 21
 _CELLS = 1 << _CELL_BITS
 _FAR = 1 << 62
+_RANK_BITS = 32
+_RANKS = (1 << _RANK_BITS) - 1
 _NEAR_RANGE = 2
 _LARGEST_CELL_BITS = 20
 _MOST_IN_CELLS = 256
-_DENSITY = 4
+_VECTOR = 64
 _FAN_LOG2 = 3
 _FAN_MASK = 7
 
@@ -216,113 +218,167 @@ def _distance(positions: Positions, k: int, x: int, y: int, z: int) -> int:
     )
 
 
-@inlined
-def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int) -> Best:
-    """Insert a candidate into the three nearest points, after equidistant ones."""
-    a, b, c, i, j, m = best
-    distance = _distance(positions, k, x, y, z)
-    if distance >= c:
-        return best
-    k += offset
-    if k == i or k == j or k == m:  # noqa: PLR1714, SIM109
-        return best
-    if distance < a:
-        return distance, a, b, k, i, j
-    if distance < b:
-        return a, distance, b, i, k, j
-    return a, b, distance, i, j, k
+class Query(NamedTuple):
+    """A point, and the candidates among which its neighbours are searched.
+
+    low, high: their first and last index.
+    centre: index from which they are visited, or -1 if they are in ascending order.
+    count: number of points in coarser levels.
+    nearest, second: neighbours so far, or -1; they precede equidistant candidates.
+    """
+
+    x: int
+    y: int
+    z: int
+    low: int
+    high: int
+    centre: int
+    count: int
+    nearest: int
+    second: int
 
 
 @inlined
-def _search_forward(
-    best: Best,
-    among: Boxes,
-    first: int,
-    last: int,
-    offset: int,
-    limit: int,
-    x: int,
-    y: int,
-    z: int,
-) -> tuple[Best, int]:
-    """Search positions `first` to `last` within `limit`; return the nearest and the operations."""
-    work, level, k = 0, 1, first
+def _rank(of: Query, k: int) -> int:
+    """Return a candidate's place in the search.
+
+    The order is, from the centre, 0, 1, -1, 2, -2, then all above, then all below.
+    """
+    if of.centre < 0:
+        return of.count + k
+    away = k - of.centre
+    if abs(away) <= _NEAR_RANGE:
+        return 2 + (2 * away - 1 if away > 0 else -2 * away)
+    return 2 + _NEAR_RANGE + (away if away > 0 else of.count - away)
+
+
+@inlined
+def _index(of: Query, key: int) -> int:
+    """Return the index of a candidate of coarser levels; see `_with`."""
+    rank = (key & _RANKS) - 2
+    if key == _FAR:
+        return integer(-1)
+    if rank < 0:
+        return of.nearest if rank == -2 else of.second
+    if rank <= 2 * _NEAR_RANGE:
+        return of.centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
+    if rank <= of.count + _NEAR_RANGE:
+        return of.centre + rank - _NEAR_RANGE
+    return of.centre + of.count + _NEAR_RANGE - rank
+
+
+@inlined
+def _with(best: Best, of: Query, distance: int, k: int) -> Best:
+    """Insert a candidate into the three nearest; each is its distance * 2^32 + its rank."""
+    a, b, c = best
+    if k < of.low or k > of.high or k == of.nearest or k == of.second:  # noqa: PLR1714
+        return best
+    key = integer(distance) << _RANK_BITS | _rank(of, k)
+    if key >= c or key == a or key == b:  # noqa: PLR1714
+        return best
+    if key < a:
+        return key, a, b
+    return (a, key, b) if key < b else (a, b, key)
+
+
+@inlined
+def _search_span(best: Best, of: Query, positions: Positions, first: int, last: int) -> Best:
+    for k in range(max(first, of.low), min(last, of.high) + 1):
+        distance = _distance(positions, k, of.x, of.y, of.z)
+        if distance <= best[2] >> _RANK_BITS:
+            best = _with(best, of, distance, k)
+    return best
+
+
+@inlined
+def _search_boxes(best: Best, of: Query, among: Boxes) -> tuple[Best, int]:
+    """Search all candidates; return the nearest and the number of operations."""
     top = len(among.starts) - 1
-    while k <= last and k & _FAN_MASK:
-        best = _with(best, among.positions, k, offset, x, y, z)
-        k += 1
-    while level < top and (k >> _FAN_LOG2 * level) & _FAN_MASK == 0:
-        level += 1
-    while k <= last:
-        work += 1
-        box = among.starts[level] + (k >> _FAN_LOG2 * level)
-        if _box_distance(among.boxes, box, x, y, z) < min(best[2], limit + 1):
-            if level > 1:
-                level -= 1
-                continue
-            work += 4
-            for i in range(k, min(last, k | _FAN_MASK) + 1):
-                best = _with(best, among.positions, i, offset, x, y, z)
-        k += 1 << _FAN_LOG2 * level
+    work, level, k = 0, top, of.low >> _FAN_LOG2 * top << _FAN_LOG2 * top
+    while k <= of.high:
+        size = 1 << _FAN_LOG2 * level
+        first, last = max(k, of.low), min(k + size - 1, of.high)
+        if first <= last:
+            work += 1
+            box = among.starts[level] + (k >> _FAN_LOG2 * level)
+            least = _box_distance(among.boxes, box, of.x, of.y, of.z) << _RANK_BITS
+            if least | _rank(of, min(max(first, of.centre), last)) < best[2]:
+                if level > 1:
+                    level -= 1
+                    continue
+                work += 4
+                best = _search_span(best, of, among.positions, first, last)
+        k += size
         while level < top and (k >> _FAN_LOG2 * level) & _FAN_MASK == 0:
             level += 1
     return best, work
 
 
-@inlined
-def _search_backward(
-    best: Best, among: Boxes, first: int, last: int, limit: int, x: int, y: int, z: int
-) -> tuple[Best, int]:
-    work, level, end = 0, 1, last + 1
-    top = len(among.starts) - 1
-    while end > first and end & _FAN_MASK:
-        end -= 1
-        best = _with(best, among.positions, end, 0, x, y, z)
-    while level < top and (end >> _FAN_LOG2 * level) & _FAN_MASK == 0:
-        level += 1
-    while end > first:
-        work += 1
-        box = among.starts[level] + (end - 1 >> _FAN_LOG2 * level)
-        if _box_distance(among.boxes, box, x, y, z) < min(best[2], limit + 1):
-            if level > 1:
-                level -= 1
-                continue
-            work += 4
-            for i in range(end - 1, max(first, end - 1 - _FAN_MASK) - 1, -1):
-                best = _with(best, among.positions, i, 0, x, y, z)
-        end -= 1 << _FAN_LOG2 * level
-        while level < top and (end >> _FAN_LOG2 * level) & _FAN_MASK == 0:
-            level += 1
-    return best, work
+class Candidates(NamedTuple):
+    """Points in the cells around the current one, and their distances from the current point.
+
+    Parts of a list of fixed length.
+    """
+
+    x: Indices
+    y: Indices
+    z: Indices
+    indices: Indices
+    distances: Indices
 
 
 class Grid(NamedTuple):
     """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`.
 
+    bias: factors (3,) of distances.
     ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
-    state: (5,) block and code of the current cell; points that are in the atlas; number of ranges;
-        number of their points, or -1 if some cells are in other blocks.
+    candidates: these points, unless they are too many; those in the current cell first.
+    state: (6,) block and code of the current cell; points that are in the atlas; number of ranges;
+        number of their points; whether none of the cells is in another block.
     complete: whether to skip empty blocks. In TMC13, the first one ends the filling of the atlas.
+    following: whether to leave out cells that precede the current one.
     """
 
     codes: Ints
+    positions: Positions
     atlas: Atlas
     shift: int
+    bias: Ints
     ranges: Indices
+    candidates: Candidates
     state: Ints
     complete: bool
+    following: bool
 
 
-def grid(codes: Ints, atlas: Atlas, cell_bits: int, complete: bool) -> Grid:
-    state = np.array([-1, -1, 0, 0, 0], dtype=np.int64)
-    return Grid(codes, atlas, min(63, 3 * cell_bits), np.empty((27, 2), np.int32), state, complete)
+def grid(
+    codes: Ints,
+    positions: Positions,
+    atlas: Atlas,
+    cell_bits: int,
+    bias: Ints,
+    complete: bool,
+    following: bool = False,
+) -> Grid:
+    return Grid(
+        codes,
+        positions,
+        atlas,
+        min(63, 3 * cell_bits),
+        bias,
+        np.zeros((27, 2), dtype=np.int32),
+        Candidates(*(np.empty(_MOST_IN_CELLS if complete else 0, dtype=np.int32) for _ in range(5))),
+        np.array([-1, -1, 0, 0, 0, 0], dtype=np.int64),
+        complete,
+        following,
+    )
 
 
-def _dense_cell_bits(codes: Ints) -> int:
-    """Return log2 of the side of cells with two points on average."""
+def _dense_cell_bits(codes: Ints, density: int) -> int:
+    """Return log2 of the side of the smallest cells with `density` points on average."""
     steps = codes[1:] ^ codes[:-1]
     for bits in range(1, _LARGEST_CELL_BITS):
-        if np.count_nonzero(steps >> 3 * bits) * _DENSITY <= len(codes):
+        if np.count_nonzero(steps >> 3 * bits) * density <= len(codes):
             return bits
     return _LARGEST_CELL_BITS
 
@@ -345,21 +401,86 @@ def _enter_cell(of: Grid, code: int) -> None:
         while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift == block:
             set_cell(of.atlas, of.codes[state[2]] >> shift, state[2])
             state[2] += 1
-    state[1] = cell
-    ranges, total, whole = integer(0), integer(0), True
+    state[1], state[3], state[4], state[5] = cell, 0, 0, 1
+    if not of.atlas.filled[0]:
+        state[5] = 0
+        return
+    low, high = neighbour_code(cell, 0), neighbour_code(cell, 56)
     for offset in ALL_NEIGHBOURS:
-        other = neighbour_code(cell, offset)
+        other = (
+            _chosen(low, cell, high, offset, X_BITS, 2)
+            | _chosen(low, cell, high, offset, Y_BITS, 1)
+            | _chosen(low, cell, high, offset, Z_BITS, 0)
+        )
+        if of.following and other < cell:
+            continue
         if other >> _CELL_BITS != block:
-            whole = False
+            state[5] = 0
             continue
         place = other & (_CELLS - 1)
         if of.atlas.cells[place, 0] >= 0:
-            of.ranges[ranges, 0] = of.atlas.cells[place, 0]
-            of.ranges[ranges, 1] = of.atlas.cells[place, 1]
-            total += of.atlas.cells[place, 1] - of.atlas.cells[place, 0]
-            ranges += 1
-    state[3] = ranges
-    state[4] = total if whole else -1
+            of.ranges[state[3], 0] = of.atlas.cells[place, 0]
+            of.ranges[state[3], 1] = of.atlas.cells[place, 1]
+            state[3] += 1
+            state[4] += of.atlas.cells[place, 1] - of.atlas.cells[place, 0]
+    if state[4] <= len(of.candidates.x):
+        _gather(of)
+
+
+@inlined
+def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: int) -> int:
+    step = offset >> place & 9
+    return (low if step == 0 else same if step == 1 else high) & axis_bits
+
+
+@inlined
+def _gather(of: Grid) -> None:
+    n, near = integer(0), of.candidates
+    for r in range(of.state[3]):
+        for k in range(of.ranges[r, 0], of.ranges[r, 1]):
+            near.x[n], near.y[n] = of.positions[k, 0], of.positions[k, 1]
+            near.z[n], near.indices[n] = of.positions[k, 2], k
+            n += 1
+
+
+@inlined
+def _search_cells(best: Best, of: Query, among: Grid, code: int) -> Best:
+    """Search the cells around a point, if they are not too full.
+
+    The result is final if the third distance is less than the returned distance.
+    """
+    _enter_cell(among, code)
+    total, near = among.state[4], among.candidates
+    if total > len(near.x):
+        return best, integer(0)
+    _measure(near, total, of.x, of.y, of.z)
+    first = integer(0)
+    if among.following:
+        first = of.low - among.ranges[0, 0]
+    for n in range(first, total):
+        if near.distances[n] <= best[2] >> _RANK_BITS:
+            best = _with(best, of, near.distances[n], integer(near.indices[n]))
+    side, reach = integer(1) << among.shift // 3, among.state[5] * _FAR
+    for axis in range(3):
+        bias = among.bias[axis]
+        place = of.x if axis == 0 else of.y if axis == 1 else of.z
+        if bias > 1:
+            place //= bias
+        place &= side - 1
+        reach = min(reach, (side + min(place + 1, side - place)) * bias)
+    return best, reach
+
+
+@inlined
+def _measure(near: Candidates, count: int, x: int, y: int, z: int) -> None:
+    # Of whole vectors; the last values are not used.
+    a, b, c = np.int32(x), np.int32(y), np.int32(z)
+    for n in range(count + _VECTOR - 1 & -_VECTOR):
+        near.distances[n] = (
+            abs(np.int32(near.x[n] - a))
+            + abs(np.int32(near.y[n] - b))
+            + abs(np.int32(near.z[n] - c))
+        )
 
 
 class Level(NamedTuple):
@@ -367,7 +488,6 @@ class Level(NamedTuple):
 
     near: cells of the coarser points in which neighbours are searched first.
     coarser_grid, same_level_grid: smaller or larger cells that hold a few points each.
-    least_bias: smallest factor of distances.
     """
 
     codes: Ints
@@ -376,7 +496,6 @@ class Level(NamedTuple):
     near: Grid
     coarser_grid: Grid
     same_level_grid: Grid
-    least_bias: int
 
 
 @entry
@@ -392,20 +511,18 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: i
     clear(level.coarser_grid.atlas)
     clear(level.same_level_grid.atlas)
     for i in range(len(level.codes)):
-        best = (_FAR, _FAR, _FAR, integer(-1), integer(-1), integer(-1))
+        best = (integer(_FAR), integer(_FAR), integer(_FAR))
         if coarser_count:
             code = level.codes[i]
             while following < coarser_count - 1 and code >= coarser_codes[following]:
                 following += 1
-            best, spent = _search_near(best, level, i)
+            best, spent = _search_coarser(level, options, i, following)
             work -= spent
-            if best[5] < 0:
-                best, spent = _search_coarser(best, level, options, i, following)
-                work -= spent
         if options.intra:
             best, spent = _search_same_level(best, level, options, i, coarser_count)
             work -= spent
-        nearest[i, 0], nearest[i, 1], nearest[i, 2] = best[3], best[4], best[5]
+        for k in range(3):
+            nearest[i, k] = integer(-1) if best[k] == _FAR else best[k] & _RANKS
         if work < 0:
             break
     return work
@@ -418,105 +535,67 @@ def _place(level: Level, i: int) -> tuple[int, int, int]:
 
 
 @inlined
-def _search_near(best: Best, level: Level, i: int) -> tuple[Best, int]:
+def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
+    """Return the distances and indices of the three nearest; equidistant ones in search order."""
     x, y, z = _place(level, i)
+    a, b, c = integer(_FAR), integer(_FAR), integer(_FAR)
+    first, second, third = integer(-1), integer(-1), integer(-1)
     _enter_cell(level.near, level.codes[i])
     work = integer(0)
     for r in range(level.near.state[3]):
-        first, end = integer(level.near.ranges[r, 0]), integer(level.near.ranges[r, 1])
-        work += end - first
-        for k in range(first, end):
-            best = _with(best, level.coarser.positions, k, 0, x, y, z)
-    return best, work
+        start, end = integer(level.near.ranges[r, 0]), integer(level.near.ranges[r, 1])
+        work += end - start
+        for k in range(start, end):
+            distance = _distance(level.coarser.positions, k, x, y, z)
+            if distance >= c:
+                continue
+            if distance < a:
+                a, b, c, first, second, third = distance, a, b, k, first, second
+            elif distance < b:
+                b, c, second, third = distance, b, k, second
+            else:
+                c, third = distance, k
+    return (a, b, c), (first, second, third), work
 
 
 @inlined
 def _search_coarser(
-    best: Best, level: Level, options: SearchOptions, i: int, following: int
+    level: Level, options: SearchOptions, i: int, following: int
 ) -> tuple[Best, int]:
-    """Search coarser points by their distance from a centre in Morton order."""
-    x, y, z = _place(level, i)
-    positions = level.coarser.positions
-    last = len(positions) - 1
-    centre = following if best[3] < 0 else best[3]
-    low, high = max(0, centre - options.inter_range), min(last, centre + options.inter_range)
-    limit = _FAR
-    _enter_cell(level.coarser_grid, level.codes[i])
-    in_cells = level.coarser_grid.state[4]
-    if level.coarser_grid.complete and 0 <= in_cells <= _MOST_IN_CELLS:
-        in_cells_best = _search_cells(best, level, (centre, low, high), x, y, z)
-        if in_cells_best[2] <= level.least_bias << level.coarser_grid.shift // 3:
-            return in_cells_best, in_cells
-        limit = in_cells_best[2]
-    best = _with(best, positions, centre, 0, x, y, z)
-    for n in range(1, _NEAR_RANGE + 1):
-        if centre + n <= high:
-            best = _with(best, positions, centre + n, 0, x, y, z)
-        if centre - n >= low:
-            best = _with(best, positions, centre - n, 0, x, y, z)
-    after, before = min(last, centre + _NEAR_RANGE + 1), max(0, centre - _NEAR_RANGE - 1)
-    best, work = _search_forward(best, level.coarser, after, high, 0, limit, x, y, z)
-    best, more = _search_backward(best, level.coarser, low, before, limit, x, y, z)
-    return best, work + more
-
-
-@inlined
-def _search_cells(
-    best: Best, level: Level, span: tuple[int, int, int], x: int, y: int, z: int
-) -> Best:
-    """Search cells of coarser points; equidistant ones in the order of `_search_coarser`.
-
-    span: centre, lowest and highest index.
-    """
-    centre, low, high = span
-    of, positions = level.coarser_grid, level.coarser.positions
-    count, nearest, second = len(positions), best[3], best[4]
-    ranked = (
-        best[0],
-        best[1],
-        best[2],
-        integer(-2 if nearest >= 0 else _FAR),
-        integer(-1 if second >= 0 else _FAR),
+    """Search coarser points, in near cells, then by their distance from a centre in Morton order."""
+    distances, found, work = _search_near(level, i)
+    if found[2] >= 0:
+        return (
+            distances[0] << _RANK_BITS | found[0],
+            distances[1] << _RANK_BITS | found[1],
+            distances[2] << _RANK_BITS | found[2],
+        ), work
+    best = (
+        distances[0] << _RANK_BITS if found[0] >= 0 else integer(_FAR),
+        distances[1] << _RANK_BITS | 1 if found[1] >= 0 else integer(_FAR),
         integer(_FAR),
     )
-    for r in range(of.state[3]):
-        first, end = integer(of.ranges[r, 0]), integer(of.ranges[r, 1])
-        for k in range(max(first, low), min(end, high + 1)):
-            if k not in (nearest, second):
-                ranked = _with_tied(ranked, positions, k, _rank(k, centre, count) - k, x, y, z)
+    x, y, z = _place(level, i)
+    count = len(level.coarser.positions)
+    centre = following if found[0] < 0 else found[0]
+    low, high = max(0, centre - options.inter_range), min(count - 1, centre + options.inter_range)
+    of = Query(x, y, z, low, high, centre, count, found[0], found[1])
+    reach = integer(0)
+    if level.coarser_grid.complete:
+        best, reach = _search_cells(
+            best, of, level.coarser_grid, level.codes[i]
+        )
+        work += level.coarser_grid.state[4]
+    if best[2] >> _RANK_BITS >= reach:
+        around = centre - _NEAR_RANGE, centre + _NEAR_RANGE
+        best = _search_span(best, of, level.coarser.positions, *around)
+        best, spent = _search_boxes(best, of, level.coarser)
+        work += spent
     return (
-        ranked[0],
-        ranked[1],
-        ranked[2],
-        _index(ranked[3], centre, count, nearest, second),
-        _index(ranked[4], centre, count, nearest, second),
-        _index(ranked[5], centre, count, nearest, second),
-    )
-
-
-@inlined
-def _rank(k: int, centre: int, count: int) -> int:
-    """Return an index's place in the search.
-
-    The order is, from the centre, 0, 1, -1, 2, -2, then all above, then all below.
-    """
-    away = k - centre
-    if abs(away) <= _NEAR_RANGE:
-        return 2 * away - 1 if away > 0 else -2 * away
-    return away + _NEAR_RANGE if away > 0 else count + _NEAR_RANGE - away
-
-
-@inlined
-def _index(rank: int, centre: int, count: int, nearest: int, second: int) -> int:
-    if rank < 0:
-        return nearest if rank == -2 else second
-    if rank == _FAR:
-        return integer(-1)
-    if rank <= 2 * _NEAR_RANGE:
-        return centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
-    if rank <= count + _NEAR_RANGE:
-        return centre + rank - _NEAR_RANGE
-    return centre + count + _NEAR_RANGE - rank
+        best[0] & ~_RANKS | _index(of, best[0]) if best[0] != _FAR else best[0],
+        best[1] & ~_RANKS | _index(of, best[1]) if best[1] != _FAR else best[1],
+        best[2] & ~_RANKS | _index(of, best[2]) if best[2] != _FAR else best[2],
+    ), work
 
 
 @inlined
@@ -528,40 +607,17 @@ def _search_same_level(
     positions = level.same_level.positions
     last = len(positions) - 1
     near_end, high = min(last, i + 1 + _NEAR_RANGE), min(last, i + 1 + options.intra_range)
-    limit = _FAR
+    none = integer(-1)
+    of = Query(x, y, z, i + 1, max(near_end, high), none, offset, none, none)
+    reach, work = integer(0), integer(0)
     if level.same_level_grid.shift:
-        _enter_cell(level.same_level_grid, level.codes[i])
-        in_cells = level.same_level_grid.state[4]
-        if 0 <= in_cells <= _MOST_IN_CELLS:
-            in_cells_best = best
-            for r in range(level.same_level_grid.state[3]):
-                first = integer(level.same_level_grid.ranges[r, 0])
-                end = integer(level.same_level_grid.ranges[r, 1])
-                for k in range(max(first, i + 1), min(end, max(near_end, high) + 1)):
-                    in_cells_best = _with_tied(in_cells_best, positions, k, offset, x, y, z)
-            if in_cells_best[2] <= level.least_bias << level.same_level_grid.shift // 3:
-                return in_cells_best, in_cells
-            limit = in_cells_best[2]
-    for k in range(i + 1, near_end + 1):
-        best = _with(best, positions, k, offset, x, y, z)
-    return _search_forward(best, level.same_level, near_end + 1, high, offset, limit, x, y, z)
-
-
-@inlined
-def _with_tied(
-    best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int
-) -> Best:
-    """Insert a candidate into the three nearest points; equidistant ones by index."""
-    a, b, c, i, j, m = best
-    distance = _distance(positions, k, x, y, z)
-    k += offset
-    if distance > c or (distance == c and k > m):
-        return best
-    if distance < a or (distance == a and k < i):
-        return distance, a, b, k, i, j
-    if distance < b or (distance == b and k < j):
-        return a, distance, b, i, k, j
-    return a, b, distance, i, j, k
+        best, reach = _search_cells(best, of, level.same_level_grid, level.codes[i])
+        work += level.same_level_grid.state[4]
+    if best[2] >> _RANK_BITS < reach:
+        return best, work
+    best = _search_span(best, of, positions, i + 1, near_end)
+    best, spent = _search_boxes(best, of, level.same_level)
+    return best, work + spent
 
 
 class Predictors(NamedTuple):
@@ -607,15 +663,24 @@ def nearest_neighbours(
         codes,
         same_level_boxes,
         coarser_boxes,
-        grid(coarser_codes, near, options.cell_bits, False),
-        grid(coarser_codes, coarser_grid, _dense_cell_bits(coarser_codes), not options.mask_bits),
+        grid(coarser_codes, coarser_boxes.positions, near, options.cell_bits, bias, False),
+        grid(
+            coarser_codes,
+            coarser_boxes.positions,
+            coarser_grid,
+            _dense_cell_bits(coarser_codes, 2),
+            bias,
+            not options.mask_bits,
+        ),
         grid(
             codes,
+            same_level_boxes.positions,
             same_level_grid,
-            _dense_cell_bits(codes) if is_sorted and not options.mask_bits else 0,
+            _dense_cell_bits(codes, 4) if is_sorted and not options.mask_bits else 0,
+            bias,
             True,
+            following=True,
         ),
-        int(bias.min()),
     )
     nearest = np.empty((len(same_level), 3), dtype=np.int32)
     work = find_nearest(level, options, nearest, work)
