@@ -76,15 +76,20 @@ def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Key
 
 @compiled
 def sort_keys(keys: Keys) -> Rows:
-    """Sort the keys in place, by a stable radix sort, and return their previous indices (n,)."""
+    """Sort keys in [0, 2^48) in place, by a stable radix sort, and return their previous indices
+    (n,).
+    """
     order = np.arange(len(keys))
     if np.all(keys[1:] >= keys[:-1]):
         return order
     places = _digit_places(keys)
     source, target, target_order = keys, np.empty_like(keys), np.empty_like(order)
     for digit in range(len(places)):
+        if np.max(np.diff(places[digit])) == len(keys):
+            continue
         _sort_by_digit(source, order, target, target_order, digit * DIGIT_BITS, places[digit])
         source, target, order, target_order = target, source, target_order, order
+    keys[:] = source
     return order
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.morton import MOST_BITS, Ints, morton_codes, morton_points
-from puckbench.geometry.spatial_order import bounding_corners
+from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
+from puckbench.geometry.spatial_order import bounding_corners, sort_keys
 from puckbench.gpcc import syntax
 from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.bits import BitReader
@@ -28,7 +28,7 @@ from puckbench.gpcc.slices import (
     sensor_state,
 )
 from puckbench.gpcc.syntax import Three
-from puckbench.gpcc.tree import Tree, build_tree, coded_axes, sorted_rows
+from puckbench.gpcc.tree import Tree, build_tree, coded_axes, leaf_codes, sorted_rows
 
 MAX_POINTS = 1 << 24
 """Maximum number of points of a stream and of a slice; it limits the memory needed."""
@@ -157,11 +157,10 @@ def encode_octree_geometry(
     if attributes is not None:
         extent = (bounding_corners(points)[1] - low).tolist()
         parameters = attributes.start(sps, gps, extent)
-    return stream_of(sps, gps, _units(points, low, slices, sps, gps, attributes), parameters)
+    return stream_of(sps, gps, _units(low, slices, sps, gps, attributes), parameters)
 
 
 def _units(
-    points: Ints,
     low: Ints,
     slices: list[_SlicePoints],
     sps: syntax.SequenceParameterSet,
@@ -179,11 +178,11 @@ def _units(
         rows = None
         if not merged:
             corner = low + np.array(part.corner)
-            sorted_members = part.members[sorted_rows(points[part.members], corner, part.axes)]
-            codes = morton_codes(points[sorted_members] - corner, np.arange(3))
+            codes = np.repeat(leaf_codes(part.tree, part.axes), part.tree.counts)
+            along_tree = sorted_rows(part.points, corner, part.axes, part.tree)
             rows = np.empty(len(leaves), dtype=np.int64)
-            rows[np.argsort(leaves, kind="stable")] = sorted_members[
-                np.argsort(codes, kind="stable")
+            rows[np.argsort(leaves, kind="stable")] = part.members[
+                along_tree[np.argsort(codes, kind="stable")]
             ]
         sensor = sensor_position(header, gps, axes, part.corner)
         coded = CodedPoints(octree_points(gps, axes, sensor, leaves), part.members, rows)
@@ -288,9 +287,11 @@ def _partition(
         if fits or slice_points.coded_points(options) <= options.slice_max_points:
             yield slice_points
             return
-    axis = int(np.argmax(np.ptp(points, axis=0)))
-    order = np.argsort(points[:, axis], kind="stable")
-    middle = split_position(points[order, axis])
+    lowest, highest = bounding_corners(points)
+    axis = int(np.argmax(highest - lowest))
+    values = points[:, axis] - lowest[axis]
+    order = sort_keys(values)
+    middle = split_position(values)
     for part in (order[:middle], order[middle:]):
         members = None if rows is None else rows[part]
         yield from _partition(points[part], start, options, angular, members)
@@ -313,6 +314,7 @@ class _SlicePoints:
     corner: tuple[int, int, int]
     axes: list[int]
     tree: Tree
+    points: Ints
     members: NDArray[np.int64]
 
     def coded_points(self, options: GpccOptions) -> int:
@@ -342,7 +344,9 @@ def _slice_points(
     a, b, c = (low - start).tolist()
     ordered = angular and options.inferred_direct_coding_mode > 0
     tree = build_tree(points, low, axes, ordered, options.merge_duplicates)
-    return _SlicePoints((a, b, c), axes, tree, np.empty(0, np.int64) if rows is None else rows)
+    if rows is None:
+        points, rows = points[:0], np.empty(0, np.int64)
+    return _SlicePoints((a, b, c), axes, tree, points, rows)
 
 
 def _data_unit(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,14 +190,13 @@ def _digit_positions(levels: list[int]) -> Ints:
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 
 
-def sorted_rows(points: Ints, corner: Ints, levels: list[int]) -> Indices:
-    """Return the indices that sort points (n, 3) along the octree, equal ones as in TMC13."""
+def sorted_rows(points: Ints, corner: Ints, levels: list[int], tree: Tree) -> NDArray[Any]:
+    """Return the indices that sort points (n, 3) along their octree, equal ones as in TMC13."""
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
-    rows = np.argsort(keys, kind="stable").astype(np.int32)
-    ordered = keys[rows]
-    if (ordered[1:] == ordered[:-1]).any():
-        rows = np.arange(len(keys), dtype=np.int32)
-        _sorted_as_coded(keys, _digit_positions(levels), rows)
+    if len(tree.keys) == len(keys):
+        return np.argsort(keys)
+    rows = np.arange(len(keys), dtype=np.int32)
+    _sorted_as_coded(keys, _digit_positions(levels), rows)
     return rows
 
 
