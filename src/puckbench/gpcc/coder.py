@@ -3,18 +3,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.core.threads import in_threads
 from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
 from puckbench.geometry.spatial_order import bounding_corners, sort_keys
 from puckbench.gpcc import syntax
 from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.bits import BitReader
-from puckbench.gpcc.contexts import Contexts, initial_contexts
+from puckbench.gpcc.contexts import initial_contexts
 from puckbench.gpcc.options import PROFILES, GpccOptions
 from puckbench.gpcc.predictive import initial_probabilities
 from puckbench.gpcc.predictive_slices import decode_trees, placed
@@ -29,6 +30,9 @@ from puckbench.gpcc.slices import (
 )
 from puckbench.gpcc.syntax import Three
 from puckbench.gpcc.tree import Tree, build_tree, coded_axes, leaf_codes, sorted_rows
+
+Units = list[tuple[int, bytes]]
+"""Types and payloads of a slice's data units."""
 
 MAX_POINTS = 1 << 24
 """Maximum number of points of a stream and of a slice; it limits the memory needed."""
@@ -49,6 +53,7 @@ _PARAMETERS = {
     syntax.ATTRIBUTE_PARAMETER_SET,
     syntax.TILE_INVENTORY,
 }
+_ATTRIBUTE_UNITS = {syntax.ATTRIBUTE_DATA_UNIT, syntax.CONSTANT_ATTRIBUTE_DATA_UNIT}
 
 # Which coded axis (s, t, v) is x, y, z, by geom_axis_order.
 _AXIS_ORDERS = (
@@ -157,24 +162,14 @@ def encode_octree_geometry(
     if attributes is not None:
         extent = (bounding_corners(points)[1] - low).tolist()
         parameters = attributes.start(sps, gps, extent)
-    return stream_of(sps, gps, _units(low, slices, sps, gps, attributes), parameters)
-
-
-def _units(
-    low: Ints,
-    slices: list[_SlicePoints],
-    sps: syntax.SequenceParameterSet,
-    gps: syntax.GeometryParameterSet,
-    attributes: AttributeWriter | None,
-) -> Iterator[tuple[int, bytes]]:
     axes, merged = _AXIS_ORDERS[sps.geom_axis_order], bool(gps.geom_unique_points_flag)
-    for number, part in enumerate(slices):
+
+    def units_of(number: int) -> Units:
+        part = slices[number]
         if attributes is None:
-            yield syntax.GEOMETRY_DATA_UNIT, _data_unit(part, number, sps, gps)[0]
-            continue
+            return [(syntax.GEOMETRY_DATA_UNIT, _data_unit(part, number, sps, gps)[0])]
         leaves = np.empty(len(part.tree.keys) if merged else len(part.members), dtype=np.int64)
         unit, header = _data_unit(part, number, sps, gps, leaves)
-        yield syntax.GEOMETRY_DATA_UNIT, unit
         rows = None
         if not merged:
             corner = low + np.array(part.corner)
@@ -186,8 +181,13 @@ def _units(
             ]
         sensor = sensor_position(header, gps, axes, part.corner)
         coded = CodedPoints(octree_points(gps, axes, sensor, leaves), part.members, rows)
-        for data_unit in attributes.data_units(number, part.corner, coded):
-            yield syntax.ATTRIBUTE_DATA_UNIT, data_unit
+        values = attributes.data_units(number, part.corner, coded)
+        return [
+            (syntax.GEOMETRY_DATA_UNIT, unit),
+            *((syntax.ATTRIBUTE_DATA_UNIT, data_unit) for data_unit in values),
+        ]
+
+    return stream_of(sps, gps, in_threads(units_of, range(len(slices))), parameters)
 
 
 def octree_points(
@@ -217,14 +217,14 @@ def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
 def stream_of(
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
-    units: Iterable[tuple[int, bytes]],
+    slices: Iterable[Units],
     attribute_parameters: Iterable[bytes],
 ) -> bytes:
     payloads = [
         (syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)),
         (syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)),
         *((syntax.ATTRIBUTE_PARAMETER_SET, payload) for payload in attribute_parameters),
-        *units,
+        *(unit for units in slices for unit in units),
     ]
     return b"".join(syntax.encapsulate(kind, payload) for kind, payload in payloads)
 
@@ -375,6 +375,12 @@ def decode_geometry(stream: bytes) -> DecodedGeometry:
 class AttributeUnits(Protocol):
     """Decoder of the attributes of a stream, which it receives in order."""
 
+    def expect(self, sps: syntax.SequenceParameterSet, count: int) -> None:
+        """Raise InputError if the attributes of a slice of `count` points are not supported."""
+
+    def branch(self) -> AttributeUnits:
+        """Return a decoder of the next slices, which may run in another thread."""
+
     def start_slice(
         self, sps: syntax.SequenceParameterSet, header: syntax.GeometryHeader, points: SlicePoints
     ) -> None: ...
@@ -389,6 +395,13 @@ def read_stream(stream: bytes, attributes: AttributeUnits | None = None) -> Deco
     return contents.geometry()
 
 
+class _SliceUnits(NamedTuple):
+    coded: CodedSlice
+    sps: syntax.SequenceParameterSet
+    gps: syntax.GeometryParameterSet
+    attribute_units: Units
+
+
 class _StreamReader:
     def __init__(self, attributes: AttributeUnits | None) -> None:
         self._attributes = attributes
@@ -396,9 +409,7 @@ class _StreamReader:
         self._gps: dict[int, syntax.GeometryParameterSet] = {}
         self._active: syntax.SequenceParameterSet | None = None
         self._frame: int | None = None
-        self._contexts: Contexts = initial_contexts()
-        self._probabilities = initial_probabilities()
-        self._slices: list[Ints] = []
+        self._runs: list[list[_SliceUnits]] = []  # each shares entropy contexts
         self._points = self._levels = self._parameter_bytes = 0
 
     def take(self, payload_type: int, payload: bytes) -> None:
@@ -418,11 +429,13 @@ class _StreamReader:
         elif payload_type == syntax.TILE_INVENTORY:
             syntax.tile_inventory(BitReader(payload), syntax.TileInventory())
         elif payload_type == syntax.GEOMETRY_DATA_UNIT:
-            self._slices.append(self._decoded(payload))
+            self._start_slice(payload)
+        elif payload_type in _ATTRIBUTE_UNITS and self._runs:
+            self._runs[-1][-1].attribute_units.append((payload_type, payload))
         elif self._attributes is not None:
             self._attributes.take(payload_type, payload)
 
-    def _decoded(self, payload: bytes) -> Ints:
+    def _start_slice(self, payload: bytes) -> None:
         if not payload:
             raise InputError("G-PCC stream: an empty geometry data unit")
         gps = self._gps.get(payload[0] >> 4)
@@ -440,22 +453,31 @@ class _StreamReader:
         if self._levels > MAX_LEVELS:
             raise InputError(f"G-PCC stream: more than {MAX_LEVELS} octree levels in its slices")
         self._check_single_frame(coded)
-        if not coded.header.entropy_continuation_flag:
-            self._contexts, self._probabilities = initial_contexts(), initial_probabilities()
-        axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
-        if gps.geom_tree_type == syntax.PREDICTIVE:
-            nodes = decode_trees(coded, sps, gps, self._probabilities, axes, origin)
-            if self._attributes is not None:
-                sensor = sensor_position(coded.header, gps, axes, origin)
-                points = SlicePoints(gps, axes, sensor, nodes.points, spherical=nodes.spherical)
-                self._attributes.start_slice(sps, coded.header, points)
-            return placed(nodes.points, axes, origin)
-        state = sensor_state(coded.header, gps, axes, origin)
-        codes = decode_slice(coded, sps, gps, self._contexts, state)
         if self._attributes is not None:
+            self._attributes.expect(sps, coded.points)
+        if not self._runs or not coded.header.entropy_continuation_flag:
+            self._runs.append([])
+        self._runs[-1].append(_SliceUnits(coded, sps, gps, []))
+
+    def _decoded(self, run: list[_SliceUnits], attributes: AttributeUnits | None) -> list[Ints]:
+        contexts, probabilities, decoded = initial_contexts(), initial_probabilities(), []
+        for coded, sps, gps, attribute_units in run:
+            axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
             sensor = sensor_position(coded.header, gps, axes, origin)
-            self._attributes.start_slice(sps, coded.header, octree_points(gps, axes, sensor, codes))
-        decoded: Ints = morton_points(codes, np.array(axes), np.array(origin, dtype=np.int64))
+            if gps.geom_tree_type == syntax.PREDICTIVE:
+                nodes = decode_trees(coded, sps, gps, probabilities, axes, origin)
+                points = SlicePoints(gps, axes, sensor, nodes.points, spherical=nodes.spherical)
+                decoded.append(placed(nodes.points, axes, origin))
+            else:
+                state = sensor_state(coded.header, gps, axes, origin)
+                codes = decode_slice(coded, sps, gps, contexts, state)
+                if attributes is not None:
+                    points = octree_points(gps, axes, sensor, codes)
+                decoded.append(morton_points(codes, np.array(axes), np.array(origin)))
+            if attributes is not None:
+                attributes.start_slice(sps, coded.header, points)
+                for payload_type, payload in attribute_units:
+                    attributes.take(payload_type, payload)
         return decoded
 
     def _check_single_frame(self, coded: CodedSlice) -> None:
@@ -468,7 +490,10 @@ class _StreamReader:
         sps = self._active
         if sps is None:
             raise InputError("G-PCC stream: no geometry")
-        points = self._slices[0] if len(self._slices) == 1 else np.concatenate(self._slices)
+        branches = [self._attributes and self._attributes.branch() for _ in self._runs]
+        runs = in_threads(lambda pair: self._decoded(*pair), zip(self._runs, branches, strict=True))
+        parts = [points for run in runs for points in run]
+        points = parts[0] if len(parts) == 1 else np.concatenate(parts)
         return DecodedGeometry(
             points=points,
             scale=Fraction(sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1),

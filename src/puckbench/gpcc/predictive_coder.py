@@ -11,6 +11,7 @@ from pydantic import Field
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
+from puckbench.core.threads import in_threads
 from puckbench.geometry.morton import MOST_BITS, Ints
 from puckbench.gpcc import syntax
 from puckbench.gpcc.attributes.geometry import SlicePoints
@@ -19,6 +20,7 @@ from puckbench.gpcc.coder import (
     MAX_TREE_SLICES,
     AttributeWriter,
     CodedPoints,
+    Units,
     bits_of,
     checked_points,
     sequence_parameter_set,
@@ -124,25 +126,25 @@ def encode_trees_geometry(
     sources = np.unique(first_of) if options.merge_duplicates else np.arange(len(points))
     del points
 
-    def units() -> Iterator[tuple[int, bytes]]:
-        for number, rows in enumerate(parts):
-            part = _coded_part(relative[rows], number, options, sps, gps, centre)
-            yield syntax.GEOMETRY_DATA_UNIT, part.unit
-            if attributes is None:
-                continue
-            members, coded_rows = sources[rows], None
-            if options.merge_duplicates:
-                members = np.flatnonzero(np.isin(first_of, members))
-            else:
-                coded_rows = members[part.rows]
-            coded = CodedPoints(part.points, members, coded_rows)
-            for unit in attributes.data_units(number, part.corner, coded):
-                yield syntax.ATTRIBUTE_DATA_UNIT, unit
+    def units_of(number: int) -> Units:
+        rows = parts[number]
+        part = _coded_part(relative[rows], number, options, sps, gps, centre)
+        geometry = (syntax.GEOMETRY_DATA_UNIT, part.unit)
+        if attributes is None:
+            return [geometry]
+        members, coded_rows = sources[rows], None
+        if options.merge_duplicates:
+            members = np.flatnonzero(np.isin(first_of, members))
+        else:
+            coded_rows = members[part.rows]
+        coded = CodedPoints(part.points, members, coded_rows)
+        values = attributes.data_units(number, part.corner, coded)
+        return [geometry, *((syntax.ATTRIBUTE_DATA_UNIT, unit) for unit in values)]
 
     parameters = []
     if attributes is not None:
         parameters = attributes.start(sps, gps, (whole.max(axis=0) - low).tolist())
-    return stream_of(sps, gps, units(), parameters)
+    return stream_of(sps, gps, in_threads(units_of, range(len(parts))), parameters)
 
 
 def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> Three:

@@ -14,7 +14,7 @@ from puckbench.gpcc.attributes.coordinates import (
     sorted_points,
 )
 from puckbench.gpcc.attributes.levels import Levels, levels_of_detail
-from puckbench.gpcc.attributes.neighbour_search import Atlases, Positions, SortedPoints
+from puckbench.gpcc.attributes.neighbour_search import Positions, SortedPoints, WorkingMemory
 from puckbench.gpcc.attributes.syntax import PREDICTING, AttributeHeader, AttributeParameterSet
 from puckbench.gpcc.syntax import GeometryParameterSet, Three
 
@@ -66,7 +66,7 @@ class SlicePoints:
         return self._sorted[scale]
 
     def levels(
-        self, aps: AttributeParameterSet, header: AttributeHeader, atlases: Atlases
+        self, aps: AttributeParameterSet, header: AttributeHeader, memory: WorkingMemory
     ) -> Levels:
         """Return an attribute's levels of detail, reusing the last result."""
         # As in TMC13, an attribute also reuses levels from other coordinates than its own.
@@ -95,5 +95,5 @@ class SlicePoints:
                 points = self.in_morton_order(aps)
             bias = np.empty(3, dtype=np.int64)
             bias[list(self.axes)] = aps.lod_neigh_bias
-            self._levels = key, levels_of_detail(points, aps, header, bias, atlases)
+            self._levels = key, levels_of_detail(points, aps, header, bias, memory.atlases)
         return self._levels[1]

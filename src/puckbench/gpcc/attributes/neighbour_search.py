@@ -6,6 +6,8 @@ of the same level. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`, `MortonI
 
 from __future__ import annotations
 
+import threading
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -99,8 +101,12 @@ class Boxes(NamedTuple):
 Atlases = tuple[Atlas, Atlas, Atlas]
 
 
-def empty_atlases() -> Atlases:
-    return _empty_atlas(), _empty_atlas(), _empty_atlas()
+class WorkingMemory(threading.local):
+    """Memory of each thread for `nearest_neighbours`."""
+
+    @cached_property
+    def atlases(self) -> Atlases:
+        return _empty_atlas(), _empty_atlas(), _empty_atlas()
 
 
 def _empty_atlas() -> Atlas:
@@ -223,7 +229,7 @@ class Query(NamedTuple):
 
     low, high: their first and last index.
     centre: index from which they are visited, or -1 if they are in ascending order.
-    count: number of points in coarser levels.
+    coarser: number of points in coarser levels.
     nearest, second: neighbours so far, or -1; they precede equidistant candidates.
     """
 
@@ -233,7 +239,7 @@ class Query(NamedTuple):
     low: int
     high: int
     centre: int
-    count: int
+    coarser: int
     nearest: int
     second: int
 
@@ -245,11 +251,11 @@ def _rank(of: Query, k: int) -> int:
     The order is, from the centre, 0, 1, -1, 2, -2, then all above, then all below.
     """
     if of.centre < 0:
-        return of.count + k
+        return of.coarser + k
     away = k - of.centre
     if abs(away) <= _NEAR_RANGE:
         return 2 + (2 * away - 1 if away > 0 else -2 * away)
-    return 2 + _NEAR_RANGE + (away if away > 0 else of.count - away)
+    return 2 + _NEAR_RANGE + (away if away > 0 else of.coarser - away)
 
 
 @inlined
@@ -262,9 +268,9 @@ def _index(of: Query, key: int) -> int:
         return of.nearest if rank == -2 else of.second
     if rank <= 2 * _NEAR_RANGE:
         return of.centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
-    if rank <= of.count + _NEAR_RANGE:
+    if rank <= of.coarser + _NEAR_RANGE:
         return of.centre + rank - _NEAR_RANGE
-    return of.centre + of.count + _NEAR_RANGE - rank
+    return of.centre + of.coarser + _NEAR_RANGE - rank
 
 
 @inlined
@@ -274,7 +280,7 @@ def _with(best: Best, of: Query, distance: int, k: int) -> Best:
     if k < of.low or k > of.high or k == of.nearest or k == of.second:  # noqa: PLR1714
         return best
     key = integer(distance) << _RANK_BITS | _rank(of, k)
-    if key >= c or key == a or key == b:  # noqa: PLR1714
+    if key >= c or key == a or key == b:  # noqa: PLR1714, SIM109
         return best
     if key < a:
         return key, a, b
@@ -360,6 +366,7 @@ def grid(
     complete: bool,
     following: bool = False,
 ) -> Grid:
+    most = _MOST_IN_CELLS if complete else 0
     return Grid(
         codes,
         positions,
@@ -367,7 +374,9 @@ def grid(
         min(63, 3 * cell_bits),
         bias,
         np.zeros((27, 2), dtype=np.int32),
-        Candidates(*(np.empty(_MOST_IN_CELLS if complete else 0, dtype=np.int32) for _ in range(5))),
+        Candidates(
+            *(np.empty(_MOST_IN_CELLS if complete else 0, dtype=np.int32) for _ in range(5))
+        ),
         np.array([-1, -1, 0, 0, 0, 0], dtype=np.int64),
         complete,
         following,
@@ -392,15 +401,7 @@ def _enter_cell(of: Grid, code: int) -> None:
     block_shift = min(63, shift + _CELL_BITS)
     block, cell = code >> block_shift, code >> shift
     if block != state[0]:
-        clear(of.atlas)
-        state[0] = block
-        while (
-            of.complete and state[2] < len(of.codes) and of.codes[state[2]] >> block_shift < block
-        ):
-            state[2] += 1
-        while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift == block:
-            set_cell(of.atlas, of.codes[state[2]] >> shift, state[2])
-            state[2] += 1
+        _fill_atlas(of, block, block_shift)
     state[1], state[3], state[4], state[5] = cell, 0, 0, 1
     if not of.atlas.filled[0]:
         state[5] = 0
@@ -428,6 +429,18 @@ def _enter_cell(of: Grid, code: int) -> None:
 
 
 @inlined
+def _fill_atlas(of: Grid, block: int, block_shift: int) -> None:
+    state = of.state
+    clear(of.atlas)
+    state[0] = block
+    while of.complete and state[2] < len(of.codes) and of.codes[state[2]] >> block_shift < block:
+        state[2] += 1
+    while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift == block:
+        set_cell(of.atlas, of.codes[state[2]] >> of.shift, state[2])
+        state[2] += 1
+
+
+@inlined
 def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: int) -> int:
     step = offset >> place & 9
     return (low if step == 0 else same if step == 1 else high) & axis_bits
@@ -444,7 +457,7 @@ def _gather(of: Grid) -> None:
 
 
 @inlined
-def _search_cells(best: Best, of: Query, among: Grid, code: int) -> Best:
+def _search_cells(best: Best, of: Query, among: Grid, code: int) -> tuple[Best, int]:
     """Search the cells around a point, if they are not too full.
 
     The result is final if the third distance is less than the returned distance.
@@ -562,33 +575,31 @@ def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
 def _search_coarser(
     level: Level, options: SearchOptions, i: int, following: int
 ) -> tuple[Best, int]:
-    """Search coarser points, in near cells, then by their distance from a centre in Morton order."""
-    distances, found, work = _search_near(level, i)
-    if found[2] >= 0:
+    """Search coarser points in near cells, then around a centre in Morton order."""
+    distances, indices, work = _search_near(level, i)
+    if indices[2] >= 0:
         return (
-            distances[0] << _RANK_BITS | found[0],
-            distances[1] << _RANK_BITS | found[1],
-            distances[2] << _RANK_BITS | found[2],
+            distances[0] << _RANK_BITS | indices[0],
+            distances[1] << _RANK_BITS | indices[1],
+            distances[2] << _RANK_BITS | indices[2],
         ), work
     best = (
-        distances[0] << _RANK_BITS if found[0] >= 0 else integer(_FAR),
-        distances[1] << _RANK_BITS | 1 if found[1] >= 0 else integer(_FAR),
+        distances[0] << _RANK_BITS if indices[0] >= 0 else integer(_FAR),
+        distances[1] << _RANK_BITS | 1 if indices[1] >= 0 else integer(_FAR),
         integer(_FAR),
     )
     x, y, z = _place(level, i)
     count = len(level.coarser.positions)
-    centre = following if found[0] < 0 else found[0]
+    centre = following if indices[0] < 0 else indices[0]
     low, high = max(0, centre - options.inter_range), min(count - 1, centre + options.inter_range)
-    of = Query(x, y, z, low, high, centre, count, found[0], found[1])
+    of = Query(x, y, z, low, high, centre, count, indices[0], indices[1])
     reach = integer(0)
     if level.coarser_grid.complete:
-        best, reach = _search_cells(
-            best, of, level.coarser_grid, level.codes[i]
-        )
+        best, reach = _search_cells(best, of, level.coarser_grid, level.codes[i])
         work += level.coarser_grid.state[4]
     if best[2] >> _RANK_BITS >= reach:
-        around = centre - _NEAR_RANGE, centre + _NEAR_RANGE
-        best = _search_span(best, of, level.coarser.positions, *around)
+        first, end = centre - _NEAR_RANGE, centre + _NEAR_RANGE
+        best = _search_span(best, of, level.coarser.positions, first, end)
         best, spent = _search_boxes(best, of, level.coarser)
         work += spent
     return (

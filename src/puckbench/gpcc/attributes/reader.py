@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +10,7 @@ from puckbench.gpcc.attributes import syntax as attribute_syntax
 from puckbench.gpcc.attributes.colours import YCGCO, decoded_colours, decoded_values
 from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.attributes.levels import Levels
-from puckbench.gpcc.attributes.neighbour_search import Atlases, empty_atlases
+from puckbench.gpcc.attributes.neighbour_search import WorkingMemory
 from puckbench.gpcc.attributes.quantisation import qps, quantisers
 from puckbench.gpcc.attributes.residuals import (
     Probabilities,
@@ -61,10 +59,25 @@ class AttributeReader:
         self._slice_id = 0
         self._pending: set[int] = set()
         self._count = 0
+        self._memory = WorkingMemory()
+        self._branches: list[AttributeReader] = []
 
-    @cached_property
-    def _atlases(self) -> Atlases:
-        return empty_atlases()
+    def branch(self) -> AttributeReader:
+        """Return a reader of the next slices, which may run in another thread."""
+        branch = AttributeReader()
+        branch._aps, branch._memory = self._aps, self._memory
+        self._branches.append(branch)
+        return branch
+
+    def expect(self, sps: SequenceParameterSet, count: int) -> None:
+        """Raise InputError if the attributes of a slice of `count` points are not supported."""
+        if len(sps.attributes) > MAX_ATTRIBUTES:
+            raise InputError(f"G-PCC stream: more than {MAX_ATTRIBUTES} attributes")
+        for attribute in sps.attributes:
+            _check(attribute)
+        self._count += count * sum(each.attr_components_minus1 + 1 for each in sps.attributes)
+        if self._count > MAX_VALUES:
+            raise InputError(f"G-PCC stream: more than {MAX_VALUES} values of attributes")
 
     def take(self, payload_type: int, payload: bytes) -> None:
         if payload_type == syntax.ATTRIBUTE_PARAMETER_SET:
@@ -83,19 +96,12 @@ class AttributeReader:
         self, sps: SequenceParameterSet, header: GeometryHeader, points: SlicePoints
     ) -> None:
         if self._sps is None:
-            for attribute in sps.attributes:
-                _check(attribute)
-            if len(sps.attributes) > MAX_ATTRIBUTES:
-                raise InputError(f"G-PCC stream: more than {MAX_ATTRIBUTES} attributes")
             self._values = [[] for _ in sps.attributes]
         if self._sps is None or not header.entropy_continuation_flag:
             self._contexts = [initial_probabilities() for _ in sps.attributes]
         self._sps, self._slice, self._slice_id = sps, points, header.slice_id
         self._pending = set(range(len(sps.attributes)))
         count = len(points.positions)
-        self._count += count * sum(each.attr_components_minus1 + 1 for each in sps.attributes)
-        if self._count > MAX_VALUES:
-            raise InputError(f"G-PCC stream: more than {MAX_VALUES} values of attributes")
         for attribute, values in zip(sps.attributes, self._values, strict=True):
             bits, components = _shape(attribute)
             default = attribute.attr_default_value or (1 << bits - 1,) * components
@@ -122,7 +128,7 @@ class AttributeReader:
             contexts = self._contexts[header.attr_sps_attr_idx]
             coefficients = decode_coefficients(coded, bypass, contexts, count, components)
             values = decoded_attribute(
-                coefficients, self._slice, aps, header, attribute, self._atlases
+                coefficients, self._slice, aps, header, attribute, self._memory
             )
         self._values[header.attr_sps_attr_idx][-1] = values
 
@@ -152,8 +158,10 @@ class AttributeReader:
     def attributes(self, converted: bool) -> dict[str, Attribute]:
         """Return values (n,) or (n, 3) by name; colours are red, green, blue if `converted`."""
         result: dict[str, Attribute] = {}
-        described = self._sps.attributes if self._sps else []
-        for index, (attribute, parts) in enumerate(zip(described, self._values, strict=True)):
+        readers = [reader for reader in (self, *self._branches) if reader._values]
+        described = next((reader._sps.attributes for reader in readers if reader._sps), [])
+        for index, attribute in enumerate(described):
+            parts = [values for reader in readers for values in reader._values[index]]
             values = parts[0] if len(parts) == 1 else np.concatenate(parts)
             bits, components = _shape(attribute)
             if attribute.scaling and attribute.attr_label == REFLECTANCE:
@@ -196,7 +204,7 @@ def decoded_attribute(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     attribute: AttributeDescription,
-    atlases: Atlases,
+    memory: WorkingMemory,
 ) -> Values:
     bits, _ = _shape(attribute)
     most = (1 << bits) - 1
@@ -209,7 +217,7 @@ def decoded_attribute(
         )
         return np.clip(values, 0, most)
     steps = quantisers(parameters)
-    levels = points.levels(aps, header, atlases)
+    levels = points.levels(aps, header, memory)
     coded = np.empty_like(coefficients)
     if aps.attr_encoding == LIFTING:
         weights = lifting.lifting_weights(levels, bool(aps.scalable_lifting_enabled_flag))

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from puckbench.gpcc.attributes.colours import (
     coded_values,
 )
 from puckbench.gpcc.attributes.geometry import SlicePoints
-from puckbench.gpcc.attributes.neighbour_search import Atlases, Positions, empty_atlases
+from puckbench.gpcc.attributes.neighbour_search import Positions, WorkingMemory
 from puckbench.gpcc.attributes.options import AttributeOptions
 from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, qps, quantisers
 from puckbench.gpcc.attributes.reader import COLOUR, REFLECTANCE, prediction_tools
@@ -94,10 +93,7 @@ class AttributeEncoder:
         ]
         self._parameters: list[AttributeParameterSet] = []
         self._recolour = recolour
-
-    @cached_property
-    def _atlases(self) -> Atlases:
-        return empty_atlases()
+        self._memory = WorkingMemory()
 
     def start(
         self, sps: SequenceParameterSet, gps: GeometryParameterSet, extent: Sequence[int]
@@ -138,7 +134,7 @@ class AttributeEncoder:
         header.layer_qp_deltas = [
             (_extended(luma, layer), _extended(chroma, layer)) for layer in range(layers)
         ]
-        coefficients = encoded_attribute(values, points, aps, header, attribute, self._atlases)
+        coefficients = encoded_attribute(values, points, aps, header, attribute, self._memory)
         data = encode_coefficients(coefficients, initial_probabilities())
         return written(attribute_syntax.attribute_header, header, aps, self._described) + data
 
@@ -290,7 +286,7 @@ def encoded_attribute(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     attribute: AttributeDescription,
-    atlases: Atlases,
+    memory: WorkingMemory,
 ) -> Values:
     """Return coefficients (n, components) in coded order, and set the factors in `header`."""
     bits = attribute.attr_bitdepth_minus1 + 1
@@ -302,7 +298,7 @@ def encoded_attribute(
             codes, values[indices], parameters, raht.prediction_thresholds(aps)
         ).coefficients
     steps = quantisers(parameters)
-    levels = points.levels(aps, header, atlases)
+    levels = points.levels(aps, header, memory)
     ordered = values[levels.order]
     coefficients = np.empty_like(ordered)
     unused = aps.max_detail_levels - len(levels.ends)
