@@ -360,9 +360,9 @@ class Grid(NamedTuple):
 def grid(
     codes: Ints,
     positions: Positions,
+    bias: Ints,
     atlas: Atlas,
     cell_bits: int,
-    bias: Ints,
     complete: bool,
     following: bool = False,
 ) -> Grid:
@@ -374,9 +374,7 @@ def grid(
         min(63, 3 * cell_bits),
         bias,
         np.zeros((27, 2), dtype=np.int32),
-        Candidates(
-            *(np.empty(_MOST_IN_CELLS if complete else 0, dtype=np.int32) for _ in range(5))
-        ),
+        Candidates(*(np.empty(most, dtype=np.int32) for _ in range(5))),
         np.array([-1, -1, 0, 0, 0, 0], dtype=np.int64),
         complete,
         following,
@@ -669,29 +667,19 @@ def nearest_neighbours(
     same_level_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
     codes, coarser_codes = points.codes[same_level], points.codes[retained]
     near, coarser_grid, same_level_grid = atlases
-    is_sorted = len(codes) > 1 and codes[0] != codes[-1]
+    sized = not options.mask_bits
+    is_sorted = sized and len(codes) > 1 and codes[0] != codes[-1]
+    bits = _dense_cell_bits(codes, 4) if is_sorted else 0
+    coarser_bits = _dense_cell_bits(coarser_codes, 2)
+    of_coarser = coarser_codes, coarser_boxes.positions, bias
+    of_level = codes, same_level_boxes.positions, bias
     level = Level(
         codes,
         same_level_boxes,
         coarser_boxes,
-        grid(coarser_codes, coarser_boxes.positions, near, options.cell_bits, bias, False),
-        grid(
-            coarser_codes,
-            coarser_boxes.positions,
-            coarser_grid,
-            _dense_cell_bits(coarser_codes, 2),
-            bias,
-            not options.mask_bits,
-        ),
-        grid(
-            codes,
-            same_level_boxes.positions,
-            same_level_grid,
-            _dense_cell_bits(codes, 4) if is_sorted and not options.mask_bits else 0,
-            bias,
-            True,
-            following=True,
-        ),
+        grid(*of_coarser, near, options.cell_bits, False),
+        grid(*of_coarser, coarser_grid, coarser_bits, sized),
+        grid(*of_level, same_level_grid, bits, True, following=True),
     )
     nearest = np.empty((len(same_level), 3), dtype=np.int32)
     work = find_nearest(level, options, nearest, work)

@@ -135,7 +135,13 @@ def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8
 
 _PAIRS, _ORDER, _OWNERS = _block_plan()
 _TOUCHING, _UPWARDS, _OCTANTS = _adjacency()
-_MASKS = np.array([sum(1 << o for o in range(8) if k in _TOUCHING[o]) for k in range(_DIRECTIONS)])
+_TOUCHED = np.zeros((256, _DIRECTIONS), dtype=np.uint8)
+"""By occupancy: number of neighbours that touch a child, and their directions."""
+for _occupancy in range(1, 256):
+    _octants = [octant for octant in range(8) if _occupancy >> octant & 1]
+    _directions = np.unique(_TOUCHING[_octants])[1:]
+    _TOUCHED[_occupancy, 0] = len(_directions)
+    _TOUCHED[_occupancy, 1 : 1 + len(_directions)] = _directions
 _WEIGHTS = np.array([4] + 6 * [2] + 12 * [1], dtype=np.int64)
 _DIVISORS = np.rint(2.0**_FRACTION / np.maximum(np.arange(14), 1)).astype(np.int64)
 
@@ -423,20 +429,23 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Write the neighbours that touch a child, the node included; return their number."""
+    """Write the neighbours that touch a child, the node included; return their number.
+
+    Directions that touch no child are left out, and not read.
+    """
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
-    count = 1
-    for k in range(1, _DIRECTIONS):
-        neighbour = -1
-        if occupancy & _MASKS[k]:
-            other = grandparents.neighbours[grandparent, _UPWARDS[octant, k]]
-            there = integer(_OCTANTS[octant, k])
-            if other >= 0 and integer(grandparents.occupancy[other]) >> there & 1:
-                before = integer(grandparents.occupancy[other]) & ((1 << there) - 1)
-                neighbour = grandparents.first[other] + POPCOUNT[before]
-                count += 1
-        parents.neighbours[parent, k] = neighbour
+    count = integer(1)
+    for i in range(_TOUCHED[occupancy, 0]):
+        k = _TOUCHED[occupancy, 1 + i]
+        other = integer(grandparents.neighbours[grandparent, _UPWARDS[octant, k]])
+        there, place = integer(_OCTANTS[octant, k]), max(other, 0)
+        around = integer(grandparents.occupancy[place])
+        exists = integer(other >= 0) & around >> there
+        rank = integer(POPCOUNT[around & ((1 << there) - 1)])
+        neighbour = integer(grandparents.first[place]) + rank
+        parents.neighbours[parent, k] = neighbour if exists else -1
+        count += exists
     return count
 
 
