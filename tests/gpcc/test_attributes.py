@@ -119,6 +119,24 @@ def test_slices_and_merged_points_keep_the_values_of_constant_attributes() -> No
     assert (decoded.attributes["color"] == (200, 40, 90)).all()
 
 
+@pytest.mark.parametrize("transform", ["predicting", "lifting", "raht"])
+def test_slices_in_threads_give_the_bytes_and_order_of_one_thread(
+    transform: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = GpccOptions(slice_max_points=1500, merge_duplicates=False)
+    values = {"reflectance": reflectances(POINTS)}
+    chosen = {"reflectance": AttributeOptions(transform=transform)}
+    results = []
+    for threads in ("1", "4"):
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        stream = encode_cloud(POINTS, values, options, chosen)
+        decoded = decode_cloud(stream)
+        results.append(
+            (stream, decoded.points.tolist(), decoded.attributes["reflectance"].tolist())
+        )
+    assert results[0] == results[1]
+
+
 def test_coordinates_of_a_sensor_that_is_not_there_are_refused() -> None:
     trees = syntax.GeometryParameterSet(geom_tree_type=syntax.PREDICTIVE)
     cloud, none = POINTS.astype(np.int32), np.empty((0, 3), np.int32)
