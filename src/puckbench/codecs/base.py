@@ -170,9 +170,9 @@ class Codec(CodecFacts, ABC):
         rate
             One of `rates` or `metric_rates`.
         shared
-            An object of `shared_work` for this cloud; the stream does not depend on it.
+            What `shared_work` returned for this cloud; the stream does not depend on it.
         attributes
-            Values of the points by name, of the codec's `attributes`.
+            Values of the points, by names that the codec's `attributes` lists.
 
         Raises
         ------

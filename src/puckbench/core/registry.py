@@ -7,8 +7,8 @@ A plug-in is one file with one class or function, registered where it is defined
 
 Puckbench's plug-ins are in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, a
 registry imports all these modules, which therefore import heavy packages inside functions only. To
-find one, it first imports the module whose name is the longest prefix of the plug-in's. Other
-packages declare plug-ins as entry points in the group ``puckbench.<kind>s``.
+find the plug-in ``a_b``, it first imports the module ``a_b`` or else ``a``. Other packages declare
+plug-ins as entry points in the group ``puckbench.<kind>s``.
 
 A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to a class or function of the user.
 Loading it runs code. Therefore `load` refuses all places except those passed to `trust`, which are

@@ -76,7 +76,7 @@ class DriveJobs:
 
     @cached_property
     def rows(self) -> tuple[str, ...]:
-        """Files of result rows; those of the undecoded drives first."""
+        """Files of result rows; those of the uncoded drives first."""
         drives = [(n, drive, UNDECODED) for n, e in self.entries.items() for drive in e.drives]
         return tuple(f"drive_tasks/{'/'.join(each)}.parquet" for each in (*drives, *self.curves))
 

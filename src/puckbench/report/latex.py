@@ -17,7 +17,7 @@ _REPLACED = {
 
 
 def latex_table(table: pd.DataFrame) -> str:
-    """Return a LaTeX table (booktabs) with units in its heading and numbers of four digits.
+    """Return a LaTeX table (booktabs) with units in its heading and four significant digits.
 
     Missing values are dashes; empty columns are left out.
     """

@@ -97,8 +97,8 @@ def encode_cloud(
     scale, origin, sensor
         As for `coder.encode_geometry`.
     source
-        Exact positions (n, 3), in a decoder's coordinates, from which merged points get their
-        values; by default `points`.
+        Exact positions (n, 3), in a decoder's coordinates, for the recolouring of merged points; by
+        default `points`.
 
     Raises
     ------

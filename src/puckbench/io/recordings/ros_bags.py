@@ -114,7 +114,7 @@ def parse_bag(
 ) -> ParsedFile:
     """Read messages, with a folder for temporary files (see `read_messages`).
 
-    The columns are ``data``, the joined bytes of all messages, and their ``sizes``.
+    The file's columns are ``data`` (joined bytes of all messages) and ``sizes`` (of each message).
     """
     with _reading(path, folder):
         files, are_compressed = _files(path, Path(folder))

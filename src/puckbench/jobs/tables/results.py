@@ -129,7 +129,7 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Distances of each scan, before coding, to the true surface (``truth_...``) and to the clean
     scan of the same rays (``clean_...``).
 
-    In squared units of the scaled cloud and in metres (``..._m``).
+    Squared distances are in squared units of the scaled cloud; columns ``..._m`` are in metres.
     """
     kept = (*CLOUD_KEYS, "scene", "group", "scale", FRAME)
     return [

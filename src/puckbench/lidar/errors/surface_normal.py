@@ -14,9 +14,9 @@ from puckbench.lidar.sensor import Sensor
 class SurfaceNormal(Vlp16):
     """Displaces measured points along the true surface normal, which the thesis does not test.
 
-    Plane residuals have the scale `normal_sigma_m` at any incidence, like those of the real wall
-    and floor (0.014 m); with noise along the ray they decrease with its cosine. The noise of
-    `Vlp16` along the ray can be added; its default is 0 here.
+    Plane residuals have the scale `normal_sigma_m` at any incidence, like those of the recorded
+    wall and floor (0.014 m); noise along the ray would give residuals proportional to the cosine of
+    the incidence angle. The noise of `Vlp16` along the ray can be added; its default is 0 here.
     """
 
     title, colour = "Surface normal", "#882255"

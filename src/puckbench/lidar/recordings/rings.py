@@ -156,8 +156,8 @@ def _without_turning(
 ) -> tuple[Floats, list[_Beam]]:
     """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
 
-    Both are fitted to elevations by least squares. `whole` is the mask of returns; `left` as in
-    `_first_place`.
+    Least squares fit pitch, roll and lasers to elevations. `whole` is the mask of returns; `left`
+    as in `_first_place`.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]

@@ -114,7 +114,7 @@ _LEAST_RETURNS = 50
 class RecordedPlanes:
     """Returns of a recording while the sensor was at rest, and the planes in it.
 
-    `still` is the interval at rest, None if the option `still_s` sets it.
+    `still` is the detected interval at rest; None if the option `still_s` gives the interval.
     """
 
     table: RecordedReturns

@@ -12,12 +12,12 @@ _RUN_ENVIRONMENT = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "l
 
 @TABLES.register("machines", title="Machines and versions")
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Run environments in which times were measured; with one row, all times can be compared.
+    """Environments in which times were measured; if there is one row, all times are comparable.
 
     ``results``: number of result rows (cloud, codec, rate) that were measured in the environment.
     ``cpu``, ``encode_cpu``: processors for decoding and encoding. ``threads`` of a timed call.
-    ``timed_alone``: whether no other job ran. ``repeats``: number of timed calls, of whose times
-    the median is stated (``encode_s_min`` and ``encode_s_max`` are extremes). Then versions.
+    ``timed_alone``: whether no other job ran. ``repeats``: number of timed calls; results have
+    their median (``encode_s_min`` and ``encode_s_max`` are the extremes). Versions follow.
     """
     columns = [name for name in _RUN_ENVIRONMENT if name in metrics]
     groups = metrics.groupby(columns, sort=False, dropna=False)

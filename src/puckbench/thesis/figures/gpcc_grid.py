@@ -72,8 +72,8 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Ratio of G-PCC's Chamfer distances (point-to-point) with truncated and rounded coordinates.
 
-    Medians and quartiles over clouds, at the same scale. Truncation, as in the thesis, shifts the
-    cloud except at powers of two up to 1/2. Not in the thesis.
+    Medians and quartiles over clouds, by scale. Truncation shifts the cloud, except at the scales
+    1/2, 1/4, 1/8 and so on. The thesis truncates; it lacks this figure.
     """
     label = "CD with truncated over CD with\nrounded coordinates"
     return _draw_ratio(gpcc_scales, "distortion", label, style)
@@ -83,9 +83,9 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Ratio of G-PCC's bits with TMC13's default tools and with those of MPEG's test conditions.
 
-    Medians and quartiles over clouds, at the same scale. The defaults, as in the thesis, lack
-    neighbours beyond the parent node and intra prediction. Except at powers of two, truncated
-    coordinates matter too. Not in the thesis.
+    Medians and quartiles over clouds, by scale. The defaults, which the thesis uses, lack
+    neighbours beyond the parent node and intra prediction. Except at scales that are powers of two,
+    truncated coordinates matter too. The thesis lacks this figure.
     """
     label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
     return _draw_ratio(gpcc_scales, "bits", label, style)
