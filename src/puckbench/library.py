@@ -56,7 +56,7 @@ def turns(
 ) -> Iterator[PointCloud]:
     """Yield each full turn in a recording as a cloud with returns, in m, in the sensor's frame.
 
-    Of a bag of clouds, yield each message, without returns, in the frame of its points.
+    From a bag of clouds, yield each message as a cloud without returns, in its coordinate frame.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def turns(
 def measures(
     original: PointCloud, decoded: PointCloud, peak: float | None = None
 ) -> dict[str, float]:
-    """Return metrics of a decoded cloud: geometry, and attributes and returns of both.
+    """Return metrics of a decoded cloud: of geometry, and of attributes and returns in both clouds.
 
     Parameters
     ----------
@@ -125,14 +125,14 @@ def compare(
     Parameters
     ----------
     cloud
-        A cloud returned by `prepare`; D2 needs its normals. If points are scaled already, pass
+        A cloud returned by `prepare`, with normals for D2. For points that are already scaled, pass
         ``PointCloud(points, about={"size": 1024})``.
     codecs
         Codecs returned by `open_codec`.
     repeats
         Number of timed calls; the median is returned.
     peak
-        Peak of MPEG's PSNRs, by default the cloud's ``size - 1``; without either, PSNRs are
+        Peak of MPEG's PSNRs, by default the cloud's ``size - 1``. Without a peak, PSNRs are
         omitted.
 
     Raises

@@ -25,8 +25,8 @@ _DESCRIPTION = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
 
-    The status is 0; 1 if the command's answer has a ``failed`` that is not 0; 2 after a one-line
-    message about invalid input; or 130 after an interrupt by the user.
+    The status is 0 after success, 1 if ``failed`` in the answer is not 0, 2 after a message about
+    invalid input, and 130 after an interrupt.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _show_remarks()
@@ -76,7 +76,7 @@ def _show(text: str) -> None:
 
 
 def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
-    """Return a parser for command-line words, and the command; other commands are not imported."""
+    """Return a parser for command-line words, and the command, the only one that is imported."""
     name, texts = next((word for word in words if not word.startswith("-")), None), help_texts()
     parser = parser_of([name] if name in texts else [])
     if name is not None and name not in texts:

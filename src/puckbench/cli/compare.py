@@ -137,7 +137,7 @@ def _medians(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def text(answer: Mapping[str, Any]) -> str:
-    """Return the text for a terminal: a table for each data set, with reference rows in grey."""
+    """Return text for a terminal: a table for each data set, with reference rows in grey."""
     study, metrics = answer["study"], list(dict.fromkeys(row["metric"] for row in answer["deltas"]))
     lines: list[str] = []
     for dataset in dict.fromkeys(row["name"] for row in answer["curves"]):

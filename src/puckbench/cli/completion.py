@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> str:
 class _CompletedParser(argparse.ArgumentParser):
     """A parser that tells the package shtab how the shell completes each argument.
 
-    `Path` arguments are completed with files, those for plug-ins with the registered names.
+    Arguments of type `Path` are completed by files, arguments for plug-ins by registered names.
     """
 
     def add_argument(self, *names: Any, **options: Any) -> argparse.Action:
@@ -51,7 +51,7 @@ def _names(place: str) -> list[str]:
 
 
 _FILES = {"files", "start", "weights"}
-"""Arguments, by their name, whose values may be files though they are not of the type `Path`."""
+"""Names of arguments whose values may be files although their type is not `Path`."""
 
 _CODECS, _ERROR_MODELS = "codecs.registry:codecs", "lidar.errors:ERROR_MODELS"
 _LOADERS = "datasets.registry:LOADERS"
@@ -68,4 +68,4 @@ _NAMES = {
     "study": "report.reference_results:shipped_studies",
     "table": "metrics.table_registry:TABLES",
 }
-"""Arguments, by their name, whose values are names, and where these are."""
+"""Where to find the names that an argument can take, by argument (``module:object``)."""

@@ -22,9 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Decode the streams; count decoded, refused and failed ones, and list the refused and
-    failed.
-    """
+    """Decode the streams; count the decoded, refused and failed ones, and list the latter two."""
     from puckbench.codecs.registry import codecs, open_codec
     from puckbench.gpcc.conformance import (
         FOLDER,

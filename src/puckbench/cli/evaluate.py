@@ -10,7 +10,7 @@ from puckbench.cli.types import integer, note, selected
 from puckbench.jobs.evaluate import Evaluate
 
 _UNRELATED_DB = 10.0
-"""CD-PSNR below which two clouds are probably unrelated: every codec comes closer."""
+"""CD-PSNR below which two clouds are probably unrelated; every codec reaches more."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -20,7 +20,7 @@ _FOR_CLOUDS = {
     "keep_missing": False,
     "bin_columns": None,
 }
-"""Options that mean nothing for a sensor's returns, with their defaults."""
+"""Options without effect on a sensor's returns, with their defaults."""
 _SHOWN = (
     *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
     *("size", "size_m", "scale", "offset", "peak", *LEFT_OUT, "neighbours", "diameter"),

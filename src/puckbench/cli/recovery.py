@@ -20,7 +20,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the result row; ``kinds`` is empty if the stream has no surface."""
     job = Recovery.create(dataset=options.dataset, rate=options.rate, **codec_options(options))
     row = job.run(options.stream, options.points, options.scene, options.row)
     if row["kinds"] or options.json:

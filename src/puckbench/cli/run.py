@@ -33,7 +33,7 @@ _CONFIG_OPTIONS = (
     *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "peak", "out"),
     *("timeout", "topic"),
 )
-"""Options that a configuration has keys for."""
+"""Options for which a configuration has keys."""
 _LOADER_OPTIONS = ("up", "drop_invalid", "keep_missing", "bin_columns", "topic")
 
 

@@ -38,7 +38,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Train a network and write its weights; continue from the checkpoint beside `out`, if any."""
     settings = {
         name: value
         for name, value in selected(options, "steps", "seed").items()

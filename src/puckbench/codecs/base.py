@@ -1,6 +1,6 @@
 """The interface of codecs: a class with rates, `_encode` and `_decode`, registered by name.
 
-`puckbench.codecs.facts` has the properties that plans and figures need. A user's codec is one
+`puckbench.codecs.facts` defines properties for plans, tables and figures. A user's codec is one
 file::
 
     from puckbench.codecs.base import Codec
@@ -62,34 +62,34 @@ class Availability(NamedTuple):
 
     @classmethod
     def of_module(cls, name: str, why: str) -> Self:
-        """Return whether a module is installed; `why` is the reason if it is not."""
+        """Return whether the module `name` is installed; if not, the reason is `why`."""
         is_here = find_spec(name) is not None
         return cls(is_here, "" if is_here else why)
 
 
 class SharedWork(Protocol):
-    """Results for a cloud that its first encoding stores, and other rates reuse."""
+    """Results that the first encoding of a cloud stores, and encodings at other rates reuse."""
 
     saved: Cost = NO_COST
-    """Cost of the work that the last call reused."""
+    """Cost of computing the results that the last call reused."""
 
 
 class Codec(CodecFacts, ABC):
     """Base class of codecs, which encode points to a self-contained byte string and decode it.
 
-    A subclass has `rates` and implements `_encode` and `_decode`; other members have defaults.
-    Plans import its module, which therefore imports slow packages inside methods. A result depends
-    on the call's arguments alone.
+    A subclass defines `rates`, `_encode` and `_decode`; other members have defaults. Plans import
+    the subclass's module, so slow packages should be imported inside methods. Results must depend
+    on a call's arguments alone.
     """
 
     magic: bytes = b""
     """First bytes of the codec's streams, by which they are recognised."""
     bare_magic: bytes = b""
-    """First bytes of the reference program's streams, which are too few to recognise them."""
+    """First bytes of the reference program's streams; they are too few to identify the codec."""
     shifts_far_clouds: bool = True
-    """Whether clouds far from the origin are shifted to it before coding (`coding.shift`)."""
+    """Whether clouds far from the origin are shifted towards it before coding (`coding.shift`)."""
     is_single_precision: ClassVar[bool] = False
-    """Whether coordinates are coded in single precision, which needs the shift at fine steps."""
+    """Whether coordinates are coded in single precision, so that fine steps require the shift."""
 
     @property
     def has_surfaces(self) -> bool:
@@ -97,33 +97,34 @@ class Codec(CodecFacts, ABC):
         return type(self)._decode_mesh is not Codec._decode_mesh
 
     def available(self) -> Availability:
-        """Whether the codec can run on this machine."""
+        """Return whether the codec can run on this machine."""
         return Availability(True)
 
     def load(self) -> None:
         """Load weights and compile loops before the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the last call's cost: `here`, of this process, or that of external programs."""
+        """Return the last call's cost: `here` (of this process), or that of external programs."""
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """Return a new object for results that all rates of one cloud share, or None.
+        """Return a new object that holds results for all rates of one cloud, or None.
 
-        The caller passes it to `encode` for each rate; the codec then implements `_encode_sharing`.
+        The caller passes the object to `encode` for each rate. Codecs with such an object implement
+        `_encode_sharing`.
         """
         return None
 
     def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
-        """Encode the points of a cloud, or its returns if the codec needs them.
+        """Encode the points of a cloud, or its returns if the codec uses returns.
 
-        The cloud's values of the codec's `attributes` are encoded too. `rate` and `shared` are as
-        in `encode`; encoding of returns and of attributes does not use `shared`.
+        The attributes that the codec's `attributes` lists are encoded too. `rate` and `shared` are
+        as in `encode`; `shared` is not used for returns or attributes.
 
         Raises
         ------
         InputError
-            As for `encode`, and if the codec takes returns and the cloud has none.
+            As for `encode`, or the codec requires returns and the cloud has none.
         """
         if self.takes == "points" or (self.takes == "either" and cloud.returns is None):
             held = attributes_of(cloud) if self.attributes else {}
@@ -142,7 +143,7 @@ class Codec(CodecFacts, ABC):
         return self.encode(returns.points(), rate)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Decode points and, if the stream has them, returns and attributes."""
+        """Decode points, and any returns and attributes in the stream."""
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)
             cloud = self._decode_with_attributes(content)
@@ -151,7 +152,7 @@ class Codec(CodecFacts, ABC):
         return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
 
     def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        """Return the number of bytes of each attribute; others are the geometry's."""
+        """Return the bytes of each attribute in a stream; the geometry takes the other bytes."""
         return {}
 
     def encode(
@@ -170,15 +171,15 @@ class Codec(CodecFacts, ABC):
         rate
             One of `rates` or `metric_rates`.
         shared
-            What `shared_work` returned for this cloud; the stream does not depend on it.
+            Object from `shared_work` for this cloud; it does not affect the stream.
         attributes
-            Values of the points, by names that the codec's `attributes` lists.
+            Values of the points by attribute name; the codec's `attributes` lists the names.
 
         Raises
         ------
         InputError
             The rate is unknown, the cloud is empty, a coordinate is not finite, or a reflectance is
-            not an integer of 16 bits.
+            not a 16-bit integer.
         """
         parameters = self.parameters_of(rate)
         check_points(points, f"codec {self.name}")
@@ -202,7 +203,7 @@ class Codec(CodecFacts, ABC):
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3) in the input's coordinates, in any order.
+        """Decode points (m, 3) in the input's coordinate frame; their order is arbitrary.
 
         Raises InputError if the stream is damaged or belongs to another codec.
         """
@@ -214,10 +215,10 @@ class Codec(CodecFacts, ABC):
         return points if shift is None else moved(points, shift)
 
     def decode_mesh(self, stream: bytes) -> Mesh:
-        """Decode the triangles of a surface, in the coordinates of the input cloud.
+        """Decode a triangulated surface in the coordinate frame of the input cloud.
 
-        Triangles are labelled with primitives (see `puckbench.geometry.mesh`) and objects: a wall
-        is one object even if it was encoded as several primitives. Raises InputError as `decode`
+        Triangles are labelled with primitives (see `puckbench.geometry.mesh`) and objects: an
+        object, such as a wall, may consist of several primitives. Raises InputError as `decode`
         does, and if the codec or the stream has no surfaces.
         """
         with naming(f"codec {self.name}"):
@@ -230,20 +231,20 @@ class Codec(CodecFacts, ABC):
         raise InputError("codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
-        """Encode as `_encode` does, and store or reuse results in an object of `shared_work`.
+        """Encode as `_encode` does; store or reuse results in `shared`, made by `shared_work`.
 
-        Set its attribute `saved` to the cost of the reused work.
+        Set `shared.saved` to the cost of the reused results.
         """
         return self._encode(points, parameters)
 
     def _encode_with_attributes(
         self, points: Floats, attributes: Attributes, parameters: Parameters
     ) -> bytes:
-        """Encode as `_encode` does, with values (n,) or (n, 3) of the points by name."""
+        """Encode points as `_encode` does, and their attributes: arrays (n,) or (n, 3) by name."""
         raise InputError("codes positions only")
 
     def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
-        """Decode as `_decode` does, or return None if the stream has no attributes."""
+        """Decode points and attributes, or return None if the stream has no attributes."""
         return None
 
     @abstractmethod

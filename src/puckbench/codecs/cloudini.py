@@ -12,9 +12,9 @@ from puckbench.storage.steps import MOST_STEPS
 
 @CODECS.register("cloudini")
 class Cloudini(Codec):
-    """Cloudini, by the package pureini: differences between successive points, Zstandard.
+    """Cloudini (package pureini): differences of successive points, compressed by Zstandard.
 
-    It keeps the order of points. A rate is the resolution of coordinates.
+    The codec keeps the order of points. A rate is the resolution of coordinates.
     """
 
     title = "Cloudini"

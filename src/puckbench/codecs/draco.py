@@ -2,7 +2,7 @@
 
 Only geometry is encoded, as float32, within the cloud's bounding cube. With the kd-tree, DracoPy
 merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them), but not points
-that quantisation moves to one position.
+that become equal by quantisation.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class DracoOptions(Model):
 
 
 def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
-    """Return the encoder's arguments for the quantisation of a rate.
+    """Return the encoder's quantisation arguments for a rate.
 
-    A rate is the number of bits per coordinate in the bounding cube, or the step of a grid in m.
+    A rate is the number of bits per coordinate of the bounding cube, or a grid step in m.
     """
     if "step_m" not in parameters:
         return {"quantization_bits": parameters["quantization_bits"]}
@@ -68,10 +68,10 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
 
 @CODECS.register("draco")
 class Draco(Codec):
-    """Google's Draco, with its kd-tree or its sequential method (an option).
+    """Google's Draco, with the kd-tree or the sequential method (option `method`).
 
-    A rate is a number of quantisation bits or, of clouds in metres, the step of the grid. Both
-    methods' streams can be decoded whatever the option.
+    A rate is the number of quantisation bits or, for clouds in metres, the grid step. The decoder
+    reads streams of both methods.
     """
 
     title = "Draco"

@@ -27,7 +27,7 @@ class DracoToolOptions(Model):
 
 @CODECS.register("draco_cli")
 class DracoCli(ExternalCodec):
-    """Draco, run as its tools ``draco_encoder`` and ``draco_decoder``; streams as of `Draco`."""
+    """Draco's tools ``draco_encoder`` and ``draco_decoder``; streams have the format of `Draco`."""
 
     title = "Draco (reference tool)"
     use = "checking Draco against its own tools"

@@ -19,23 +19,23 @@ from puckbench.io.clouds import read_cloud
 
 _MEMORY_BYTES, _MEMORY_PER_BYTE = 2**31, 400
 _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
-"""Limits of a program's memory and time (s), and their increase for each byte of its input."""
+"""Limits of a program's memory (bytes) and time (s): constants, and increments per input byte."""
 
 
 class ExternalCodec(Codec):
-    """A codec that runs external programs.
+    """Base class of codecs that run external programs.
 
-    A subclass lists them in `programs`, and calls `run` to encode and decode. The cost of a call is
-    theirs, including reading and writing of their files.
+    A subclass lists the programs in `programs` and calls `run` to encode and decode. The cost of a
+    call is that of the programs, including reading and writing files.
     """
 
     output: str = ""
-    """Output of the last program."""
+    """Text that the last program printed."""
     _cost: Cost | None = None
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Names or paths of the required programs; a subclass may set an attribute."""
+        """Names or paths of the required programs; a subclass may define an attribute."""
         return ()
 
     def available(self) -> Availability:
@@ -57,16 +57,12 @@ class ExternalCodec(Codec):
         return super().decode(stream)
 
     def cost(self, here: Cost) -> Cost:
-        """Return the time and memory of the last call's programs."""
         return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:
-        """Run a program under limits of time and memory that grow with its input file `source`.
+        """Run a program; limits of time and memory grow with the size of the input file `source`.
 
-        Raises
-        ------
-        InputError
-            The program fails or exceeds its limits.
+        Raises InputError if the program fails or exceeds a limit.
         """
         size = source.stat().st_size
         memory_bytes = _MEMORY_BYTES + size * _MEMORY_PER_BYTE
@@ -95,7 +91,7 @@ def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
 def read_points(path: Path, what: str) -> Floats:
     """Read the points (m, 3) of a PLY file that an external program wrote.
 
-    Raises InputError, beginning with `what`, if the file is missing or has no points.
+    Raises InputError (`what` begins its message) if the file is missing or has no points.
     """
     try:
         return read_cloud(path, keep_missing=True).xyz

@@ -17,7 +17,7 @@ Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
 Takes = Literal["points", "returns", "either"]
 LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
-"""Usual rates of clouds in metres, the smallest bitrate first."""
+"""Default rates of clouds in metres: lengths in mm, the smallest bitrate first."""
 
 
 def lengths(*millimetres: int) -> dict[str, Parameters]:
@@ -46,9 +46,9 @@ def check_lengths(rates: Iterable[str]) -> None:
 
 
 def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Parameters] | None:
-    """Return name and parameters of a codec's rate, or None if the codec lacks it.
+    """Return the name and parameters of a codec's rate, or None if the codec lacks the rate.
 
-    A codec has a rate for every length if it allows `any_length` and its `metric_rates` have no
+    Every length is a rate if the codec's `any_length` is true and its `metric_rates` have no
     parameter but ``step_m``. Names are in millimetres: ``2cm`` is the rate ``20mm``. Raises
     InputError as `check_lengths` does.
     """
@@ -78,7 +78,7 @@ class Memory(NamedTuple):
 class Pace(NamedTuple):
     """Estimated time to encode and decode a cloud: a constant in s, and s per million points.
 
-    `encoding` is the fraction that encoding takes.
+    `encoding` is the fraction of this time that encoding takes.
     """
 
     base_s: float = 0.1
@@ -107,7 +107,7 @@ class CodecFacts:
     name
         Name in a run and in tables.
     rates, metric_rates
-        Parameters of each rate by name, the smallest bitrate first; by default those of the class.
+        Parameters by the rate's name, the smallest bitrate first; by default those of the class.
     options
         Values of the class's `Options`.
 
@@ -122,9 +122,9 @@ class CodecFacts:
     use: str = ""
     """What the codec is good for, in a few words."""
     colour: str = ""
-    """Colour of its curves, ``#rrggbb``; by default derived from the name."""
+    """Colour of the codec's curves, ``#rrggbb``; by default derived from the name."""
     marker: str = ""
-    """Matplotlib marker of its points; by default derived from the name."""
+    """Matplotlib marker on the curves; by default derived from the name."""
     line: Line = "-"
     rank: int = 1000
     """Position in legends and lists; codecs of equal rank are ordered by name."""
@@ -132,15 +132,14 @@ class CodecFacts:
     rates: Mapping[str, Parameters] = MappingProxyType({})
     """For scaled clouds: parameters by the rate's name, the smallest bitrate (r1) first."""
     metric_rates: Mapping[str, Parameters] = MappingProxyType({})
-    """For clouds in metres: parameters by the rate's name, a length, the smallest bitrate first."""
+    """As `rates`, but for clouds in metres; names are lengths."""
     any_length: ClassVar[bool] = True
-    """Whether the step of a rate may be any length, if it is the only parameter of all
-    `metric_rates`."""
+    """Whether every length is a rate, if the step is the only parameter of all `metric_rates`."""
     takes: ClassVar[Takes] = "points"
-    """Input of the encoder: points, the returns of a spinning sensor, or either: returns if the
-    cloud has them, else points."""
+    """Input of the encoder: points, the returns of a spinning sensor, or either (points if the
+    cloud has no returns)."""
     packets_alone: ClassVar[bool] = False
-    """Whether only returns of recorded data packets are coded, not those of virtual scans."""
+    """Whether the codec encodes only returns of recorded data packets, not of virtual scans."""
     Options: type[Model] = Model
     """Model of the options; by default there are none."""
     options: Any
@@ -149,15 +148,15 @@ class CodecFacts:
     memory: Memory = Memory()
     pace: Pace = Pace()
     training: str = ""
-    """``module:Class`` of the settings of the training, for a codec with trained weights."""
+    """Class of the training settings (``module:Class``), if the codec has trained weights."""
     based_on: str = ""
-    """Name of the published codec that this one modifies; claims on that codec are not tested on
-    this one, except as a stand-in."""
+    """Name of the published codec that this codec modifies. Claims about the published codec are
+    tested on this one only as a stand-in."""
     grid: float = 0.0
-    """Grid step of the finest rate, in units of the input; 0 for a codec whose grid adapts to the
-    extent of the cloud."""
+    """Grid step of the finest rate, in units of the input; 0 if the grid adapts to the cloud's
+    extent."""
     most_steps: ClassVar[float] = math.inf
-    """Largest extent of a cloud along an axis, in steps of a rate that is a length."""
+    """Largest extent along an axis of a cloud in metres, in grid steps of the rate."""
 
     def __init__(
         self,
@@ -173,7 +172,7 @@ class CodecFacts:
 
     @property
     def version(self) -> str:
-        """Version of the implementation; subclasses may set an attribute."""
+        """Version of the implementation; subclasses may define an attribute."""
         return ""
 
     @property
@@ -183,7 +182,7 @@ class CodecFacts:
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether rates are for scaled clouds only: without the option `unit`."""
+        """Whether `rates` are for scaled clouds only: a fixed grid, without the option `unit`."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:
@@ -197,13 +196,13 @@ class CodecFacts:
     def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:
         """Return the rates for clouds in a coordinate frame, possibly none.
 
-        With the option `unit`, all rates are for clouds in metres.
+        With the option `unit`, `rates` apply to clouds in metres too.
         """
         has_unit = getattr(self.options, "unit", None) is not None
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent along an axis, in m, of clouds at a rate; inf if scaled.
+        """Return the largest extent (m) of clouds along an axis at a rate; inf for scaled clouds.
 
         A run skips the rate for wider clouds.
         """
@@ -215,7 +214,7 @@ class CodecFacts:
         Parameters
         ----------
         frame
-            None if it is unknown.
+            Coordinate frame of the cloud; None if unknown.
         rate
             The requested rate; by default all rates of the frame.
         """
@@ -253,11 +252,11 @@ class CodecFacts:
         return rate not in self.rates and find_rate(self, rate) is not None
 
     def rate_name(self, rate: str) -> str:
-        """Return the name of a rate in results; raise InputError if it is unknown."""
+        """Return the name of a rate in results; raise InputError if the rate is unknown."""
         return self._find(rate)[0]
 
     def parameters_of(self, rate: str) -> Parameters:
-        """Return the parameters of a rate; raise InputError if it is unknown.
+        """Return the parameters of a rate; raise InputError if the rate is unknown.
 
         Reading a parameter that the rate lacks raises InputError too.
         """

@@ -1,4 +1,4 @@
-"""G-PCC's octree geometry, and base classes of codecs that encode points on a grid like G-PCC."""
+"""G-PCC's octree geometry, and base classes of codecs that encode points on a grid."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ _EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
 _QPS = (51, 46, 40, 34, 28, 22)
 """QPs of the rates of MPEG's common test conditions, r01 first."""
 _SCALES = (1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8, 15 / 16)
-"""Scales of these rates for clouds of 10 bits."""
+"""Scales of MPEG's rates r01 to r06 for clouds of 10 bits."""
 _LOG2_STEPS = np.log2([0.004, 0.008, 0.032, 0.064, 0.256, 0.512])
-"""Steps of the rates r06 to r01 for frames of 18 bits at 1 mm, in m."""
+"""Log2 of the grid steps (m) of MPEG's rates r06 to r01, for frames of 18 bits at 1 mm."""
 LOSSLESS_STEP_M = 0.002
 """Largest grid step (m) at which coding of a sensor's points counts as lossless."""
 
@@ -108,8 +108,8 @@ class CoderOptions(GridOptions):
 class GridCodec(Codec):
     """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
 
-    A rate is the factor `scale` of coordinates before rounding or, for clouds in metres, the grid
-    step. A stream's wrapper holds the grid's unit and offset.
+    A rate is the factor `scale` that multiplies coordinates before rounding or, for clouds in
+    metres, the grid step. Each stream is wrapped with the unit and offset of the grid.
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
@@ -176,10 +176,10 @@ class GridCodec(Codec):
 
 
 class OnGrid(NamedTuple):
-    """Points on a grid as integers: a point is at (`positions` + `origin`) / `scale`.
+    """Points on a grid of integers: coordinates are (`positions` + `origin`) / `scale`.
 
-    `sensor` describes the sensor of the points, if there is one. `source` are the exact points in
-    steps of the input's grid, from which merged points get their `attributes`.
+    `sensor` describes the points' sensor, if any. `source` contains the unrounded points in steps
+    of the input's grid, from which merged points get their `attributes`.
     """
 
     positions: Ints
@@ -301,7 +301,7 @@ class OwnCodec(GridCodec):
     def _tools(
         self, parameters: Parameters, *, angular: bool = False
     ) -> GpccOptions | PredictiveOptions:
-        """Return the geometry's coding tools; `angular`: with the sensor's lasers."""
+        """Return the geometry's coding tools; `angular` is whether they use the sensor's lasers."""
 
     def _attribute_options(
         self, points: OnGrid, parameters: Parameters
@@ -348,8 +348,9 @@ class SensorCodec(OwnCodec):
 
 
 def frame_qp(step_m: float) -> int:
-    """Return the attributes' QP for a step of positions, interpolated between MPEG's rates for
-    frames of 18 bits at 1 mm.
+    """Return the attributes' QP for a grid step.
+
+    The QP is interpolated between MPEG's rates for frames of 18 bits at 1 mm.
     """
     return round(float(np.interp(np.log2(step_m), _LOG2_STEPS, _QPS[::-1])))
 

@@ -27,9 +27,9 @@ class GpccAngular(SensorCodec):
     """G-PCC's octree in angular mode: the contexts depend on the lasers of the cloud's sensor.
 
     The tools are those of MPEG's common test conditions for spinning sensors; lossy rates merge
-    points of one grid position. Only points of isolated nodes are coded directly: coding points in
-    any node directly (`direct_coding` 3), as the lossless conditions do, takes more bits. A rate of
-    clouds in metres is a step of the grid.
+    points with equal grid positions. Only points of isolated nodes are coded directly, since direct
+    coding in any node (`direct_coding` 3), as in the lossless conditions, takes more bits. For
+    clouds in metres, a rate is the grid step.
     """
 
     title = "G-PCC (angular octree)"
@@ -44,8 +44,7 @@ class GpccAngular(SensorCodec):
     def _tools(self, parameters: Parameters, *, angular: bool = False) -> GpccOptions:
         """Return the coding tools for a rate.
 
-        Two options limit the height of octree nodes, in log2 of grid steps, such that the limits in
-        metres are the same at every rate.
+        Limits on node heights are in log2 of grid steps, but equal in metres at every rate.
         """
         step = float(parameters.get("step_m", self.options.step))
         finer = int(math.log2(0.001 / step)) if step < 1 else 0

@@ -27,9 +27,9 @@ class DenoisedOptions(CoderOptions):
 class GpccDenoised(Gpcc):
     """Denoising by CGAL's jet smoothing (a moving-least-squares method), then `gpcc`.
 
-    Streams are those of `gpcc`. Jets are quadrics fitted to the nearest neighbours (Cazals and
-    Pouget 2005); the default number is the best of 20, 30, 45, 60, 100 and 300 for three generated
-    rooms with the errors `vlp16_divergence`.
+    Streams have the format of `gpcc`. Jets are quadrics fitted to the nearest neighbours (Cazals
+    and Pouget 2005); the default number of neighbours is the best of 20, 30, 45, 60, 100 and 300
+    for three generated rooms with the error model `vlp16_divergence`.
     """
 
     title = "Denoised, then G-PCC"

@@ -1,9 +1,9 @@
 """Range images compressed by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
-A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder writes ranges in
-quanta, near-lossless with errors of at most half a step, from which the decoder recovers the steps
-exactly. Lossless coding of the step numbers takes more bits, since the contexts of JPEG-LS
-distinguish small values less well.
+A lossy rate rounds ranges to multiples of a step, which is several quanta of the sensor. The
+encoder codes the rounded ranges, in quanta, with errors of at most half a step, so the decoder can
+recover the multiples exactly. Lossless coding of the multiples takes more bits, since JPEG-LS
+contexts distinguish small values less well.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from puckbench.storage.range_images import Image
 
 _MOST_NEAR = 255
 _END = b"\xff\xd9"
-"""End marker: CharLS 2.4 takes seconds to reject a stream without it."""
+"""End marker of JPEG-LS; CharLS 2.4 takes seconds to reject streams without this marker."""
 
 
 @CODECS.register("jpegls")

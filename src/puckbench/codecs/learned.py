@@ -66,8 +66,8 @@ class LearnedOptions(Model):
 class Learned(Codec, Generic[W]):
     """Base class of codecs whose network has one set of weights for all rates.
 
-    A subclass sets `network`, and methods that read weights, encode and decode. Of several files
-    that the option `weights` selects, the encoder uses the first in alphabetical order.
+    A subclass defines `network`, and methods that read weights, encode and decode. If the option
+    `weights` selects several files, the encoder uses the first in alphabetical order.
     """
 
     network: NetworkType
@@ -104,7 +104,6 @@ class Learned(Codec, Generic[W]):
         return f"{path.stem} {_digest(path)}" if path else ""
 
     def weights_files(self) -> list[Path]:
-        """Return the weights files of this network; raise InputError if there are none."""
         return self.network.files(self._where())
 
     def _where(self) -> str:
@@ -115,12 +114,11 @@ class Learned(Codec, Generic[W]):
         return where
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the files to search for a stream's weights: the option's, and puckbench's."""
+        """Yield the files to search for a stream's weights: the option's, then the shipped ones."""
         yield from self.weights_files()
         yield from self.network.shipped()
 
     def load(self) -> None:
-        """Load the weights of all rates, and run the functions that are compiled on first use."""
         for parameters in self.rates.values():
             self._weights(parameters)
         self._try(list(self.rates.values())[:1])
@@ -162,7 +160,7 @@ class PublishedOptions(LearnedOptions):
 
 
 class LearnedByLambda(Learned[R]):
-    """A codec as its authors published it, with separate weights for each rate.
+    """Base class of codecs as published, with separate weights for each rate.
 
     A rate's `lmbda` is the Lagrangian weight of the distortion in training. `Improved` adds
     puckbench's changes.
@@ -172,9 +170,9 @@ class LearnedByLambda(Learned[R]):
     Options: type[PublishedOptions] = PublishedOptions
     options: PublishedOptions
     context_mixing = False
-    """Whether the latent is coded by context mixing instead of the weights' fixed tables."""
+    """Whether context mixing codes the latent, not the fixed probability tables of the weights."""
     point_reconstruction = False
-    """Whether as many points are decoded as were encoded, instead of the centre of each voxel."""
+    """Whether to decode as many points as were encoded, not one at each voxel's centre."""
 
     def _known_files(self) -> Iterator[Path]:
         yield from super()._known_files()
@@ -186,7 +184,7 @@ class LearnedByLambda(Learned[R]):
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridArguments:
-        """Return arguments that choose a rate's grid; by default it is the input's."""
+        """Return the arguments that choose a rate's grid; if empty, the grid is the input's."""
         return GridArguments()
 
     def _path(self, parameters: Parameters) -> Path | None:
@@ -197,7 +195,7 @@ class LearnedByLambda(Learned[R]):
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """Return the weights with this digest; raise InputError if they have no rate `rate`."""
+        """Return the weights with a digest; raise InputError if they lack rate number `rate`."""
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
@@ -255,7 +253,7 @@ class Improved(LearnedByLambda[R]):
 
 
 def _trial_cloud() -> Floats:
-    """Return voxels (n, 3), a cube and a wave, whose encoding compiles all functions."""
+    """Return voxels (n, 3) of a cube and a wave; encoding them compiles all functions."""
     block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))
@@ -263,6 +261,6 @@ def _trial_cloud() -> Floats:
 
 
 def _digest(path: Path) -> str:
-    """Return the digest in a weights file's header or, without one, the file's SHA-256."""
+    """Return the digest in a weights file's header or, without a header, the file's SHA-256."""
     kept = header_of(path).digest if path.suffix == SUFFIX else None
     return kept or sha256(path)[:_DIGITS]

@@ -13,8 +13,8 @@ from puckbench.storage.packets import check_whole_packets, decode_packets, encod
 class PacketsCodec(ReturnsCodec):
     """Base class of lossless codecs of the data packets of Velodyne sensors.
 
-    A subclass compresses packets, with reflectivities and times. Virtual scans are refused: without
-    reflectivities, their packets would take fewer bytes than those of a real sensor.
+    A subclass compresses packets, including reflectivities and times. Virtual scans are refused:
+    without reflectivities, their packets would take fewer bytes than those of a real sensor.
     """
 
     metric_rates = lengths(2)
@@ -28,7 +28,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """Decompress at most `most` bytes; raise InputError for more or damage."""
+        """Decompress at most `most` bytes of data; raise InputError if longer or damaged."""
 
     @property
     def _framing(self) -> Framing:

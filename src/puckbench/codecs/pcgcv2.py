@@ -1,4 +1,4 @@
-"""The codecs PCGCv2, as its authors published it, and PCGCv2+, which is puckbench's.
+"""The codecs PCGCv2, as published, and PCGCv2+, puckbench's variant.
 
 Points are rounded to voxels, and equal voxels are merged. The network is made for dense surfaces.
 PCGCv2 encodes a cloud on the grid of the input, [0, 1023] in the thesis. PCGCv2+ coarsens the grid
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
 
-    It decodes the most likely voxels of the whole cloud, so that sparse parts may vanish.
+    The decoder keeps the most probable voxels of the whole cloud, so sparse parts may vanish.
     """
 
     title = "PCGCv2"
@@ -55,7 +55,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     grid = 1.0
 
     def _tools(self) -> CodingTools:
-        """Return the coding tools in use that the authors' program lacks."""
+        """Return the coding tools in use beyond those of the authors' program."""
         from puckbench.learned.pcgcv2.stream import CodingTools
 
         return CodingTools(0)
@@ -99,7 +99,7 @@ class Pcgcv2PlusOptions(ImprovedOptions):
 class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
     """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
 
-    It always decodes the most likely child of each voxel, so that no part of a cloud vanishes.
+    The decoder always keeps the most probable child of each voxel, so no part of a cloud vanishes.
     """
 
     title = "PCGCv2+"

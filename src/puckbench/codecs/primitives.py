@@ -47,8 +47,8 @@ class PrimitivesOptions(Model):
 class Primitives(Codec):
     """Codec of geometric primitives that are fitted to noisy points on surfaces.
 
-    A rate has the values of `PrimitiveSettings` that differ from its defaults; lengths are 1/1023
-    of the cloud's longest side, the units of the cube [0, 1023].
+    A rate contains the values of `PrimitiveSettings` that differ from the defaults. The unit of
+    lengths is 1/1023 of the cloud's longest side, as in the cube [0, 1023].
     """
 
     title = "Primitives"
@@ -71,7 +71,6 @@ class Primitives(Codec):
     version = "9"
 
     def load(self) -> None:
-        """Compile all loops on points of a floor and a column."""
         from puckbench.primitives.mode_decision import encode
 
         rng = np.random.default_rng(0)
@@ -84,9 +83,9 @@ class Primitives(Codec):
     _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
 
     def shared_work(self) -> SurfaceCache | None:
-        """Return a cache for the fitted surface, which all rates of a cloud share.
+        """Return a cache of the fitted surface, which all rates of a cloud share.
 
-        Return None if a subclass overrides `_encode`, which does not receive it.
+        Return None if a subclass overrides `_encode`, which does not receive the cache.
         """
         from puckbench.primitives.mode_decision import SurfaceCache
 

@@ -1,6 +1,6 @@
 """`puck`: lossless or near-lossless codec of a spinning LiDAR's ranges and azimuths.
 
-A stream names a sensor that puckbench describes, or has the angles of all lasers.
+A stream contains the name of a sensor known to puckbench, or the angles of all lasers.
 """
 
 from __future__ import annotations

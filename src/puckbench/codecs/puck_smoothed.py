@@ -48,7 +48,6 @@ class PuckSmoothed(Puck):
         return super()._decode_returns(_without_magic(stream))
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Return a cloud with the smoothed points of a stream, and the decoded returns."""
         from puckbench.puck import range_steps, smoothed_points
 
         with naming(f"codec {self.name}"):

@@ -48,7 +48,7 @@ class RangeImageCodec(ReturnsCodec):
 
     @property
     def version(self) -> str:
-        """Return the version of imagecodecs, which determines those of its libraries."""
+        """Return the version of imagecodecs, which determines the versions of its libraries."""
         from importlib.metadata import version
 
         return f"imagecodecs {version('imagecodecs')}" if self.available().ok else ""

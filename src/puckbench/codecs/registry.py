@@ -1,4 +1,4 @@
-"""Codecs by name: puckbench's, those of installed packages, those of a user's files, and variants.
+"""Codecs by name: those of puckbench, installed packages and user files, and variants.
 
 A variant is a codec under another name with changed options, rates or plot style: an entry of
 ``variants.yaml`` beside this module, or of a configuration.
@@ -43,10 +43,7 @@ def variants() -> dict[str, Entry]:
 
 
 def codecs() -> dict[str, type[Codec]]:
-    """Return the classes of all codecs by name, sorted by their attribute `rank`.
-
-    They are those of puckbench and of installed packages, and the variants in ``variants.yaml``.
-    """
+    """Return all codec classes and variants by name, sorted by `rank`."""
     classes = {name: codec_class(name) for name in (*CODECS.names(), *variants())}
     return dict(sorted(classes.items(), key=lambda item: (item[1].rank, item[0])))
 
@@ -62,7 +59,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
     Parameters
     ----------
     name
-        Its name, or a trusted ``module:Class`` or ``path/to/file.py:Class`` (see
+        Name of the codec, or a trusted ``module:Class`` or ``path/to/file.py:Class`` (see
         `puckbench.core.registry.trust`).
     entry
         A configuration's entry, whose ``class`` may name another codec or ``module:Class``.
@@ -89,7 +86,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
 
 
 def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
-    """Return a subclass with the plot style in an entry, or the codec if it has none."""
+    """Return a subclass with the plot style in an entry; without a style, return `codec`."""
     looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
     return _derived(codec, looks) if looks else codec
 
@@ -173,8 +170,8 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
 def _rates(codec: type[Codec], changes: Entry) -> dict[str, dict[str, Any]]:
     """Return the parameters of the requested ``rates`` and ``metric_rates`` by name.
 
-    For each key, an entry has a mapping with these parameters, or names of rates; by default all
-    rates. ``rates`` may include lengths too.
+    Under each of these keys, an entry has parameters by rate name, or a list of rate names (by
+    default all). The list under ``rates`` may include lengths.
     """
     tables: dict[str, Entry] = {"rates": codec.rates, "metric_rates": codec.metric_rates}
     requested = {key: changes[key] for key in tables if changes.get(key) is not None}
@@ -220,10 +217,7 @@ def training_class(name: str, changes: Entry | None = None) -> str:
 
 
 def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTraining:
-    """Create the training of a codec.
-
-    Raises InputError if there is none, or a setting is unknown or out of range.
-    """
+    """Create a codec's training; raise InputError if it has none or a setting is invalid."""
     training: type[BaseTraining] = load(training_class(codec, changes), f"codec {codec}")
     return parsed(training, settings, f"codec {codec}: training")
 
@@ -240,7 +234,7 @@ def _training(name: str, changes: Entry | None) -> str:
 def codec_of(stream: bytes) -> str:
     """Return the name of the codec whose magic bytes begin a stream.
 
-    Of several, return the one with the lowest rank. Raises InputError if there is none.
+    Of several codecs, return the one with the lowest rank. Raises InputError if there is none.
     """
     stream = without_unit(unshifted(stream).stream).stream
     for name, codec in codecs().items():

@@ -1,8 +1,8 @@
 """The codec RENO as published, for clouds in metres on grids with power-of-two steps.
 
 The authors' parameter posQ is the step in mm. The encoder divides coordinates in mm, relative to a
-corner 131,072 mm below the origin, by posQ and rounds them, one half to even. Except for such
-halves, decoded points are those of `gpcc` with merged duplicates at the same step.
+corner at -131,072 mm on each axis, by posQ and rounds to integers, halves to even. Except where
+halves are rounded, decoded points are those of `gpcc` with merged duplicates at the same step.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class RenoOptions(LearnedOptions):
 class Reno(Learned["RenoWeights"]):
     """RENO as published (You, Chen, Ding, Asif, Ma 2025), with its authors' weights.
 
-    A rate is the authors' parameter posQ, the step in mm: the values of the paper, and 4, for which
-    the authors publish results too.
+    Rates are values of the authors' parameter posQ, the grid step in mm: those of the paper, and 4,
+    for which the authors also publish results.
     """
 
     title = "RENO"
@@ -72,10 +72,7 @@ class Reno(Learned["RenoWeights"]):
         self._decode(self._encode(corner, {"step_m": 1.024}))
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent in m that a cloud may have at a rate.
-
-        It is smaller than other codecs', as the authors' grid begins at an offset.
-        """
+        """Return the largest extent (m) of a cloud at a rate, reduced by the grid's offset."""
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _path(self, parameters: Parameters) -> Path | None:

@@ -12,17 +12,14 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """Return the number of quanta (at least 1) to which a rate rounds ranges.
-
-    It is the largest that does not exceed the rate's step.
-    """
+    """Return a rate's step of ranges in quanta of the sensor: rounded down, and at least 1."""
     return max(1, int(float(parameters["step_m"]) / returns.quantum_m + 1e-6))
 
 
 class ReturnsCodec(Codec):
-    """Base class of codecs that encode the returns of a spinning sensor instead of points.
+    """Base class of codecs that encode the returns of a spinning sensor, not points.
 
-    Points are computed from decoded returns or estimated (`estimates`). A subclass has
+    Points are computed from decoded returns or estimated (`estimates`). A subclass defines
     `metric_rates`, `_encode_returns` and `_decode_returns`.
     """
 
@@ -31,10 +28,7 @@ class ReturnsCodec(Codec):
     """Whether decoded points are estimates of the surface, not the points of decoded returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode returns.
-
-        Raises InputError as `encode` does, and if the format cannot represent the returns.
-        """
+        """Encode returns; raise InputError as `encode` does, or if the format cannot hold them."""
         parameters = self.parameters_of(rate)
         if len(returns) == 0:
             raise InputError(f"codec {self.name}: there is no return to code")

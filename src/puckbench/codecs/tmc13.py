@@ -47,7 +47,7 @@ class Tmc13Options(GridOptions):
 
 @CODECS.register("tmc13")
 class Tmc13(ExternalCodec, GridCodec):
-    """MPEG's program ``tmc3``; `Gpcc` decodes its streams, and it decodes those of `Gpcc`."""
+    """MPEG's program ``tmc3``; the program and `Gpcc` decode each other's streams."""
 
     title = "TMC13 (reference tool)"
     use = "checking G-PCC against MPEG's program"

@@ -1,7 +1,7 @@
 """Binary arithmetic coder in 32-bit integers, so that all machines decode identically.
 
-With a coder from `bit_writer`, `code` encodes its argument; with one from `bit_reader`, it ignores
-the argument and decodes.
+With a coder from `bit_writer`, `code` encodes its argument `bit`; with a coder from `bit_reader`,
+`code` decodes a bit and ignores the argument.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from puckbench.core.compiling import compiled_in_place, inlined, inlined_too
 ONE = 1 << 16
 """The probability 1, in fixed point."""
 LOGIT_UNIT = 256
-"""The logit 1, in fixed point. The logit of a probability p is ln(p / (1 - p))."""
+"""The natural logit 1, in fixed point."""
 LOGIT_LIMIT = 8 * LOGIT_UNIT
 """Logits are clipped to plus and minus this value."""
 MIN_PROBABILITY = 32
-"""Smallest probability of a bit, which then costs 11 bits; a certain bit costs 0.0007 bits."""
+"""Minimum probability of a bit's value, which costs 11 bits; the opposite value costs 0.0007."""
 MAX_MEMORY = 160
-"""Maximum number of coded bits after which an adaptive probability changes at a constant rate."""
+"""Maximum number of coded bits after which a probability adapts at a constant rate."""
 _TOP = (1 << 32) - 1
 _TAIL = 4
 PAST_THE_END = 8
-"""Maximum number of zero bytes that `written` removes and a reader may read beyond the end."""
+"""Maximum number of trailing zero bytes that `written` removes and a reader supplies."""
 
 LOW, HIGH, CODE, POSITION, WRITING = range(5)
 """Indices of a coder's registers."""
@@ -44,15 +44,16 @@ def bit_writer(most_bytes: int) -> BitCoder:
 
 
 def bit_reader(stream: bytes) -> BitCoder:
-    """Return a decoder of a stream, which reads zeros beyond its end."""
+    """Return a decoder of a stream; beyond the stream's end, the decoder reads zeros."""
     start = stream[:_TAIL].ljust(_TAIL, b"\0")
     registers = np.array([0, _TOP, int.from_bytes(start, "big"), _TAIL, 0], np.int64)
     return BitCoder(registers, np.frombuffer(stream, np.uint8).copy())
 
 
 def written(coder: BitCoder) -> bytes:
-    """Flush a writer and return its bytes, without up to `PAST_THE_END` trailing zero bytes,
-    which a reader supplies.
+    """Flush a writer and return its bytes.
+
+    Up to `PAST_THE_END` trailing zero bytes are removed; a reader supplies them.
     """
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
@@ -70,7 +71,7 @@ def read_to_its_end(coder: BitCoder) -> bool:
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a reader has read further past its end than an intact stream requires."""
+    """Return whether a reader is over `PAST_THE_END` bytes beyond the end of its stream."""
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
     return bool(registers[WRITING] == 0 and past)
@@ -78,10 +79,10 @@ def exhausted(coder: BitCoder) -> bool:
 
 @cache
 def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the tables ``stretch`` (4096,) and ``squash`` (2 LOGIT_LIMIT,).
+    """Return the tables ``stretch`` (4096,) and ``squash`` (2 * LOGIT_LIMIT,).
 
-    ``stretch`` maps probabilities in 1 / 4096 to logits; ``squash`` maps logits plus LOGIT_LIMIT to
-    probabilities in 1 / ONE.
+    ``stretch`` maps probabilities in units of 1 / 4096 to logits; ``squash`` maps logits plus
+    LOGIT_LIMIT to probabilities in units of 1 / ONE.
     """
     probabilities = (np.arange(4096) + 0.5) / 4096
     stretch = np.rint(LOGIT_UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
@@ -94,7 +95,7 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """Return an adaptive probability's rates of change (1 / ONE) after 0 to MAX_MEMORY bits."""
+    """Return the adaptation rates, in units of 1 / ONE, after 0 to MAX_MEMORY coded bits."""
     return np.rint(ONE / (np.arange(MAX_MEMORY + 1) + 1.6)).astype(np.int64)
 
 
@@ -102,7 +103,7 @@ def learning_rates() -> NDArray[np.int64]:
 def code(coder: BitCoder, bit: int, probability: int) -> int:
     """Encode or decode a bit that is 1 with probability ``probability / ONE``; return the bit.
 
-    The probability must be strictly between 0 and 1.
+    ``probability`` must be from 1 to ONE - 1.
     """
     registers = coder.registers
     low, high = registers[0], registers[1]
@@ -119,7 +120,7 @@ def code(coder: BitCoder, bit: int, probability: int) -> int:
 
 @inlined
 def code_uniform(coder: BitCoder, number: int, count: int) -> int:
-    """Encode or decode a number from 0 to count - 1, all equally probable; return it.
+    """Encode or decode a uniformly distributed number from 0 to count - 1; return it.
 
     `count` is at most 2^16.
     """

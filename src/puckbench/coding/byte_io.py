@@ -14,7 +14,7 @@ def base_128(number: int) -> bytes:
 
 
 def signed_128(number: int) -> bytes:
-    """Encode an integer n as LEB128 of 2 n, or of -2 n - 1 if it is negative (zigzag)."""
+    """Encode an integer n as LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag)."""
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 

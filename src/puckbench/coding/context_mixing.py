@@ -1,10 +1,10 @@
-"""Context mixing in integer arithmetic: the probability of a bit is mixed from several estimates.
+"""Context mixing in integer arithmetic: several estimates of a bit's probability are combined.
 
-An estimate is a logit, either of an expert, which the caller computes, or of a context, an adaptive
-counter that the caller selects. A mixture is the sum of the estimates multiplied by a row of learnt
-weights, which the caller selects in each of one or more sets. The mixtures of all sets are
-averaged, and tables correct the result by the bits coded so far (secondary estimation). See Mahoney
-2005, "Adaptive weighing of context models for lossless data compression".
+An estimate is a logit: that of an expert, computed by the caller, or that of a context, read from
+an adaptive counter. A mixture is the sum of the estimates, weighted by one row of a set of learnt
+weights. The caller selects the counter of each context and the row of each set. The mixtures of all
+sets are averaged, and adaptive tables correct the average (secondary estimation). See Mahoney 2005,
+"Adaptive weighing of context models for lossless data compression".
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ Integers = NDArray[np.integer[Any]]
 PROBABILITY_BITS = 22
 """Adaptive probabilities are in units of 2**-22."""
 COUNT_BITS = 9
-"""Lowest bits of a counter, below its probability: the number of bits seen so far."""
+"""Lowest bits of a counter, the number of coded bits; the other bits are the probability."""
 CERTAINTY = (1 << PROBABILITY_BITS) - 1
-"""The probability 1 of a counter."""
+"""The probability 1 in a counter's units."""
 BUCKETS = 33
-"""Entries of a correction table, at equal steps of the mixture."""
+"""Number of entries of a correction table, at equally spaced logits."""
 BIAS = 77
-"""Constant input of every mixture, a logit."""
+"""Constant logit among the inputs of every mixture."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,11 @@ class MixerOptions:
     rows
         Total number of rows of weights in all sets.
     weights
-        Initial weight of each expert, then of each context.
+        Initial weights of the experts, followed by those of the contexts.
     memory
         Number of bits after which a counter adapts at a constant rate.
     tables
-        Number of sets (1 or 2), from the first on, that have a correction table for each row.
+        1 or 2: rows of the first set, or of the first two, have correction tables.
     """
 
     experts: int
@@ -74,7 +74,7 @@ class MixerOptions:
 
 
 class MixerSizes(NamedTuple):
-    """Sizes of a mixer as lengths of tuples, which are compile-time constants."""
+    """Sizes of a mixer, each the length of a tuple and thus a compile-time constant."""
 
     experts: Lanes
     contexts: Lanes
@@ -86,15 +86,15 @@ class MixerSizes(NamedTuple):
 class Mixer(NamedTuple):
     """State of a mixer.
 
-    For each bit the caller writes the experts' logits to `inputs`, the counter of each context to
-    `contexts`, and the row of weights of each set to `rows`.
+    For each bit the caller writes the experts' logits to `inputs`, the indices of the contexts'
+    counters to `contexts`, and those of the sets' rows of weights to `rows`.
 
     Parameters
     ----------
     counters
-        (counters,), probability of a 1 and number of coded bits.
+        (counters,), each with the probability of a 1 and the number of coded bits.
     weights
-        (rows * lanes,), of the experts, the contexts and the bias.
+        (rows * lanes,); a row has weights of experts, contexts and bias.
     learning
         Initial, final and current learning rate, and number of coded bits.
     """
@@ -162,9 +162,9 @@ def new_corrections(rows: int) -> Words:
 
 @inlined
 def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
-    """Encode or decode a bit (a reader ignores the argument), and return it.
+    """Encode or decode a bit, and return it; a reader ignores the argument `bit`.
 
-    `node` is added to each of the mixer's `contexts`, `row` to each of its `rows`.
+    `node` is added to each element of the mixer's `contexts`, `row` to each of `rows`.
     """
     sizes, inputs, weights = mixer.sizes, mixer.inputs, mixer.weights
     experts, sets, width = len(sizes.experts), len(sizes.sets), len(sizes.lanes)
@@ -228,7 +228,7 @@ def learn_bit(counters: Counters, counter: int, target: int, rates: Integers, me
 def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
     """Return the corrected probability of a 1, interpolated between two buckets of a row.
 
-    `share` is the weight of the second bucket, in 1 / 128.
+    `share` is the weight of the second bucket in units of 1 / 128.
     """
     place = np.uint64(row), np.uint64(bucket)
     after = np.uint64(row), np.uint64(bucket + 1)
@@ -238,9 +238,7 @@ def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
 
 @inlined
 def learn_correction(corrections: Integers, row: int, bucket: int, share: int, target: int) -> None:
-    """Move the values of two adjacent buckets towards a coded bit; `target` is the bit times
-    `CERTAINTY`.
-    """
+    """Move two adjacent buckets towards a coded bit; `target` is the bit times `CERTAINTY`."""
     place = np.uint64(row), np.uint64(bucket)
     after = np.uint64(row), np.uint64(bucket + 1)
     corrections[place] += ((target - corrections[place]) * (128 - share)) >> 14

@@ -13,8 +13,12 @@ _CHECK = struct.Struct("<I")
 class Framing:
     """Format of a stream: magic number, version (1 byte), header, CRC-32 of the body, and body.
 
-    header: number of bytes of the header, which the CRC does not cover.
-    title: name of the format in error messages.
+    Parameters
+    ----------
+    title
+        Name of the format in error messages.
+    header
+        Bytes of the header, which the CRC-32 does not cover.
     """
 
     magic: bytes

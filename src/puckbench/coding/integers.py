@@ -8,7 +8,7 @@ from puckbench.core.compiling import inlined
 
 @inlined
 def bit_count(word: int) -> int:
-    """Return the number of set bits of a 64-bit word; LLVM compiles it to one instruction."""
+    """Return the number of set bits of a 64-bit word."""
     pairs = word - ((word >> 1) & 0x5555555555555555)
     fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
     eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F

@@ -12,9 +12,9 @@ function           codec                           time saved
 ``add_products``   ``reno``                        88 %
 =================  ==============================  ==========
 
-A plain loop (``..._loop``) with the same results replaces them if llvmlite cannot write the vector
-code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, not
-overlapping.
+A plain loop (``..._loop``) with equal results replaces each function if llvmlite cannot write the
+vector code, or if indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays must be flat, contiguous
+and disjoint.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ Words = NDArray[np.int32]
 Rows = NDArray[np.int64]
 Floats32 = NDArray[np.float32]
 Lanes = tuple[int, ...]
-"""A tuple of zeros. Its length, that of a vector, is part of its type and constant for LLVM."""
+"""Tuple of zeros as long as a vector: the length is part of the type, hence constant for LLVM."""
 
 LANES = 8
-"""Lengths of integer vectors are multiples of this."""
+"""Lengths of integer vectors are multiples of this number."""
 _BLOCK = 4
 """Number of pairs of rows whose sums are kept in registers."""
 _BYTES = 4
@@ -81,9 +81,10 @@ def add_products_loop(
 
 @inlined
 def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
-    """Return a * b + c, rounded once (IEEE 754).
+    """Return a * b + c with a single rounding (IEEE 754).
 
-    The double precision sum is first rounded to odd (Boldo and Melquiond 2008).
+    Rounding the sum in double precision to odd makes the final rounding correct (Boldo and
+    Melquiond 2008).
     """
     product = np.float64(a) * np.float64(b)  # exact
     total = product + np.float64(c)
@@ -98,10 +99,7 @@ def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float3
 
 
 Write = Callable[[Any, Any, Any, Any], Any]
-"""Function that writes the LLVM code of a call.
-
-Its arguments are Numba's context, LLVM's builder, and the signature and arguments of the call.
-"""
+"""Function of Numba's context, LLVM's builder, signature and arguments that writes LLVM code."""
 
 
 def _or_loop(write: Write, loop: Callable[..., None]) -> Write:
@@ -277,8 +275,7 @@ def _leading_zeros(typing: Any, word: Any) -> Any:
 
 
 leading_zeros: Any = intrinsic(_leading_zeros)
-"""``leading_zeros(word)``: the number of zero bits above the highest set bit of a 64-bit word, or
-64 for 0."""
+"""``leading_zeros(word)``: the number of leading zero bits of a 64-bit word."""
 add_scaled: Any = intrinsic(_add_scaled, prefer_literal=True)
 """``add_scaled(onto, i, numbers, factor, shift, lanes)``: add ``(numbers[k] * factor + 2 ** (shift
 - 1)) >> shift`` to each ``onto[i + k]``; the factor has 32 bits, the shift is a constant."""
@@ -286,8 +283,7 @@ decay_and_add: Any = intrinsic(_decay_and_add)
 """``decay_and_add(onto, i, numbers, factor, damp, slow, lanes)``: add ``(numbers[k] * factor >>
 damp) - (onto[i + k] >> slow)`` to each ``onto[i + k]``, in 32 bits."""
 add_products: Any = intrinsic(_add_products, prefer_literal=True)
-"""``add_products(sums, targets, read, sources, pairs, kernel, at, width, wider)``: for each of the
-first `pairs` targets, all different, and sources, which are rows of `sums` and `read`, compute
-``sums[target] += read[source] @ matrix``. The (width, wider) matrix begins at ``kernel[at]``. Each
-multiplication and addition is rounded once, and a sum grows in the order of the matrix's rows, so
-that every machine computes the same bits."""
+"""``add_products(sums, targets, read, sources, pairs, kernel, at, width, wider)``: for the first
+`pairs` pairs of a target row of `sums` and a source row of `read`, compute ``sums[target] +=
+read[source] @ matrix``. Targets are distinct. The (width, wider) matrix begins at ``kernel[at]``.
+Fused multiply-adds in the order of the matrix's rows give the same bits on every machine."""

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 _MANY, _MANY_PER_BYTE = 1 << 24, 4
-"""Points allowed in any stream, and in addition for each byte: about 4 s of work for 1 MB."""
+"""Maximum points of any stream, and additional points per byte: about 4 s of work for 1 MB."""
 
 
 def most_points(size: int) -> int:

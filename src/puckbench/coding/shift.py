@@ -1,6 +1,6 @@
-"""Shift of clouds far from the origin, such as UTM coordinates, for codecs in single precision.
+"""Shift of clouds far from the origin (as in UTM coordinates) for codecs in single precision.
 
-The shift is an integer, so that it is exact. The stream of a shifted cloud is
+Shifts are integers and thus exact. The stream of a shifted cloud is
 
     4 bytes  "PBSH"
     the shift along each axis, a signed LEB128 number
@@ -21,13 +21,13 @@ MAGIC = b"PBSH"
 _FAR = 64
 """A cloud is far away if its largest coordinate exceeds this multiple of its extent.
 
-Adjacent numbers in single precision are then more than 2^-18 of the extent apart.
+Adjacent single-precision numbers are then over 2^-18 of the extent apart.
 """
 _FINE = 1 << 20
-"""With the step of a grid, a cloud is also far away if its largest coordinate exceeds this multiple
-of the step. Up to it, numbers in single precision are at most an eighth of a step apart."""
+"""A cloud on a grid is also far away if its largest coordinate exceeds this multiple of the grid's
+step. Up to this multiple, adjacent single-precision numbers are at most 1/8 step apart."""
 _LONGEST = 150
-"""Maximum bytes of a shift; the integer part of any double has fewer."""
+"""Maximum bytes of a shift along an axis; the integer part of any double needs fewer."""
 
 
 class Shifted(NamedTuple):
@@ -38,7 +38,8 @@ class Shifted(NamedTuple):
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
     """Return the integers (3,) to subtract from points (n, 3), or None if no shift is needed.
 
-    Points near the origin need none if single precision resolves an eighth of the `step` of a grid.
+    Points near the origin need a shift only if single precision does not resolve an eighth of
+    `step`, the step of their grid.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):

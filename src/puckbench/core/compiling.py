@@ -1,8 +1,8 @@
 """Functions compiled by numba, and cached on disk until one of their source files changes.
 
-Numba's cache checks only a function's own file, and may reuse machine code with an outdated
-function of another file. Here the name of the cache folder is a digest of the function's file and
-of all files that it imports.
+Numba's cache checks only a function's own file, and may reuse machine code that contains outdated
+functions of other files. Here a digest of the function's file and of all imported files names the
+cache folder.
 
 With ``NUMBA_BOUNDSCHECK=1``, indices outside arrays raise IndexError in compiled loops, which are
 then three times slower and cached separately.
@@ -29,9 +29,9 @@ from puckbench.core.imports import reached_files
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 IN_PLACE: dict[str, Any] = {"_nrt": False}
-"""Options for functions that neither make arrays nor call functions that do: without counting of
-references. Counting takes three times as long as the work of small functions that pass arrays to
-each other, such as binary arithmetic coders."""
+"""Options without reference counting, for functions that neither make arrays nor call functions
+that do. In small functions that pass arrays to each other, such as arithmetic coders, counting
+takes three times as long as all other work."""
 
 INLINED: Any = {
     **IN_PLACE,
@@ -40,13 +40,12 @@ INLINED: Any = {
     "no_cpython_wrapper": True,
     "forceinline": True,
 }
-"""Options for functions that only compiled functions call, and that are compiled into these."""
+"""Options for functions that are compiled only as parts of compiled callers."""
 
 _SECONDS_UNTIL_NOTICE = 3.0
 _COMPILING = "compiling loops for this machine, once: this takes up to two minutes"
 _config: Any = numba.config
 _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
-"""Numba's setting for the folders of caches of source files and of notebook cells."""
 
 
 class SourcesLocator(InTreeCacheLocator):
@@ -102,7 +101,7 @@ def compiled_in_place(function: Function, **options: Any) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Return a function that is compiled only inside its compiled callers; it creates no arrays."""
+    """Return a function that is compiled only inside compiled callers; it must create no arrays."""
     return compiled(function, **INLINED)
 
 
@@ -119,7 +118,7 @@ def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
 
 @cache
 def state_of(file: Path) -> str:
-    """Return a digest of the contents of a file and of all files that it imports."""
+    """Return a digest of a file and all files that it imports."""
     digest = hashlib.sha256()
     for source in sorted(reached_files(file), key=lambda path: path.as_posix()):
         digest.update(source.name.encode() + b"\0" + _content_digest(source))

@@ -31,7 +31,7 @@ COMPRESSED = tuple(_OPENERS)
 """Suffixes of compressed files."""
 LEAST_LIMIT = 1 << 28
 MOST_TIMES = 40
-"""Decompressed content may have 256 MiB, or 40 times the file's size if that is more."""
+"""Limit of decompressed content: the larger of 256 MiB and 40 times the file's size."""
 _PORTION, _HEAD = 1 << 20, 1 << 10
 
 
@@ -49,9 +49,9 @@ def limit_of(path: Path) -> int:
 
 
 def read_content(path: Path, most: int | None = None) -> bytes:
-    """Read a file, and decompress it if its suffix is that of a compression program.
+    """Read a file, decompressed according to its suffix.
 
-    Return the first `most` bytes of the result, by default all.
+    Return the first `most` bytes, by default all.
     """
     if most is None and path.suffix.lower() not in COMPRESSED:
         return read_bytes(path)
@@ -68,9 +68,9 @@ def read_content(path: Path, most: int | None = None) -> bytes:
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """Yield the path of a file or, if it is compressed, of a decompressed temporary copy.
+    """Yield a file's path or, if compressed, that of a decompressed temporary copy.
 
-    The message of an InputError raised inside the `with` block contains the name of the original.
+    An InputError raised inside the `with` block names the original file.
     """
     if path.suffix.lower() not in COMPRESSED:
         yield path

@@ -24,10 +24,10 @@ PACKAGES = (
     *(*LIBRARIES, "open3d-cpu", "open3d", "imagecodecs", "pyarrow"),
     *("pandas", "matplotlib", "pydantic", "snakemake"),
 )
-"""Packages whose versions reports name."""
+"""Packages with versions stated in reports."""
 
 COMMIT = "PUCKBENCH_COMMIT"
-"""Environment variable: the commit of the sources, which a run finds once for all of its jobs."""
+"""Environment variable for the commit of the sources, which a run determines once for all jobs."""
 
 
 def thread_environment(threads: int) -> dict[str, str]:
@@ -36,7 +36,7 @@ def thread_environment(threads: int) -> dict[str, str]:
 
 
 def allowed_threads() -> int:
-    """Return ``OMP_NUM_THREADS`` or, if it is not set, the number of cores for the process."""
+    """Return ``OMP_NUM_THREADS`` or, if not set, the number of the process's cores."""
     limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(limit) if limit.isdigit() else _cores()
 
@@ -58,7 +58,7 @@ def run_environment(alone: bool) -> dict[str, Any]:
 
 @cache
 def cpu_model() -> str:
-    """Return the processor's model name or, if it is unknown, the architecture."""
+    """Return the processor's model name or, if unknown, the architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -120,8 +120,8 @@ def installation() -> dict[str, str]:
 def loops_folder(sources: Path) -> Path:
     """Return the folder in which functions compiled from a folder of sources are cached.
 
-    It is the environment variable ``NUMBA_CACHE_DIR`` if it is set. Otherwise it is ``__pycache__``
-    beside the sources or, if that is read-only, ``puckbench`` in the user's cache folder.
+    The folder is ``NUMBA_CACHE_DIR`` if set; else ``__pycache__`` beside the sources or, if the
+    sources are read-only, ``puckbench`` in the user's cache folder.
     """
     if folder := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(folder)

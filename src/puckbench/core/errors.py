@@ -13,8 +13,8 @@ NARROWER = ": crop it, or take a coarser rate"
 class InputError(Exception):
     """Raised if a file, stream, name or value from the user cannot be used.
 
-    The message is one line that names the file or key and the fault. The command line and the
-    workflow print it, and exit with status 2.
+    The message is one line that names the file or key and the fault. The command line and workflow
+    print it, and exit with status 2.
     """
 
 
@@ -51,9 +51,9 @@ def error_text(error: BaseException) -> str:
 
 
 def among(name: str, names: Iterable[str]) -> str:
-    """Return the end of an error message about the unknown `name`, to append to it.
+    """Return the end of an error message about the unknown `name`.
 
-    It lists the valid names, and suggests one that is similar.
+    The text lists the valid names, and suggests a similar one.
     """
     names = list(names)
     return f" (known: {', '.join(names)}){closest(name, names)}"

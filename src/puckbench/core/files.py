@@ -19,7 +19,7 @@ _TEMPORARY = re.compile(r"^\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]{8}\.t
 _POINTER = b"version https://git-lfs.github.com/spec/"
 _DAY = 24 * 3600.0
 _MOST_LEVELS = 100
-"""Nested lists and objects that a JSON file may have; ours have fewer than ten."""
+"""Maximum nesting depth of a JSON file; puckbench's files have fewer than ten levels."""
 
 
 @contextmanager
@@ -141,7 +141,7 @@ def _is_deep(value: Any) -> bool:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Read a JSON file that contains an object; errors are those of `read_json`."""
+    """Read a JSON object from a file, with the errors of `read_json`."""
     return object_of(read_bytes(path), str(path))
 
 

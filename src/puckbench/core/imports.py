@@ -1,6 +1,6 @@
 """Search for the source files that a Python file imports, directly or indirectly.
 
-It covers files of puckbench, of the package that contains the file, and of the file's folder. Other
+The search covers files of puckbench, of the file's package, and of the file's folder. Other
 installed packages are ignored.
 """
 

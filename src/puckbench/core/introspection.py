@@ -9,9 +9,9 @@ _SECTION = re.compile(r"\n\n[A-Z][\w ]*\n-{3,}\n")
 
 
 def typed_parameters(function: Callable[..., Any], *classes: str) -> dict[str, str]:
-    """Return the parameters whose annotation is one of `classes`, with the name of the class.
+    """Return the parameters annotated with one of `classes`, with the class's name for each.
 
-    Annotations may be strings and are not evaluated. `classes` are class names without modules.
+    Annotations, possibly strings, are not evaluated. `classes` are class names without modules.
     """
     parameters = signature(function).parameters
     names = {name: _class_name(parameter.annotation) for name, parameter in parameters.items()}

@@ -1,10 +1,10 @@
-"""Program that runs one command under limits and prints its cost, from a small process.
+"""Small program that runs a command under limits and prints the command's cost.
 
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 
-The kernel counts the memory of the starting process as memory of the command: started by the
-benchmark, a program's peak would include the benchmark's clouds. Prints seconds, peak memory in KiB
-and exit status (negative: a signal) as JSON; the command's output goes to standard error.
+The kernel counts the memory of the starting process as the command's: if the benchmark started it,
+the peak would include the benchmark's clouds. Prints seconds, peak memory in KiB and exit status
+(negative: a signal) as JSON; the command's output goes to standard error.
 """
 
 import json

@@ -14,7 +14,7 @@ def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
     Parameters
     ----------
     package
-        The ``__name__`` of the package.
+        The package's ``__name__``.
     **modules
         Names to make available, by module. No name may equal a module's.
 

@@ -35,9 +35,9 @@ class Measured(NamedTuple, Generic[T]):
     seconds, least_s, most_s
         Median, minimum and maximum over the repetitions.
     peak_mib
-        Increase of the resident memory from before the call to its peak. Linux: without pages of
-        files (mostly code). glibc: memory that earlier calls freed returns to the system before the
-        call, so that its reuse counts.
+        Increase of resident memory from before the call to its peak. On Linux, pages of files
+        (mostly code) do not count. With glibc, memory that earlier calls freed returns to the
+        system first, so that reusing it counts.
     """
 
     result: T
@@ -47,7 +47,7 @@ class Measured(NamedTuple, Generic[T]):
     most_s: float
 
     def costs(self, what: str) -> dict[str, float]:
-        """Return the costs as columns of a result row; `what` (``encode``) begins their names."""
+        """Return the costs as result columns, with `what` (``encode``) as prefix of names."""
         return {
             f"{what}_s": self.seconds,
             f"{what}_s_min": self.least_s,
@@ -67,10 +67,9 @@ def measured(
     Parameters
     ----------
     whole
-        Returns the total cost of a call, given its cost in this process. It may add the cost of
-        external programs.
+        Returns a call's total cost, including external programs, given the cost in this process.
     each
-        Called with the result of every repetition; its time is not measured.
+        Called, untimed, with the result of every repetition.
     """
     seconds, peaks = [], []
     for _ in range(repeats):
@@ -86,7 +85,7 @@ def measured(
 
 
 class CostlyResult(Generic[T]):
-    """The last result of a costly call; `saved` is the call's cost if it was reused."""
+    """The last result of a costly call; `saved` is the call's cost if the result was reused."""
 
     def __init__(self) -> None:
         self._key: object = None
@@ -95,7 +94,7 @@ class CostlyResult(Generic[T]):
         self.saved = NO_COST
 
     def of(self, key: object, make: Callable[[], T], reuse: bool = True) -> T:
-        """Return the result for a key; call `make` for another key, or without `reuse`."""
+        """Return the result for a key; call `make` if the key has changed or `reuse` is false."""
         if reuse and key == self._key:
             self.saved = self._cost
         else:

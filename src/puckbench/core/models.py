@@ -35,7 +35,7 @@ def parsed(model: type[M], values: Any, what: str) -> M:
     Raises
     ------
     InputError
-        A value is invalid; the message has the option, its value and the allowed values.
+        A value is invalid; the message names the option, the value and the allowed values.
     """
     if not isinstance(values, Mapping):
         raise InputError(f"{what} is {values!r}, but must be a mapping of options")

@@ -12,20 +12,20 @@ from puckbench.core.errors import InputError
 from puckbench.core.measurement import Cost
 
 _MAX_WORDS = 80
-"""Characters of a program's last line in a message."""
+"""Maximum number of characters of a program's last line in a message."""
 
 
 def run_program(
     command: Sequence[str | Path], memory_bytes: float, seconds: float
 ) -> tuple[Cost, str]:
-    """Run a program, and wait until it ends.
+    """Run a program until it ends.
 
     Parameters
     ----------
     command
         Program and arguments.
     memory_bytes, seconds
-        Limits of its address space and of its run time.
+        Limits of address space, bytes, and of run time, s.
 
     Returns
     -------

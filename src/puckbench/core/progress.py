@@ -4,7 +4,6 @@ import sys
 import time
 
 _SECONDS_BETWEEN_LINES = 10.0
-"""Interval of the lines in a file or pipe; at a terminal one line is rewritten."""
 
 
 class Progress:

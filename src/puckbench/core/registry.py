@@ -5,15 +5,14 @@ A plug-in is one file with one class or function, registered where it is defined
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-Puckbench's plug-ins are in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, a
-registry imports all these modules, which therefore import heavy packages inside functions only. To
-find the plug-in ``a_b``, it first imports the module ``a_b`` or else ``a``. Other packages declare
-plug-ins as entry points in the group ``puckbench.<kind>s``.
+Puckbench's plug-ins are in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list plug-ins,
+a registry imports all modules there, which therefore import heavy packages inside functions only.
+To find the plug-in ``a_b``, it first imports the module ``a_b`` or, if missing, ``a``. Other
+packages declare plug-ins as entry points in the group ``puckbench.<kind>s``.
 
-A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to a class or function of the user.
-Loading it runs code. Therefore `load` refuses all places except those passed to `trust`, which are
-named on the command line or in a configuration. Names in streams, tables and other data are never
-trusted.
+A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to the user's class or function. As
+loading a place runs code, `load` accepts only places passed to `trust`: those named on the command
+line or in a configuration, never in streams, tables or other data.
 """
 
 from __future__ import annotations
@@ -58,8 +57,7 @@ class Registry(Generic[T]):
     folder
         Name of the packages whose modules register puckbench's plug-ins ("figures").
     make
-        Creates the plug-in from its name, its class or function, and the keyword arguments of
-        `register`.
+        Creates a plug-in from name, class or function, and the keyword arguments of `register`.
     """
 
     def __init__(self, kind: str, folder: str, make: Callable[..., T] | None = None) -> None:
@@ -70,7 +68,7 @@ class Registry(Generic[T]):
         """Plug-ins by module and registered name."""
         self._targets: dict[tuple[str, str], Any] = {}
         self._modules: dict[str, str] = {}
-        """Modules of our imported plug-ins, by name."""
+        """Modules of puckbench's imported plug-ins, by name of the plug-in."""
         self._added: dict[str, str] = {}
 
     def register(self, name: str, **details: Any) -> Callable[[Target], Target]:
@@ -133,7 +131,7 @@ class Registry(Generic[T]):
         return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:
-        """Return the module or file that defines a plug-in, to compute a digest of its code."""
+        """Return the module or file that defines a plug-in."""
         return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
 
     def place_of(self, name: str) -> str:
@@ -143,7 +141,7 @@ class Registry(Generic[T]):
     def get(self, name: str) -> T:
         """Return the plug-in with this name, or at this place in a file or module.
 
-        Raises InputError if there is none, and if the place is not trusted (`trust`).
+        Raises InputError if there is none, or the place is not trusted (`trust`).
         """
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
@@ -181,9 +179,9 @@ def _modules(folder: str) -> Iterator[str]:
 
 
 def load(place: str, purpose: str) -> Any:
-    """Import and return the object at a place, such as ``module:Name`` or ``file.py:Name``.
+    """Import and return the object at a place (``module:Name`` or ``file.py:Name``).
 
-    Raises InputError, with a message that begins with `purpose`, if the place is not trusted or the
+    Raises InputError, whose message begins with `purpose`, if the place is not trusted or the
     import fails.
     """
     module, _, name = place.rpartition(":")
@@ -220,8 +218,8 @@ def _imported(name: str) -> ModuleType:
 def _imported_file(path: Path) -> ModuleType:
     """Import a file that is in no package, as the documentation of importlib shows.
 
-    The module gets a unique name, because files may have equal names, and is put in `sys.modules`,
-    where pickle looks for the module of a class.
+    The module gets a unique name, because files may have equal names, and an entry in
+    `sys.modules`, where pickle looks for a class's module.
     """
     name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name in sys.modules:
@@ -240,7 +238,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if an installed module hides a module beside `path` that it imports."""
+    """Raise ImportError if an installed module hides a module beside `path` that `path` imports."""
     neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
     for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")

@@ -11,8 +11,9 @@ Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Call a function, which should release the interpreter lock, for each item in parallel; return
-    ordered results.
+    """Call a function for items in parallel; return the results in order.
+
+    The function should release the interpreter lock.
     """
     queue = list(items)
     threads = min(allowed_threads(), len(queue))

@@ -1,4 +1,4 @@
-"""Reader of YAML 1.2 (its core schema), and writer of YAML that version 1.1 reads alike.
+"""Reader of YAML 1.2 (core schema), and writer of YAML that versions 1.1 and 1.2 read alike.
 
 In YAML 1.1, which PyYAML reads, ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30``
 is 750; the last value of a repeated key counts.
@@ -38,7 +38,8 @@ _CORE_SCHEMA = {
 }
 _MOST_LEVELS = 100
 _MOST_NODES, _MOST_REPEATS = 100_000, 10
-"""Limit of the nodes with all aliases replaced: `_MOST_NODES` + `_MOST_REPEATS` for each node."""
+"""Limit of nodes after expanding aliases: `_MOST_NODES`, plus `_MOST_REPEATS` per node in the file.
+"""
 
 
 _Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -82,8 +83,8 @@ def read_yaml(path: Path, alike: bool = False) -> Any:
     Parameters
     ----------
     alike
-        Whether to refuse values that YAML 1.1 and 1.2 read differently. This is necessary for files
-        that Snakemake reads too, because it uses YAML 1.1.
+        Whether to refuse values that YAML 1.1 and 1.2 read differently, as needed for files that
+        Snakemake (YAML 1.1) also reads.
     """
     data = read_bytes(path)
     try:

@@ -45,9 +45,9 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Return the share of a room's labelled triangles whose centroid is in a box (2, 3).
+        """Return the share of a room's triangles with centroids in a box (2, 3).
 
-        Without such a label, return 1 if the box contains any centroid, else 0.
+        If no triangle has the room's label, return 1 if the box contains any centroid, else 0.
         """
         low, high = box[0] - _TOLERANCE_M, box[1] + _TOLERANCE_M
         inside = ((self._middles >= low) & (self._middles <= high)).all(axis=1)
@@ -74,7 +74,7 @@ class AreaMesh:
 
 
 def read_area_mesh(path: Path, area: str) -> AreaMesh:
-    """Read the mesh ``semantic.obj`` of an area; the last one is cached."""
+    """Read the mesh ``semantic.obj`` of an area; the last mesh is cached."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return _read(path, area, path.stat().st_mtime_ns)

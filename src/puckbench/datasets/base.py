@@ -24,7 +24,7 @@ T = TypeVar("T")
 class DataSet(Model):
     """Base class of data sets, which implement `puckbench.datasets.scene.SceneSet`.
 
-    Its fields are its options; the text below a field documents it.
+    Fields are options; the text below a field documents the option.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -62,7 +62,7 @@ class FolderSet(DataSet, ABC):
 
     @abstractmethod
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        """Return the file of each scene by name, in order, without reading it."""
+        """Return the path of each scene's file by scene name, in order."""
 
     def names(self) -> list[str]:
         return list(self._table)
@@ -93,13 +93,13 @@ class MeshFolderSet(FolderSet):
 
     @abstractmethod
     def _group(self, path: Path) -> str:
-        """Return the group of the scene in a file: its class, room type or building."""
+        """Return the group of a file's scene: class, room type or building."""
 
     def _source(self, path: Path) -> str:
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """Read a mesh, in metres with z up, and the reader's report."""
+        """Return a mesh, in metres with z up, and the reader's report."""
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:
@@ -144,7 +144,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Select names by an option: a list of names, the first few, or all (None)."""
+    """Select names by an option: a list of names, a number of first names, or None for all."""
     if requested is None:
         return available
     if isinstance(requested, int):

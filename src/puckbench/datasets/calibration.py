@@ -15,7 +15,7 @@ class CalibrationScenes(GeneratedSet):
     primitives: ClassVar[bool] = True
 
     scenes: tuple[str, ...] | None = None
-    """Names to keep (wall_floor_1m, ...); all by default."""
+    """Names of scenes (wall_floor_1m, ...); all by default."""
 
     def names(self) -> list[str]:
         return sorted(select_names("scenes", self.scenes, list(CALIBRATIONS)))

@@ -25,8 +25,7 @@ _CLASSES, _OBJECTS = 15, 180
 class Capod(MeshFolderSet):
     """Objects of CAPOD in files ``class<k>/m<N>.obj``, listed in ``CAPOD.cla``.
 
-    Scenes are named m001 to m180 and grouped by class. The objects have no unit; it is assumed to
-    be 1 m.
+    Scenes are named m001 to m180 and grouped by class. The unit is assumed to be 1 m.
     """
 
     provenance = Provenance(

@@ -33,9 +33,9 @@ _PARALLEL = 0.7
 class CapturedRooms(FolderSet):
     """Rooms captured by a headset, in JSON files (five in the npm package @iwer/sem).
 
-    Meshes are in metres, rotated to z up. A triangle's label is its smallest entity: a parallel
-    plane patch (wall, door, ...) within 5 cm, else a box (table, sofa, ...) around it, else a patch
-    within 15 cm, else "clutter". All surfaces are "freeform".
+    Meshes are in metres, rotated to z up. A triangle's label is the smallest parallel plane patch
+    (wall, door, ...) within 5 cm; else the smallest box (table, sofa, ...) around the triangle,
+    else the smallest parallel patch within 15 cm, else "clutter". All surfaces are "freeform".
     """
 
     of_clouds: ClassVar[bool] = False
@@ -78,7 +78,7 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
 class _PlacedEntity:
     """A detected plane patch or box: rotation (3, 3), position (3,), and extent along its axes.
 
-    The y axis of a plane patch is its normal.
+    The y axis of a plane patch is the normal.
     """
 
     semantic: str

@@ -19,11 +19,11 @@ class EmbeddedAreas(GeneratedSet):
     seed: int = 0
     """Seed of shapes and furnishing."""
     areas: tuple[str, ...] | int | None = None
-    """Names of areas (Area_1, ...), or the number of areas from the first on; all by default."""
+    """Names of areas (Area_1, ...), or the number of first areas; all by default."""
     rooms: PositiveInt | None = None
     """Maximum number of rooms of each area."""
     detail: PositiveFloat = 1.0
-    """Factor on the number of triangles around curved parts."""
+    """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
         kept = select_names("areas", self.areas, list(AREAS))

@@ -20,13 +20,13 @@ class EmbeddedObjects(GeneratedSet):
     primitives: ClassVar[bool] = True
 
     seed: int = 0
-    """Seed of the members' shapes."""
+    """Seed of the objects' shapes."""
     classes: tuple[str, ...] | int | None = None
-    """Names of classes, or the number of classes from the first on; all by default."""
+    """Names of classes, or the number of first classes; all by default."""
     members: int | None = None
-    """Number of members of each class, from 1 to 12; all by default."""
+    """Number of objects of each class, from 1 to 12; all by default."""
     detail: PositiveFloat = 1.0
-    """Factor on the number of triangles around curved parts."""
+    """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
         classes = select_names("classes", self.classes, list(CLASSES))

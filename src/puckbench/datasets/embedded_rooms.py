@@ -22,9 +22,9 @@ class EmbeddedRooms(GeneratedSet):
     seed: int = 0
     """Seed of the furnishing."""
     rooms: tuple[str, ...] | int | None = None
-    """Names of rooms, or the number of rooms from the first on; all by default."""
+    """Names of rooms, or the number of first rooms; all by default."""
     detail: PositiveFloat = 1.0
-    """Factor on the number of triangles around curved parts."""
+    """Factor of the number of triangles around curved parts."""
     furniture: str | None = None
     """Folder of Sweet Home 3D's catalogues, whose chairs, tables, sofas and bookcases replace the
     generated ones."""

@@ -16,7 +16,7 @@ _CREDITS = "CREDITS.md"
 
 @dataclass(frozen=True)
 class FetchResult:
-    """Result of the download of a data set.
+    """Result of a data set's download.
 
     `status` is "fetched", "present" (unchanged) or "failed"; `message` has the reason or a warning.
     """
@@ -28,10 +28,10 @@ class FetchResult:
 
 
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
-    """Download free data sets, each into the folder of `root` with its name.
+    """Download free data sets, each into a folder in `root` with the data set's name.
 
-    Unchanged folders are kept; a failure does not stop other downloads. By default, all sources
-    with ``by_default`` are downloaded.
+    Unchanged folders are kept; a failure does not stop other downloads. The default is all sources
+    with ``by_default``.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in requested if name not in SOURCES]

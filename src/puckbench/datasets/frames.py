@@ -13,11 +13,11 @@ class FrameSet(FolderSet):
     of_clouds: ClassVar[bool] = True
 
     every: PositiveInt = 1
-    """Step between the frames that are used, as neighbouring frames are nearly alike."""
+    """Use every n-th frame, as neighbouring frames are nearly alike."""
     returns: bool = False
-    """Whether frames are the sensor's returns, recovered from its points (clouds in metres)."""
+    """Whether to recover the sensor's returns from the points; by default, scenes are clouds."""
     keep_missing: bool = False
-    """Whether points that stand for missing returns, at the sensor, are kept."""
+    """Whether to keep points at the sensor, which stand for missing returns."""
 
     @property
     def of_returns(self) -> bool:

@@ -34,8 +34,8 @@ class Front3D(DataSet):
 
     All 6,813 houses are read to list rooms; selecting houses saves minutes. Scenes are named
     <house>_LivingRoom-1234 and grouped by room type. Units are metres; y up is rotated to z up.
-    Walls, floors and furniture are labelled objects. Furniture without ``valid: true``, or with a
-    missing model file, is left out and counted in `about`.
+    Walls, floors and furniture are labelled. Furniture without ``valid: true`` or a model file is
+    left out and counted in `about`.
     """
 
     of_clouds: ClassVar[bool] = False
@@ -44,7 +44,7 @@ class Front3D(DataSet):
     models: str
     """The folder 3D-FUTURE-model."""
     houses: tuple[str, ...] | int | None = None
-    """Names of houses, or the number of houses from the first on; all by default."""
+    """Names of houses, or the number of first houses; all by default."""
 
     def names(self) -> list[str]:
         return sorted(self._table)

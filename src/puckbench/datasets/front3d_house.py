@@ -43,7 +43,7 @@ class _PlacedItem:
 
 @dataclass(frozen=True)
 class HouseRoom:
-    """A room of a house; `left_out` counts, by reason, items that have no surface."""
+    """A room of a house; `left_out` has the number of items without a surface, by reason."""
 
     name: str
     kind: str
@@ -71,9 +71,9 @@ def build_room(
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
     """Make a mesh of the house's surfaces in a room and the furniture models in `folder`.
 
-    Returns the labelled mesh, in metres with z up; the box (2, 3) of the house's surfaces, or None
-    if there is only furniture; and the number of items without a surface, by reason. Raises
-    InputError, with a message that begins with `what`, if no item has a surface.
+    Returns the labelled mesh, in metres with z up; the box (2, 3) of the house's surfaces (None
+    without them); and the number of items without a surface, by reason. Raises InputError, whose
+    message begins with `what`, if no item has a surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []

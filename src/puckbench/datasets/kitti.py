@@ -52,20 +52,20 @@ _EXPECTED = (
 _COLUMNS = 4
 _RINGS = 64
 _TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-"""From x right, y forward to x forward, y left."""
+"""Rotation from axes x right, y forward to x forward, y left."""
 _STEP_DEG = 0.09
-"""Resolution of the rotary encoder; firings are two steps apart, sometimes one."""
+"""Resolution of the rotary encoder; firings are two encoder steps apart, sometimes one."""
 
 
 @LOADERS.register("kitti")
 class Kitti(FrameSet):
-    """Frames ``<n>.bin`` of float32 x, y, z, intensity, in metres, z up, the sensor at (0, 0, 0).
+    """Frames ``<n>.bin`` in metres, with the sensor at (0, 0, 0).
 
-    The folder is that of the object benchmark, the odometry or the raw drives. Scenes are named
-    training_000000 (part and frame) and grouped by part. Intensity is ignored. With the option
-    `returns`, each frame is converted to the sensor's returns: laser, encoder step and range in
-    steps of 2 mm, which reproduce the points to about 1 mm; x is then right and y forward. A frame
-    of the odometry has a pose and a time if ``poses/00.txt`` is beside ``sequences``.
+    The folder is that of the object benchmark, the odometry benchmark or the raw drives. Scenes are
+    named training_000000 (part and frame) and grouped by part. Intensity is ignored. The option
+    `returns` converts each frame to the sensor's returns (x right, y forward): laser, encoder step
+    and range in steps of 2 mm, which reproduce the points to about 1 mm. An odometry frame has a
+    pose and a time if ``poses/00.txt`` is beside ``sequences``.
     """
 
     provenance = Provenance(
@@ -104,7 +104,7 @@ class Kitti(FrameSet):
         return {}
 
     def _motion(self, frame: Path) -> tuple[Floats | None, float | None]:
-        """Return a frame's pose (4, 4) and time, if its folder is of the odometry benchmark."""
+        """Return the pose (4, 4) and time, s, of an odometry frame; None for other frames."""
         sequence = frame.parent.parent
         if sequence not in self._motions:
             self._motions[sequence] = _sequence_motion(sequence)

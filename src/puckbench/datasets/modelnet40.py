@@ -24,8 +24,7 @@ _EXPECTED = (
 class ModelNet40(MeshFolderSet):
     """CAD models in files ``<class>/{train,test}/<class>_0001.off``.
 
-    Scenes are named chair_0001 and grouped by class. The models have no unit; it is assumed to be 1
-    m. Z is up.
+    Scenes are named chair_0001 and grouped by class. The unit is assumed to be 1 m. Z is up.
     """
 
     provenance = Provenance(

@@ -4,8 +4,8 @@ References
 ----------
 H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020 (20 Hz, 32
 beams, motion compensation). Development kit, `LidarPointCloud.from_file`: float32 x (right), y
-(forward), z (up), intensity and ring. The files contain all firings; those without return have
-the sensor's position.
+(forward), z (up), intensity and ring. Files contain all firings; those without a return have the
+sensor's position.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class NuScenes(FrameSet):
     The sensor is at (0, 0, 0). Scenes are named samples_<drive>_<time> and grouped by drive. The
     option `returns` converts each frame to the sensor's returns: firings without a return reveal
     the car's motion, which is removed. Laser, azimuth and range in steps of 2 mm reproduce the
-    points to some millimetres.
+    points to a few millimetres.
     """
 
     provenance = Provenance(

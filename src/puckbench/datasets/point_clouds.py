@@ -27,12 +27,13 @@ class PointClouds(FileSet):
     what = "point clouds"
 
     drop_invalid: bool = False
-    """Whether points that are not finite are left out and counted; else their cloud is not used."""
+    """Whether to leave out and count points that are not finite; by default, clouds with such
+    points are not used."""
     keep_missing: bool = False
     """Whether missing returns (points without coordinates, or many at the origin) are kept."""
     bin_columns: str | None = None
-    """Columns of .bin files, as of KITTI: 3 to 6, or ``x,y,z,intensity,ring``; by default inferred
-    from the values."""
+    """Columns of .bin files (KITTI): a number (3 to 6) or names (``x,y,z,intensity,ring``); by
+    default inferred from the values."""
 
     def load(self, name: str) -> Scene:
         path = self._file(name)

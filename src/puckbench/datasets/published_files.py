@@ -42,7 +42,7 @@ def download(
 ) -> Path:
     """Download files and their licences from GitHub into a tar archive, and check all hashes.
 
-    `name` is the list of files, and the name of the archive in `folder`.
+    `name`, a key of `TABLES`, names the archive in `folder`.
     """
     table = table or published(name)
     package = folder / f"{name}.tar"

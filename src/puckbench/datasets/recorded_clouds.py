@@ -16,14 +16,15 @@ from puckbench.io.clouds import check_cloud, removal_counts
 class RecordedClouds(RecordingSet):
     """Clouds (PointCloud2) in ROS bags (.bag, .db3, .mcap), in metres, with all attributes.
 
-    Scenes are named after the file and the number of the message in its topic, from 0
-    (drive_0012). Unusable bags are left out and reported.
+    Scenes are named after the file and the message's number in the topic, from 0 (drive_0012).
+    Unusable bags are left out and reported.
     """
 
     suffixes = BAG_SUFFIXES
 
     drop_invalid: bool = False
-    """Whether points that are not finite are left out and counted; else their cloud is not used."""
+    """Whether to leave out and count points that are not finite; by default, clouds with such
+    points are not used."""
     keep_missing: bool = False
     """Whether missing returns (points without coordinates, or many at the origin) are kept."""
 

@@ -31,7 +31,7 @@ COMPRESSED = ".puck"
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 RECORDING_SUFFIXES = (".pcap", ".pcapng", *BAG_SUFFIXES, COMPRESSED)
 _MOST_KEPT = 1 << 28
-"""Largest size of cached recordings, bytes of ranges."""
+"""Maximum total size of the ranges in cached recordings, bytes."""
 
 
 class RecordingSet(DataSet):
@@ -45,24 +45,24 @@ class RecordingSet(DataSet):
     suffixes: ClassVar[tuple[str, ...]] = RECORDING_SUFFIXES
 
     path: str | tuple[str, ...] | dict[str, str]
-    """A recording, a folder with all below it, a pattern (``drives/*.pcap``), a list of such, or a
-    table of names and recordings. The folder of a ROS 2 bag is one recording."""
+    """A recording, a folder (with subfolders), a pattern (``drives/*.pcap``), a list of these, or
+    recordings by name. The folder of a ROS 2 bag is one recording."""
     every: PositiveInt = 1
-    """Take each n-th of the clouds that follow one another, from the first."""
+    """Use every n-th cloud, from the first on."""
     topic: str | None = None
-    """Of ROS bags with several suitable topics, the one to read."""
+    """Topic to read in ROS bags with several suitable topics."""
 
     @abstractmethod
     def _numbers(self, path: Path) -> range:
         """Return the numbers of the clouds in a recording; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
-        """Read all recordings; first come those of `unusable` recordings, then those of clouds."""
+        """Read all recordings; return the names of `unusable` recordings, then those of clouds."""
         return list(self._clouds)
 
     @property
     def unusable(self) -> list[str]:
-        """Names of recordings that contain no whole cloud; `load` raises the reason."""
+        """Names of recordings without a whole cloud; `load` raises InputError with the reason."""
         return [name for name, (_, number) in self._clouds.items() if number is None]
 
     def files(self, name: str) -> list[Path]:
@@ -94,7 +94,7 @@ class RecordingSet(DataSet):
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
         """Recording and number of each cloud by scene name.
 
-        Unusable recordings come first, by their names, with the number None.
+        Unusable recordings come first, by recording name, with the number None.
         """
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
@@ -113,18 +113,17 @@ class RecordingSet(DataSet):
 class Recordings(RecordingSet):
     """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    The sensors are those of `puckbench capture` (an Ouster's with its metadata beside the
-    capture), with one or two returns per beam. Recordings may be compressed (.puck). Only whole
-    revolutions are used. Scenes are named after the file and the first revolution (drive_0012).
-    Unusable recordings are left out and reported; damaged and repeated packets are left out and
-    counted.
+    The sensors are those of `puckbench capture` (an Ouster's with its metadata beside the capture),
+    with one or two returns per beam. Recordings may be compressed (.puck). Incomplete revolutions
+    are not used. Scenes are named after the file and the first revolution (drive_0012). Unusable
+    recordings are left out and reported; damaged and repeated packets are left out and counted.
     """
 
     of_returns: ClassVar[bool] = True
     of_packets: ClassVar[bool] = True
 
     turns: PositiveInt = 1
-    """Turns that make one cloud."""
+    """Number of turns in one cloud."""
     start_s: float = Field(0.0, ge=0)
     """Seconds of each recording to leave out at its start."""
     stream: str | None = None
@@ -162,9 +161,9 @@ class Recordings(RecordingSet):
 
 
 def recordings_at(text: str, suffixes: Collection[str] = RECORDING_SUFFIXES) -> list[Path]:
-    """Return the recordings at a path, in a folder, or that match a pattern (``drives/*.pcap``).
+    """Return the recordings at a path, in a folder, or matching a pattern (``drives/*.pcap``).
 
-    The folder of a ROS 2 bag is one recording. A compressed copy next to its original is ignored.
+    The folder of a ROS 2 bag is one recording. A compressed copy beside the original is ignored.
     """
 
     def is_wanted(path: Path) -> bool:
@@ -198,9 +197,7 @@ def is_copy(path: Path) -> bool:
 
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
-    """Yield a recording's path, or a decompressed temporary copy's; raise InputError if it is
-    damaged or compressed twice.
-    """
+    """Yield a recording's path, or a decompressed temporary copy's; raise InputError if damaged."""
     if not _is_compressed(path):
         yield path
         return
@@ -229,7 +226,7 @@ def _is_compressed(path: Path) -> bool:
 _State = tuple[tuple[str, int, int], ...]
 _Key = tuple[Path, float, str | None, str | None, _State]
 _kept: dict[_Key, RecordedTurns] = {}
-"""Recordings that were read, the last one at the end."""
+"""Cached recordings, in the order in which they were read."""
 
 
 def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> RecordedTurns:

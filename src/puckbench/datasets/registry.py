@@ -18,8 +18,8 @@ LOADERS: Registry[type[SceneSet]] = Registry("loader", "datasets")
 def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> SceneSet:
     """Create a data set from its name in `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``.
 
-    The class is a pydantic model (`puckbench.core.models.Model`) or a frozen data class. Its field
-    ``seed`` is set to `seed` unless `options` contains it.
+    The class is a pydantic model (`puckbench.core.models.Model`) or a frozen data class. The field
+    ``seed`` is set to `seed` unless `options` sets it.
     """
     loader_class = LOADERS.get(loader)
     model = options_model(loader_class, f"loader {loader}")

@@ -86,7 +86,7 @@ def _texts(folder: Path) -> list[Path]:
 
 
 def _room_file(folder: Path) -> Path:
-    """Return a room's point file, or the only text file if it is misnamed (Area_6/copyRoom_1)."""
+    """Return a room's point file; if that is misnamed (Area_6/copyRoom_1), the only text file."""
     named, texts = folder / f"{folder.name}.txt", _texts(folder)
     if named in texts:
         return named

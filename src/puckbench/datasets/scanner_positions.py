@@ -20,9 +20,7 @@ def listed_file(folder: Path, area: str) -> Path:
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Read the scanner position (m) in each room from JSON; keys end with the area's number
-    ("office_6_1").
-    """
+    """Read each room's scanner position (m) from JSON, by room and area number (office_6_1)."""
     content = read_json(path)
     if not isinstance(content, dict) or not content:
         raise InputError(f"{path}: not a list of positions by room")
@@ -52,7 +50,7 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
 
 
 def camera_position(path: Path) -> Position:
-    """Read a camera position (m) from a pose file; in older releases it has a list of poses."""
+    """Read a camera position (m) from a pose file; older files contain a list of poses."""
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:

@@ -33,8 +33,8 @@ _PUBLISHED = 1513
 class ScanNet(MeshFolderSet):
     """Rooms in files ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
 
-    The folders of the rooms are in the data set's folder, or in its subfolder ``scans``. Scenes are
-    named scene0000_00, and grouped by ``sceneType`` in scene0000_00.txt ("unknown" without it).
+    Rooms' folders are in the data set's folder, or in the subfolder ``scans``. Scenes are named
+    scene0000_00, and grouped by ``sceneType`` in scene0000_00.txt ("unknown" without it).
     """
 
     provenance = Provenance("ScanNet's terms of use, not redistributable", _CREDIT, _EXPECTED)

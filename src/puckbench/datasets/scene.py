@@ -25,17 +25,17 @@ class Scene:
     group
         Class, room type or area.
     mesh, cloud, returns
-        Exactly one of them is set.
+        Exactly one is set.
     origin
         Possible position of a sensor, m.
     box
-        Lowest and highest corner for cropping, (2, 3), m; None for the bounds of the mesh.
+        Lowest and highest corner for cropping, (2, 3), m; None: the mesh's bounds.
     about
         Source, licence, credit, and the reader's report.
     pose
-        From the frame of a cloud or of returns to the world, (4, 4), m.
+        Transform from the frame of the cloud or returns to the world, (4, 4), m.
     time_s
-        Time of a cloud.
+        Time of the cloud or returns, s.
     """
 
     name: str
@@ -59,9 +59,9 @@ class SceneSet(Protocol):
 
     Optional class variables: ``primitives``, whether labels have each triangle's geometric
     primitive; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
-    clouds are a sensor's returns; ``of_packets``, whether these are recorded data packets;
+    clouds are a sensor's returns; ``of_packets``, whether returns come from recorded data packets;
     ``read_first``, whether clouds are read before a run. An optional method ``options_of(name)``
-    returns the options of a set with one scene, whose jobs then do not depend on others.
+    returns the options of a set with one scene, whose jobs then do not depend on other scenes.
     """
 
     def __init__(self, **options: Any) -> None: ...
@@ -81,7 +81,7 @@ def has_primitives(scenes: SceneSet) -> bool:
 
 
 def of_clouds(scenes: SceneSet) -> bool | None:
-    """Return whether the scenes are clouds instead of meshes; None if the class does not say it."""
+    """Return whether scenes are clouds instead of meshes; None if the class lacks ``of_clouds``."""
     declared: bool | None = getattr(scenes, "of_clouds", None)
     return declared
 
@@ -99,14 +99,14 @@ def read_first(scenes: SceneSet) -> bool:
 
 
 def safe_name(text: str) -> str:
-    """Return a name for files, in ASCII: accents are removed, other characters replaced by _."""
+    """Convert a text to an ASCII file name; remove accents, replace unsuitable characters by _."""
     letters = unicodedata.normalize("NFKD", text).replace("ß", "ss")
     plain = "".join(letter for letter in letters if not unicodedata.combining(letter))
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._") or "unnamed"
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """Convert texts to unique file names, ignoring case, by numbers after repeated ones."""
+    """Convert texts to file names that are unique ignoring case; repeated names get numbers."""
     taken: set[str] = set()
     names = []
     for text in texts:

@@ -31,9 +31,8 @@ _EXPECTED = (
 class ShapeNetCore(MeshFolderSet):
     """CAD models in files ``<synset>/<id>/model.obj`` (version 1) or ``model_normalized.obj`` (2).
 
-    Scenes are named chair_<id> and grouped by class. The models are normalised and have no unit; it
-    is assumed to be 1 m. Y up is rotated to z up. Models whose file is missing in the release are
-    left out.
+    Scenes are named chair_<id> and grouped by class. The models are normalised; their unit is
+    assumed to be 1 m. Y up is rotated to z up. Models without a file in the release are left out.
     """
 
     provenance = Provenance(

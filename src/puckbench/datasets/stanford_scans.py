@@ -22,9 +22,7 @@ _EXPECTED = (
 
 @dataclass(frozen=True)
 class _ScannedModel:
-    """A model's file, up axis, unit in metres (later models: millimetres) and published number of
-    faces.
-    """
+    """A model's file, up axis, metres per unit, and number of faces in the published file."""
 
     file: str
     up: str
@@ -50,7 +48,7 @@ _BY_FILE = {model.file: model for model in _MODELS.values()}
 
 @LOADERS.register("stanford_scans")
 class StanfordScans(MeshFolderSet):
-    """Scanned models (bunny, dragon, ...) in PLY files, anywhere below a folder.
+    """Scanned models in PLY files, anywhere below a folder.
 
     All are in the group "scan". Reduced versions (``bun_zipper_res2.ply``) and range scans are
     ignored.

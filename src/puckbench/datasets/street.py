@@ -12,10 +12,10 @@ from puckbench.scenes.street.layout import free_way, make_street, street_origin
 
 @LOADERS.register("street")
 class Street(GeneratedSet):
-    """Generated streets with houses, trees, parked cars, and a lane along x that is free.
+    """Generated streets with houses, trees, parked cars, and a free lane along x.
 
-    Scenes are named street_1, street_2, ... ``about["free_way_m"]`` is the interval of x, relative
-    to the scene's origin, on which a sensor can move.
+    Scenes are named street_1, street_2, ... ``about["free_way_m"]`` is the lane's interval of x,
+    relative to the scene's origin.
     """
 
     primitives: ClassVar[bool] = True

@@ -58,8 +58,8 @@ class SweetHome3D(DataSet):
 
     of_clouds: ClassVar[bool] = False
     path: str = INSTALLED
-    """Folder with the catalogues, or one that the Debian package was unpacked into; by default
-    where the package installs them."""
+    """Folder of the catalogues, or of the unpacked Debian package; by default, where the package
+    installs the catalogues."""
     classes: tuple[str, ...] | None = None
     """Semantic classes to keep (chair, table, sofa, bookcase, ...); all models by default."""
 

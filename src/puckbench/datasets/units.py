@@ -8,7 +8,7 @@ from pydantic import PositiveFloat
 from puckbench.core.errors import InputError, closest
 
 Units = PositiveFloat | dict[str, PositiveFloat]
-"""Metres per unit: of all files, or of named ones; others are in metres."""
+"""Metres per unit, of all files or by file name; files without a value are in metres."""
 
 
 def is_named(path: Path, name: str) -> bool:

@@ -52,11 +52,11 @@ class Voxelised8i(FolderSet):
     sequences: tuple[str, ...] | None = None
     """Names of sequences to keep (longdress, ...); all by default."""
     every: PositiveInt = 1
-    """Step between the frames that are used."""
+    """Use every n-th frame."""
     height_m: PositiveFloat | None = None
     """Length of the grid's side, m. By default, a voxel's side is ``frame_to_world_scale`` of the
-    file's header, in cm (about 0.18), or without it, 1.8 m (a person's height) divided by the
-    number of voxels along the side."""
+    file's header, in cm (about 0.18), or else 1.8 m (a person's height) divided by the grid's
+    number of voxels per side."""
 
     def load(self, name: str) -> Scene:
         path = self._file(name)

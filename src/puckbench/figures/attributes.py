@@ -40,10 +40,10 @@ _GEOMETRY = "#bdbdbd"
     frame="metric",
 )
 def draw_attributes(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians over clouds, with their number n. Above: bits per point of codecs that code the
-    attribute without loss, of positions (grey) and of the attribute (in colour, with its value).
-    Below: PSNR of the attribute (of luma, for colours) against its bits, at rates that code it with
-    loss; ticks at the upper edge are bits without loss.
+    """Bits and PSNR of attributes, medians over n clouds. Top: bits per point of positions (grey)
+    and of the attribute (coloured, with the value), for lossless codecs. Bottom: PSNR of the
+    attribute (of luma, for colours) against the attribute's bits, at lossy rates; ticks at the
+    upper edge: bits of lossless rates.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch

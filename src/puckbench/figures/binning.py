@@ -40,7 +40,7 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> Curve:
 
 
 def medians_against(rows: pd.DataFrame, x: str, y: str) -> Curve:
-    """Return medians for a codec's rows on a data set, by increasing x.
+    """Return medians of column `y` against `x` for a codec's rows on a data set, by increasing x.
 
     With fewer than `BINS` clouds, medians are per rate, because bins would mix rates.
     """
@@ -61,7 +61,7 @@ def _curve(frame: pd.DataFrame, keys: pd.Series[Any]) -> Curve:
 def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
     """Return medians of a column by ``dataset``, ``codec`` and ``rate``, without missing values.
 
-    Columns ``low`` and ``high`` have the quartiles.
+    Columns ``low`` and ``high`` contain the quartiles.
     """
     present = table.dropna(subset=[column])
     groups = present.groupby(["dataset", "codec", "rate"], observed=True)[column]

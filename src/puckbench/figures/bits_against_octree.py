@@ -53,11 +53,11 @@ _PANEL_IN = 2.1
 def draw_bits_against_octree(
     metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Bits of each codec relative to G-PCC's octree coder (``gpcc``, without the sensor, 100 %) at
-    equal D1 root mean square error. Lines: medians over clouds, where both codecs' rates reach the
-    error; shaded: quartiles. n: clouds.
+    """Bits of each codec in percent of the bits of G-PCC's octree coder (``gpcc``, without
+    knowledge of the sensor) at equal D1 RMS error. Lines: medians over clouds, where rates of both
+    codecs reach the error; shaded: quartiles. n: clouds.
 
-    Of data sets that differ only in the error model the first is shown. For lossless coding, see
+    Of data sets that differ only in the error model, the first is shown. For lossless coding, see
     the table ``against_octree``.
     """
     columns = ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m")
@@ -90,8 +90,8 @@ def draw_bits_against_octree(
 
 
 def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
-    """Return the data sets with results of the octree coder and another codec; of those that differ
-    only in the error model, the first.
+    """Return the data sets coded by the octree coder and another codec; of those that differ only
+    in the error model, the first.
     """
     other_rows = metrics[metrics["codec"] != OCTREE]
     datasets = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(other_rows["dataset"])
@@ -109,8 +109,8 @@ def _curves(rows: pd.DataFrame, style: FigureStyle) -> dict[str, Floats]:
 
 
 def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> Floats:
-    """Return quartiles (3, errors) of a codec's bits in percent of the octree coder's, at errors
-    from 0.5 to 50 mm.
+    """Return quartiles over clouds (3, errors) of a codec's bits in percent of the octree coder's,
+    at errors from 0.5 to 50 mm.
     """
     anchors = dict(iter(octree.groupby("cloud")))
     lines = [

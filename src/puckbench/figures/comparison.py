@@ -41,8 +41,8 @@ def draw_comparison(
     """Draw medians over clouds, with a row of panels for each data set and a column for each of
     `qualities`.
 
-    Thin vertical bars are quartiles over clouds; n: clouds. Ticks at the edge are lossless rates,
-    which have no PSNR, or no error. `study` names the reference in the legend.
+    Thin bars: quartiles; n: clouds. Ticks at the edge: lossless rates, with infinite PSNR or zero
+    error. `study` names the reference in the legend.
     """
     from matplotlib.figure import Figure
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Lines = dict[str, Curve]
-"""Codec -> the metric against bits per point."""
+"""Curves of a metric against bits per point, by codec."""
 
 
 def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
@@ -91,7 +91,7 @@ def draw_data_sets(
     fitted: bool = False,
     scans: Mapping[str, float] = MappingProxyType({}),
 ) -> Figure:
-    """Draw a metric, with a panel for each data set and a line for each codec.
+    """Draw a metric against bits, with a panel for each data set and a line for each codec.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def draw_data_sets(
     fitted
         Whether axis limits are fitted to the values if the style has none.
     scans
-        Value for unencoded scans by data set, drawn as a dashed line.
+        Values for uncoded scans by data set, drawn as dashed lines.
     """
     check_curve_columns(metrics, metric)
     curves = binned_curves(metrics, metric, style)
@@ -134,7 +134,7 @@ def draw_data_sets(
 
 
 def lossless_handles(curves: Iterable[Lines]) -> list[Artist]:
-    """Return a legend entry for lossless streams, if a curve has one."""
+    """Return a legend entry for lossless streams if a curve contains any."""
     has_any = any((curve.y == 0).any() for lines in curves for curve in lines.values())
     return [lossless_tick_handle()] if has_any else []
 
@@ -146,8 +146,8 @@ def shared_limits(
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Return the shared limits of an axis: the range in `style`, or `default`, or the metric's,
-    widened by decades to contain the values.
+    """Return the limits of an axis in all panels: the range in `style`, else `default`, else the
+    metric's, widened by decades to contain the values.
 
     With `fitted`, limits are fitted to the values if the style has none.
     """

@@ -38,7 +38,7 @@ def draw_files(
     inputs
         CSV or Parquet files of tables, and PLY files of clouds.
     only
-        Drawn values of a column (``codec``, ``dataset``) of the tables that have it; empty: all.
+        Values to draw by column (``codec``, ``dataset``), in tables with this column; empty: all.
 
     Raises
     ------

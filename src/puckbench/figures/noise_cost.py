@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 _PANELS = {"grid_1_mm": "Lossless, or on a grid of 1 mm", "at_5_mm": "At a D1 error of 5 mm"}
 _MARKERS = "osD^vP"
 _LINE_IN, _AROUND_IN = 0.145, 1.1
-"""Height of the line for a codec, and of the figure without these lines, inches."""
+"""Height of a codec's line, and of the figure without these lines, inches."""
 
 Line = tuple[str, Floats]
-"""Label, and quartiles (3, models) under each error model."""
+"""Label, quartiles (3, models)."""
 
 
 @FIGURES.register(
@@ -37,14 +37,14 @@ Line = tuple[str, Floats]
     frame="metric",
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits per return of the same rays under the most error models, in the data sets with the most
-    scenes; medians over scenes, with their number n, and quartiles (black lines). Above: lossless,
-    or on a grid of 1 mm. Below: at a D1 root mean square error of 5 mm; codecs whose rates do not
-    reach it are not shown.
+    """Bits per return of the same rays under several error models, for the data sets with the most
+    error models and then the most scenes. Markers: medians over n scenes; black lines: quartiles.
+    Top: lossless, or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, without codecs that do not
+    reach this error.
 
-    First line: entropy of the model's noise in steps of the sensor's ranges, a lower bound for
-    lossless codecs. The difference is the cost of the scene and of what a codec does not model. The
-    mean error of each laser in each turn is not counted, since a codec can learn it.
+    First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
+    lossless codecs, without the mean error of each laser in each turn, which a codec can learn.
+    Bits above the bound are the cost of the scene and of what a codec does not model.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D

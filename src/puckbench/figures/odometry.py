@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _PANEL_IN = 1.8
 _LINES: dict[bool, Any] = {True: "-", False: (0, (3, 2))}
-"""Line styles of undecoded drives with and without times."""
+"""Line styles of undecoded drives with and without times of firings."""
 _COLUMNS = ("dataset", "cloud", "codec", "rate", "has_times", "lost_turns", DRIFT)
 
 
@@ -46,13 +46,13 @@ _COLUMNS = ("dataset", "cloud", "codec", "rate", "has_times", "lost_turns", DRIF
     needs=(ODOMETRY,),
 )
 def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Drift of KISS-ICP on decoded turns, mean over lengths of 10, 20 and 50 m and over the drives.
-    Grey: the undecoded drives with the times of firings (solid) and without (dashed), and the 95 %
-    interval of the means (Student's t).
+    """Drift of KISS-ICP on decoded turns, mean over lengths of 10, 20 and 50 m and over drives.
+    Grey: undecoded drives with times of firings (solid) and without (dashed), and 95 % intervals of
+    the means (Student's t).
 
     Large markers: the lowest rate from which on a codec's drift is inside the interval, or at most
-    a fifth above the mean. Hollow markers: turns were lost (their motion is wrong by more than 0.5
-    m or 5 degrees). Drives shorter than 10 m are not shown. n: drives.
+    a fifth above the mean. Hollow markers: turns were lost (estimated motion is wrong by more than
+    0.5 m or 5 degrees). Drives shorter than 10 m are not shown. n: drives.
     """
     require_rows(drives, _COLUMNS, "drives")
     require_numbers(drives, (DRIFT,), "drives")

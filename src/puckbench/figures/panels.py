@@ -26,11 +26,11 @@ SCAN_LINE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "line
 UNRANKED_LINE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2, "marker": ""}
 _TICK_WIDTH, _TICK_LENGTH = 1.8, 0.07
 _LEGEND_ROWS, _LEGEND_ROW_IN = 2, 0.15
-"""Number of rows of a legend for which figures have space, and height of further ones, inches."""
+"""Legend rows for which figures have space, and height of each further row, inches."""
 _MARGIN = 1.4
 """Factor between the outermost values and fitted limits."""
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
-"""Maximum number of rates in a row of panels for labels r1, r2, ..., and for labels 1, 2, ..."""
+"""Maximum number of rates, in a row of panels, with labels r1, r2, ... or with labels 1, 2, ..."""
 
 
 def panel_grid(
@@ -86,8 +86,8 @@ def fitted_limits(values: Floats, default: Range) -> Range:
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, faint: bool = False) -> None:
-    """Draw a codec's line, or only dots if `faint`; on a logarithmic axis, zeros (lossless) become
-    ticks at its foot.
+    """Draw a codec's line, dotted if `faint`; on a logarithmic axis, zeros (lossless) become ticks
+    at the lower edge.
     """
     style: dict[str, Any] = {"color": plot_style.colour, "clip_on": False, "zorder": 3}
     line: dict[str, Any] = {"linestyle": plot_style.line, "marker": plot_style.marker}
@@ -142,7 +142,7 @@ def lossless_tick_handle() -> Line2D:
 
 
 def draw_over_rates(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
-    """Draw a codec's values over rates at equal distances; a NaN leaves a gap."""
+    """Draw a codec's values over equally spaced rates; nan leaves a gap."""
     present = np.flatnonzero(np.isfinite(curve.y))
     if len(present):
         part = slice(present[0], present[-1] + 1)
@@ -160,7 +160,8 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make an axis logarithmic, with ticks at decades and, on short axes, at 2 and 5 times these.
+    """Make an axis logarithmic, with ticks at powers of ten and, on short axes, 2 and 5 times
+    these.
 
     `minor` adds grid lines within decades.
     """
@@ -185,7 +186,7 @@ def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
 
 
 def titled(title: str, rows: pd.DataFrame) -> str:
-    """Return a title with the number of clouds in rows of results."""
+    """Return a title with the number of clouds in `rows`."""
     return f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{rows['cloud'].nunique()})"
 
 

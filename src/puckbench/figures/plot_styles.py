@@ -39,7 +39,7 @@ def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
 
 
 def read_looks(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the plot styles in a folder's table ``codecs`` (see `looks_layer`), if it exists."""
+    """Return plot styles from a folder's table ``codecs``, if it exists (see `looks_layer`)."""
     from puckbench.io.tables import read_table
 
     path = folder / "codecs.parquet"

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from puckbench.figures.style import Range
 
 BETTER = "\N{LEFTWARDS ARROW} better"
-"""Mark of axes with lower values better: on a vertical axis, the arrow points downwards."""
+"""Label of axes on which lower values are better; on a vertical axis, the arrow points down."""
 HIGHER_BETTER = "better \N{RIGHTWARDS ARROW}"
 
 
 @dataclass(frozen=True)
 class PlottedMetric:
-    """A column of the results, of which lower values are better, with its label and axis range.
+    """A column of the results with label and axis range; lower values are better.
 
     The grid unit of a scaled cloud is 1/1023 of its longest side.
     """

@@ -37,11 +37,11 @@ ALL = "all"
 )
 def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     """Recovery of geometric primitives against bits per point: precision (share of decoded
-    primitives that are true), recall (share of true primitives that were decoded) and label
-    accuracy (share of points on true primitives that lie on the match). Medians over clouds, in
-    bins as in figure 6.6.
+    primitives that match a true one), recall (share of true primitives that were decoded) and label
+    accuracy (share of points on true primitives that lie on the match). Markers: medians in ten
+    bins of equally many results or, with few clouds, at each rate.
 
-    Only codecs that decode labelled surfaces. Streams without primitives are left out. Not in the
+    Only codecs that decode labelled surfaces, and streams with primitives, are shown. Not in the
     thesis.
     """
     columns = tuple(metric.column for metric in _METRICS)

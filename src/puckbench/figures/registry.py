@@ -7,8 +7,8 @@ A figure is a function, whose docstring is the caption::
         \"\"\"Number of points per cloud in each data set (thesis figure 6.4).\"\"\"
 
 Parameters besides ``style`` are inputs: a DataFrame is the table of that name, a PointCloud an
-example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``). Planning
-imports these modules, so matplotlib and pandas are imported in functions.
+example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``). Import
+matplotlib and pandas inside functions, since planning imports modules of figures.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from puckbench.core.registry import Registry
 from puckbench.geometry.cloud import CoordinateFrame
 
 SPINS = "spins"
-"""Need: virtual scans by a level, static sensor, with their true surfaces."""
+"""Requirement: virtual scans by a level, static sensor, with their true surfaces."""
 
 
 def at(distance_m: float) -> str:
@@ -37,13 +37,13 @@ class FigureEntry:
     Parameters
     ----------
     draw
-        Function from inputs and ``style``, passed by keyword, to a matplotlib Figure.
+        Function that returns a matplotlib Figure from inputs and ``style``, passed by keyword.
     title, category
         Heading and group in the report.
     number
-        Number in a publication, by which figures are sorted, or empty.
+        Number in a publication, for sorting, or empty.
     needs
-        Further conditions on a plan: names of registered needs, or distances (`at`) and error
+        Further requirements on a plan: names of registered needs, or distances (`at`) and error
         models of the sensor study.
     frame
         Coordinate frame of the drawn clouds.
@@ -67,7 +67,7 @@ class FigureEntry:
 
     @property
     def sort_key(self) -> list[float]:
-        """Key for sorting by integers, because 5.2 precedes 5.10."""
+        """Key for sorting by integers, so that 5.2 precedes 5.10."""
         return [float(part) for part in self.number.split(".")] if self.number else [math.inf]
 
     @property
@@ -84,6 +84,6 @@ def figure_entry(name: str) -> FigureEntry:
 
 
 def figure_entries() -> dict[str, FigureEntry]:
-    """Return all figures by name, numbered ones first."""
+    """Return all figures by name, numbered figures first."""
     entries = {name: FIGURES.get(name) for name in FIGURES.names()}
     return dict(sorted(entries.items(), key=lambda item: item[1].sort_key))

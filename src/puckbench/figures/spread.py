@@ -37,8 +37,8 @@ _FEWEST_IN_A_BOX = 5
 )
 def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Spread of the Chamfer distance (point to plane, squared grid units) over clouds, for each
-    codec (rows), data set (columns) and rate. Boxes: first to third quartile with the median;
-    whiskers: 5 to 95 %. Rates with fewer than five clouds show a circle for each cloud. n: clouds.
+    codec (rows), data set (columns) and rate. Boxes: quartiles and median; whiskers: 5 and 95 %
+    quantiles; circles: clouds, if fewer than five. n: clouds.
 
     Zeros (lossless) are not drawn. The thesis shows medians only.
     """

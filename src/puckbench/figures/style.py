@@ -13,7 +13,7 @@ from puckbench.figures.plot_styles import PlotStyle, codec_rank, codec_style, da
 
 COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.16
-"""Widths of one column and of the page in the two-column layout of IEEE journals, in inches."""
+"""Widths of a column and of the page in IEEE journals with two columns, inches."""
 
 Range = tuple[float, float]
 
@@ -29,13 +29,13 @@ class FigureStyle(Model):
     font_size
         Size of axis labels, points; tick labels are one point smaller.
     width_in
-        Width of figures, inches; by default one or two columns, chosen by the figure.
+        Width of figures, inches; by default one or two columns, depending on the figure.
     line_width, marker_size
-        Points.
+        Sizes in points.
     datasets
-        Order of panels; others follow.
+        Data sets whose panels come first, in this order.
     axis_ranges
-        (low, high) by table column, widened by decades to contain the data.
+        Limits (low, high) by table column, widened by decades to contain the data.
     """
 
     font_size: Size = 7.5
@@ -72,7 +72,7 @@ class FigureStyle(Model):
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
-        """Merge mappings of options, nested ones key by key; later ones take precedence.
+        """Merge mappings of options, nested mappings key by key; later values take precedence.
 
         Raises InputError for an unknown key or an invalid value.
         """
@@ -102,7 +102,7 @@ class FigureStyle(Model):
         return sorted(set(codecs), key=codec_rank)
 
     def ordered_datasets(self, datasets: Iterable[str]) -> list[str]:
-        """Return each data set once, those of the option `datasets` first."""
+        """Return each data set once, those in the option `datasets` first."""
         present = list(dict.fromkeys(datasets))
         named = [name for name in self.datasets if name in present]
         return named + [name for name in present if name not in named]

@@ -35,10 +35,10 @@ _PANEL_IN = 2.1
     frame="metric",
 )
 def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """D1 root mean square error (larger of both directions) in millimetres, against bits per
-    return; medians over the clouds at each rate.
+    """D1 RMS error (larger of both directions) in millimetres, against bits per return; medians
+    over clouds.
 
-    A cloud is one or more sweeps (turns) of a virtual or real sensor in its coordinate frame.
+    A cloud is one or more sweeps (turns) of a virtual or real sensor, in the sensor's frame.
     Lossless streams are drawn at the lower edge.
     """
     return _draw(_in_millimetres(metrics), ERROR, style, {})
@@ -52,11 +52,11 @@ def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Root mean square distance to the true surface (point to plane, larger of both directions) in
-    millimetres, against bits per return; virtual sweeps, medians over the clouds at each rate.
+    """RMS distance to the true surface (point to plane, larger of both directions) in millimetres,
+    against bits per return, for virtual sweeps; medians over clouds.
 
-    Dashed: the scan before coding, the level of lossless codecs. Below it decoded points are nearer
-    to the true surface than the scan.
+    Dashed: the scan before coding, the level of lossless codecs. Below this line, decoded points
+    are nearer to the true surface than the scan is.
     """
     scan_medians = _in_millimetres(scan_errors).groupby("dataset")["truth_mm"].median()
     rows = _in_millimetres(metrics)
@@ -87,11 +87,10 @@ def _draw(
     needs=(SPINS_OR_RECORDINGS,),
 )
 def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Root mean square range error in millimetres, against bits per return; medians over the clouds
-    at each rate.
+    """RMS range error in millimetres, against bits per return; medians over clouds.
 
-    If a codec decodes points instead of returns, the error is the offset of the nearest point along
-    the ray. Lossless streams are drawn at the lower edge.
+    If a codec decodes points instead of returns, the error is the offset, along the ray, of the
+    nearest point. Lossless streams are drawn at the lower edge.
     """
     return _draw(metrics, RANGES, style, {})
 
@@ -103,9 +102,9 @@ def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
-    """One sweep as range images: elevations of the lasers, and azimuths in the order of firing.
-    Top: measured ranges (m); middle: decoded from ``puck`` at 100 mm; bottom: error (mm). White: no
-    return.
+    """One sweep as range images: rows are lasers by elevation, columns azimuths in the order of
+    firing. Top: measured ranges (m); middle: ranges decoded by ``puck`` at rate ``100mm``; bottom:
+    error (mm). White: no return.
     """
     from puckbench.codecs.registry import open_codec
 
@@ -145,6 +144,6 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
 
 
 def _image(returns: Returns) -> Floats:
-    """Return ranges (lasers, columns), m, of the first turn's first returns; nan if missing."""
+    """Return ranges (lasers, columns), m, of the first turn's first returns; nan without return."""
     ranges = returns.distances(returns.turns[0])[0][:, list(returns.layout.order)].T
     return np.where(ranges > 0, ranges, np.nan)

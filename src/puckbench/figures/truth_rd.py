@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PREFIXES = {"": "to the scan", "truth_": "to the truth"}
-"""Prefix of a column -> reference of the distance."""
 _ACCURACY = PlottedMetric(
     "truth_acd_ba_plane", "Distance, point-to-plane", "grid units²", (0.01, 1000)
 )
@@ -49,13 +48,13 @@ _DIRECTIONS = {
 def draw_truth_chamfer(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Chamfer distance (point to plane, squared grid units) against bits per point: to the coded
-    scan, and to the true surface. Medians over clouds, in bins as in figure 6.6, with equal axes in
-    all panels. Bars: quartiles over clouds. n: clouds.
+    """Chamfer distance (point to plane, squared grid units) against bits per point: to the original
+    scan, and to the true surface. Markers: medians in ten bins of equally many results or, with few
+    clouds, at each rate. Bars: quartiles. n: clouds. All panels have equal axes.
 
-    Dashed: the median distance of the scan before coding; not shown if below the axes. The curve of
-    a codec that reproduces the scan with its noise levels off at this line. Below it, decoded
-    points are nearer to the surface than the scan is. Not in the thesis.
+    Dashed: median distance of the scan before coding, if inside the axes. A codec that reproduces
+    the scan with its noise levels off at this line. Below the line, decoded points are nearer to
+    the surface than the scan is. Not in the thesis.
     """
     return draw_references(metrics, scan_errors, CD_PLANE, style)
 
@@ -69,7 +68,7 @@ def draw_truth_chamfer_point(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
     """Chamfer distance (point to point, squared grid units) against bits per point, otherwise as in
-    the previous figure. Not in the thesis.
+    figure ``truth_rd``.
     """
     return draw_references(metrics, scan_errors, CD_POINT, style)
 
@@ -82,8 +81,8 @@ def draw_truth_chamfer_point(
 def draw_truth_hausdorff(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Squared Hausdorff distance (point to plane, squared grid units) against bits per point: to
-    the coded scan, and to the true surface. Otherwise as ``truth_rd``. Not in the thesis.
+    """Squared Hausdorff distance (point to plane, squared grid units) against bits per point,
+    otherwise as in figure ``truth_rd``.
     """
     return draw_references(metrics, scan_errors, HD_PLANE, style)
 
@@ -96,9 +95,9 @@ def draw_truth_hausdorff(
 def draw_truth_accuracy(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Mean squared distances (point to plane, squared grid units) against bits per point: of
-    decoded points to the true surface (accuracy), and of its true points to the decoded cloud
-    (completeness). Otherwise as ``truth_rd``. Not in the thesis.
+    """Mean squared distances (point to plane, squared grid units) against bits per point: from
+    decoded points to the true surface (accuracy), and from true points to the decoded cloud
+    (completeness). Otherwise as in figure ``truth_rd``.
     """
     return _draw_distances(metrics, scan_errors, _DIRECTIONS, style)
 
@@ -106,9 +105,9 @@ def draw_truth_accuracy(
 def draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
-    """Draw two panels for each data set: distances to the coded scan, and to the true surface.
+    """Draw two panels for each data set: distances to the original scan, and to the true surface.
 
-    `metric` is the distance to the coded scan; the column ``truth_...`` contains the other.
+    `metric` is the distance to the scan; columns ``truth_...`` are to the surface.
     """
     references = {
         title: replace(metric, column=f"{prefix}{metric.column}")

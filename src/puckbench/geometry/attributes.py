@@ -13,24 +13,24 @@ Attributes = Mapping[str, NDArray[Any]]
 REFLECTANCE, COLOUR = "reflectance", "colour"
 _MOST_REFLECTANCE = 0xFFFF
 _FIELDS = (REFLECTANCE, "reflectivity", "intensity")
-"""Fields that hold the reflectance, the first that a cloud has."""
+"""Names of reflectance fields, in order of preference."""
 
 
 def attribute_of(name: str) -> str:
-    """Return the attribute that a field's name, or ``colours``, stands for."""
+    """Return the attribute of a field's name or of ``colours``."""
     if name.lower() in _FIELDS:
         return REFLECTANCE
     return COLOUR if name == "colours" else name
 
 
 def reflectance_field(cloud: PointCloud) -> str | None:
-    """Return the name of the field that holds the reflectance, None if there is none."""
+    """Return the name of the field that holds the reflectance, or None."""
     names = {name.lower(): name for name in cloud.fields}
     return next((names[name] for name in _FIELDS if name in names), None)
 
 
 def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
-    """Return the reflectances (n,), of the returns or of a field, and the colours (n, 3)."""
+    """Return the reflectances (n,), from the returns or from a field, and the colours (n, 3)."""
     attributes: dict[str, NDArray[Any] | None] = {
         REFLECTANCE: None if cloud.returns is None else cloud.returns.reflectivities(),
         COLOUR: cloud.colours,
@@ -59,7 +59,7 @@ def coded_sizes(sizes: Mapping[str, int]) -> dict[str, int]:
 
 
 def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
-    """Return the names of colours and fields of a cloud that are not among coded attributes."""
+    """Return the names of a cloud's colours and fields that are not coded attributes."""
     field = reflectance_field(cloud)
     held = {name: attribute for attribute, name in ((COLOUR, "colours"), (REFLECTANCE, field))}
     names = [*(["colours"] if cloud.colours is not None else []), *cloud.fields]
@@ -70,6 +70,6 @@ def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
 
 
 def cloud_with(points: Floats, attributes: Attributes) -> PointCloud:
-    """Return a cloud of points (n, 3) with colours, and other attributes as fields."""
+    """Return a cloud of points (n, 3) with colours; other attributes become fields."""
     fields = {name: values for name, values in attributes.items() if name != COLOUR}
     return PointCloud(points, colours=attributes.get(COLOUR), fields=fields)

@@ -1,6 +1,6 @@
 """Nearest neighbour search that stops after a maximum number of visited points and boxes.
 
-The limit keeps clouds from blocking a decoder: a query at a sphere's centre visits all points.
+The limit bounds a decoder's time: a query at a sphere's centre would visit all its points.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from puckbench.geometry.spatial_order import Rows
 
 
 def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[Floats, Rows] | None:
-    """Return the distance and the index of the nearest point of each query, (m,) each.
+    """Return the distances and indices (m,) of the points nearest to queries (m, 3).
 
-    Return None if all queries (m, 3) together visit more than `max_visits` points and boxes.
+    Return None if the queries together visit more than `max_visits` points and boxes.
     """
     squared, places = np.empty(len(queries)), np.empty(len(queries), np.int64)
     if _search(queries, points, max_visits, squared, places) > max_visits:

@@ -1,4 +1,4 @@
-"""Exact search of the two nearest points of many queries: two trees of bounding boxes.
+"""Exact search for the two points nearest to each query, with two trees of bounding boxes.
 
 The queries of a leaf (about twenty) descend the tree of the points together.
 """
@@ -18,17 +18,16 @@ from puckbench.geometry.spatial_order import Rows
 SAME_DISTANCE = 1e-8
 """Squared distances that differ by less are equal (similarPointThreshold of MPEG's pc_error)."""
 MARGIN = 4 * SAME_DISTANCE
-"""Squared distances up to this above the smallest are kept: two further ties and rounding."""
+"""Points within this of the smallest squared distance are kept: two ties and rounding."""
 LEAVES_AT_ONCE = 1024
 
 
 class NearestTwo(NamedTuple):
-    """Nearest points of m queries, with the smallest squared distances (m,).
+    """Nearest points of m queries, and their squared distances (m,).
 
-    ``rows`` (m, 2) are indices of two points at this distance; without a tie, the same point twice.
-    ``ties`` (m,) are the numbers of points whose squared distances, in order, differ by less than
-    `SAME_DISTANCE` (1: no tie, 3: three or more), and ``exact`` (m,) those of points exactly at the
-    smallest.
+    ``rows`` (m, 2) are indices of two nearest points; without a tie, the same point twice. ``ties``
+    (m,) count the points whose squared distances, in order, differ by less than `SAME_DISTANCE` (1:
+    no tie, 3: three or more); ``exact`` (m,) count those exactly at the smallest.
     """
 
     squared: Floats

@@ -9,7 +9,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import KEY_BITS, Keys, Rows, morton_keys, sort_keys
 
 LEAF_SIZE = 24
-"""Largest number of points in a leaf; 16 and 48 are at most 15 % slower on scans of rooms."""
+"""Largest number of points in a leaf; 16 and 48 are at most 15 % slower on room scans."""
 
 
 class BoxTree(NamedTuple):
@@ -22,13 +22,13 @@ class BoxTree(NamedTuple):
     rows
         Index of each column in the input array, (n,).
     starts, ends
-        Node i contains the columns ``starts[i]`` to ``ends[i]``.
+        Node i contains the columns ``starts[i]`` to ``ends[i] - 1``.
     first, children
         Node i has ``children[i]`` child nodes from ``first[i]`` on.
     boxes
-        Bounding boxes, (nodes, 6).
+        Bounding boxes, (nodes, 6): lowest, then highest corner.
     leaves
-        Nodes without children, in Morton order.
+        Indices of nodes without children, in Morton order.
     largest, depth
         Number of points in the largest leaf; number of levels.
     """

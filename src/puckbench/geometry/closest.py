@@ -1,6 +1,6 @@
 """Closest points on a triangle mesh.
 
-The closest triangle is searched in single precision, the point on it computed in double.
+The closest triangle is searched in single, the point on the triangle computed in double precision.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from puckbench.geometry.mesh import Mesh
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points (m, 3) on a mesh, unit normals (m, 3) and indices (m,) of their triangles."""
+    """Points (m, 3) on a mesh; unit normals (m, 3) and indices (m,) of the points' triangles."""
 
     xyz: Floats
     normals: Floats
@@ -33,7 +33,7 @@ def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float,
 class SearchableMesh:
     """A triangle mesh with a search structure (Embree, single precision) for closest triangles.
 
-    At a shared edge, any of its triangles may be the closest.
+    At a shared edge, either triangle may be the closest.
     """
 
     def __init__(self, mesh: Mesh) -> None:

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 CoordinateFrame = Literal["scaled", "metric"]
-"""Coordinates are scaled to a cube of integer grid positions, or metric (metres)."""
+"""Frame of coordinates: scaled to a cube of integer grid positions, or metric (metres)."""
 _INTEGER_LIMIT = 2**53
-"""Integers below are exact in double precision."""
+"""Integers below this are exact in double precision."""
 
 
 class _VoxelGrid(Model, extra="ignore"):
@@ -85,7 +85,7 @@ class PointCloud:
 
     @property
     def frame(self) -> CoordinateFrame | None:
-        """Coordinate frame: scaled or metres; None if the description has no ``size``."""
+        """Coordinate frame; None if the description has no ``size``."""
         size = self.about.get("size")
         if size is None:
             return None
@@ -93,7 +93,7 @@ class PointCloud:
 
     @property
     def peak(self) -> float | None:
-        """Peak value of MPEG's PSNRs, in the cloud's unit, or None if unknown."""
+        """Peak of MPEG's PSNRs, in the cloud's unit; None if unknown."""
         if self.frame == "scaled":
             return float(self.about["size"]) - 1
         peak = self.about.get("peak")
@@ -103,7 +103,7 @@ class PointCloud:
         return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """Return the points that a mask or indices select, without the sensor's returns."""
+        """Return the points that a mask or indices select, without `returns`."""
         return replace(
             self,
             xyz=self.xyz[rows],
@@ -127,7 +127,7 @@ def bounds(points: Floats) -> Floats:
 
 
 _SMALLEST_EXTENT, _LARGEST_COORDINATE = 1e-30, 1e30
-"""Fourth powers of lengths between these neither underflow nor overflow."""
+"""Fourth powers of lengths between these limits neither underflow nor overflow."""
 
 
 def check_extent(points: Floats, source: str) -> None:
@@ -147,7 +147,7 @@ def check_extent(points: Floats, source: str) -> None:
 def check_points(points: Floats, source: str) -> None:
     """Raise InputError unless the points are a non-empty, finite (n, 3) array.
 
-    `source` begins the message.
+    The message begins with `source`.
     """
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{source}: expected points of shape (n, 3), got {points.shape}")

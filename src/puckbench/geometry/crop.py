@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from puckbench.geometry.cloud import Floats
 
 MARGIN_M = 1e-6
-"""A wall that lies on a face of the box is inside, despite rounding."""
+"""Margin, in metres, that keeps walls on a face of the box despite rounding."""
 
 
 def inside_box(points: Floats, box: Floats, margin: float = MARGIN_M) -> NDArray[np.bool_]:

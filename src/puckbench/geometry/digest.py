@@ -7,11 +7,11 @@ import numpy as np
 from puckbench.geometry.cloud import Floats
 
 _STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
-"""Rounding to thousandths of a grid unit, or to micrometres."""
+"""Steps to which coordinates are rounded: thousandths of a grid unit, or micrometres."""
 
 
 def cloud_digest(points: Floats, metric: bool = False) -> str:
-    """Return a digest of a cloud, to recognise results on the same cloud.
+    """Return a digest that identifies a cloud.
 
     It is 32 hexadecimal digits of the SHA-256 of the ordered coordinates (n, 3), rounded because
     processors may differ in the last bits.

@@ -7,10 +7,10 @@ from puckbench.geometry.cloud import Floats
 
 _LOG = logging.getLogger(__name__)
 LARGEST_M, SMALLEST_M = 1000.0, 0.05
-"""A room in millimetres spans thousands of units, while a sensor reaches 300 m; objects below 5 cm
+"""Rooms in millimetres span thousands of units, while a sensor reaches 300 m; objects below 5 cm
 are smaller than the errors of a spinning sensor."""
 _SURVEY_SUFFIXES = (".las", ".laz", ".e57")
-"""Formats that define their unit; their clouds may span kilometres."""
+"""Formats that define the unit; clouds in them may span kilometres."""
 
 
 def warn_of_implausible_extent(path: Path, box: Floats) -> None:

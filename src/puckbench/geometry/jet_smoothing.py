@@ -9,10 +9,10 @@ LEAST_NEIGHBOURS = 6
 
 
 def smooth_by_jets(points: Floats, neighbours: int) -> Floats:
-    """Project points (n, 3) onto quadrics that are fitted to their nearest neighbours, by CGAL.
+    """Project points (n, 3) onto quadrics that CGAL fits to their nearest neighbours.
 
-    Clouds with fewer points than `LEAST_NEIGHBOURS` stay as they are, and so do points that the fit
-    would move farther than their most distant neighbour, for example points on a line.
+    Points that would move farther than their most distant neighbour, for example points on a line,
+    and clouds with fewer points than `LEAST_NEIGHBOURS` are unchanged.
 
     References
     ----------

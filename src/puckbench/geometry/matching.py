@@ -16,11 +16,11 @@ class Match(NamedTuple):
     Parameters
     ----------
     rows
-        (m,) index of the original point of each decoded one; -1: none within `reach`.
+        (m,) index of each decoded point's original point; -1 if none lies within `reach`.
     by
-        Whether points were matched by their order or by their positions.
+        Whether points were matched by order or by position.
     unused
-        Number of original points that no decoded point matches.
+        Number of original points that match no decoded point.
     reach
         Largest distance of a decoded point from its original.
     """
@@ -32,17 +32,17 @@ class Match(NamedTuple):
 
     @property
     def unmatched(self) -> int:
-        """Number of decoded points without an original one."""
+        """Number of decoded points without an original point."""
         return int(np.count_nonzero(self.rows < 0))
 
 
 def match_points(original: Floats, decoded: Floats, reach: float | None = None) -> Match:
-    """Find the original point of each decoded point, to give it the original's attributes.
+    """Find the original point of each decoded point, which takes the original's attributes.
 
-    Equally many decoded and original points, each within `reach` of that with the same index, have
-    the same order. Otherwise an original point belongs to the nearest decoded position. A position
-    with several gets the nearest, or as many as there are decoded points at the position; one
-    without any gets the original point nearest to it.
+    If points are equally many, and all pairs with equal index lie within `reach`, they match by
+    index. Otherwise each original point belongs to the nearest decoded position. The k decoded
+    points at a position match the (up to k) nearest of its original points; remaining decoded
+    points match the nearest original point within `reach`.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def match_points(original: Floats, decoded: Floats, reach: float | None = None) 
         Points (n, 3) and (m, 3), at least one of each.
     reach
         Largest distance of a decoded point from its original; by default the largest distance of an
-        original point from its nearest decoded one.
+        original point from the nearest decoded point.
     """
     from pykdtree.kdtree import KDTree
 

@@ -1,4 +1,4 @@
-"""Triangle meshes whose triangles may have labels: object and geometric primitive."""
+"""Triangle meshes, optionally labelled with the object and the primitive of each triangle."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from puckbench.geometry.cloud import Floats
 
 _POSITIONS = ("point", "centre", "apex")
 _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
-"""Parameters of primitives that are positions, and those that are lengths."""
+"""Parameters of primitives that are positions, or lengths."""
 
 
 @dataclass(frozen=True)
 class Primitive:
-    """A geometric primitive on which a part of a surface lies (thesis section 7).
+    """A geometric primitive on which a part of a surface lies (thesis, section 7).
 
     `kind` is "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
     `parameters` are in world coordinates (metres, radians); directions are unit vectors. Plane:
@@ -34,7 +34,7 @@ class Primitive:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object in a scene: name (``"chair_3"``) and semantic class (``"chair"``)."""
+    """An object in a scene: a name (``"chair_3"``) and a semantic class (``"chair"``)."""
 
     name: str
     semantic: str
@@ -68,7 +68,7 @@ class Mesh:
         return np.asarray(np.linalg.norm(self._doubled_areas(), axis=1) / 2)
 
     def normals(self) -> Floats:
-        """Return the triangles' unit normals (t, 3), which are zero for triangles without area."""
+        """Return the triangles' unit normals (t, 3); triangles without area have zero normals."""
         doubled = self._doubled_areas()
         lengths = np.linalg.norm(doubled, axis=1, keepdims=True)
         return np.asarray(
@@ -85,8 +85,7 @@ class Mesh:
 
 
 def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Transform a primitive from a scaled frame to metres by ``metres = scaled / scale +
-    offset``."""
+    """Transform a primitive from a scaled frame: ``metres = scaled / scale + offset``."""
     parameters = dict(primitive.parameters)
     for name in _LENGTHS:
         if name in parameters:
@@ -119,8 +118,7 @@ def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
-    """Raise InputError for a mesh without area, with invalid indices, or with non-finite
-    vertices."""
+    """Raise InputError for a mesh without area, with invalid indices or non-finite vertices."""
     if len(mesh.triangles) == 0:
         raise InputError(f"{source}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):

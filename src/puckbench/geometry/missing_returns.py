@@ -11,21 +11,21 @@ _MIN_SHARE = 1e-3
 _MIN_RATIO = 2
 _MIN_RINGS = 3
 _POSITION_M = 1e-4
-"""Nearer positions are equal: rounding errors of a rotation in single precision."""
+"""Nearer positions are equal, because rotations in single precision round."""
 _NEAR_POSITION_M = 0.05
-"""A car moves less between two columns that each have several firings without a return."""
+"""A car moves less between neighbouring columns of missing returns."""
 _MAX_MOTION_M = 4.0
-"""Largest motion in one frame: 80 m/s at 20 frames a second."""
+"""Largest motion in one frame: 80 m/s at 20 Hz."""
 _MIN_RANGE_M = 0.2
-"""Shortest range that any spinning LiDAR measures."""
+"""Shortest range of spinning LiDARs."""
 
 
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
-    """Return the mask (n,) of points for laser firings without a return.
+    """Return the mask (n,) of points that stand for laser firings without a return.
 
-    They have no coordinates, or lie at the origin. In an organised cloud (an image), all such
-    points count. In others, points at the origin count only if they are more than one in a
-    thousand, and more than twice as many as coincide at any other position.
+    Such points have no coordinates, or lie at the origin. In an organised cloud (an image) all of
+    them count; in others, points at the origin count only if they are more than one in a thousand,
+    and more than twice as many as coincide at any other position.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))
@@ -44,7 +44,7 @@ def _zeros_are_missing(xyz: Floats, zero: Mask) -> bool:
 
 
 def missing_firings(xyz: Floats, rings: NDArray[np.generic]) -> Mask:
-    """Return the mask (n,) of a frame's points for laser firings without a return.
+    """Return the mask (n,) of a frame's points that stand for laser firings without a return.
 
     Data sets such as nuScenes store these at range 0; motion compensation moves them by decimetres,
     all lasers of a firing alike. The mask contains points within 5 cm of a position that three

@@ -82,8 +82,9 @@ def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz:
 def _null_vector(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Floats
 ) -> None:
-    """Write the unit null vector of a singular symmetric 3x3 matrix: the longest cross product of
-    two rows.
+    """Write the unit null vector of a singular symmetric 3x3 matrix.
+
+    The vector is the longest cross product of two rows.
     """
     best = 0.0
     out[0], out[1], out[2] = 0.0, 0.0, 1.0

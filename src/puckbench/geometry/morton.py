@@ -26,7 +26,7 @@ AXES_BITS = np.array(
 
 @inlined
 def first_child_code(morton: int, axes: int) -> int:
-    """Return the code of a node's first child, on an octree level that splits `axes` (bit mask)."""
+    """Return the code of a node's first child on an octree level that splits `axes` (bit mask)."""
     if axes == 7:
         return morton << 3
     split: int = AXES_BITS[axes]
@@ -44,7 +44,7 @@ def parent_code(morton: int, axes: int) -> int:
 
 @inlined
 def compact_bits(bits: int) -> int:
-    """Return every third bit, starting with the lowest, as adjacent bits."""
+    """Move every third bit, starting with the lowest, to adjacent bits."""
     bits &= Z_BITS
     bits = (bits | bits >> 2) & 0x10C30C30C30C30C3
     bits = (bits | bits >> 4) & 0x100F00F00F00F00F
@@ -55,7 +55,7 @@ def compact_bits(bits: int) -> int:
 
 @inlined
 def spread_bits(bits: int) -> int:
-    """Move adjacent bits to every third bit, starting with the lowest (see `compact_bits`)."""
+    """Move adjacent bits to every third bit; inverse of `compact_bits`."""
     bits = (bits | bits << 32) & 0x001F00000000FFFF
     bits = (bits | bits << 16) & 0x001F0000FF0000FF
     bits = (bits | bits << 8) & 0x100F00F00F00F00F
@@ -78,7 +78,7 @@ def morton_codes(points: Ints, axes: Ints) -> Ints:
 
 @compiled
 def morton_points(codes: Ints, axes: Ints, origin: Ints) -> Ints:
-    """Return the points (n, 3) of codes (n,), plus an origin (3,)."""
+    """Return the points (n, 3) of codes (n,), shifted by an origin (3,)."""
     points = np.empty((len(codes), 3), dtype=np.int64)
     shifts = 2 - axes
     for i in range(len(codes)):

@@ -21,7 +21,7 @@ Rows = NDArray[np.int64]
 Indices = NDArray[np.uint32]
 
 FIRST_K, K_STEP, MAX_K = 10, 5, 30
-"""Number of neighbours that pc_error searches; it searches more while all of them tie."""
+"""Numbers of neighbours in pc_error's first search, and added while all tie, up to `MAX_K`."""
 LEAF_SIZE = 16
 
 
@@ -102,7 +102,7 @@ def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats
 
 @compiled
 def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
-    """Return numbers of neighbours that tie by pc_error's rule, and exactly, (m,) each."""
+    """Return the numbers (m,) of neighbours that tie by pc_error's rule, and that tie exactly."""
     m, k = squared.shape
     counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
     for i in range(m):

@@ -9,7 +9,7 @@ from puckbench.geometry.spatial_order import morton_order
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
     """Estimate unit normals (n, 3) of arbitrary sign from nearest neighbours (thesis, 6.1.2).
 
-    Open3D computes them. If there are fewer than three points, normals are (0, 0, 1).
+    Open3D computes the normals; for fewer than three points they are (0, 0, 1).
     """
     import open3d as o3d
 

@@ -19,13 +19,13 @@ _MIN_STD_M = 1e-9
 
 @dataclass(frozen=True)
 class Plane:
-    """The points x with ``normal @ x == offset``; the normal has length 1."""
+    """A plane: the points x with ``normal @ x == offset``; the normal has length 1."""
 
     normal: Floats
     offset: float
 
     def distances(self, points: Floats) -> Floats:
-        """Return signed distances (n,), positive on the normal's side."""
+        """Return points' signed distances (n,), positive on the normal's side."""
         return np.asarray(points @ self.normal - self.offset)
 
     def facing(self, point: Floats) -> Plane:
@@ -66,10 +66,10 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Fit a plane to points (n, 3) repeatedly, each time to the inliers of the previous plane.
+    """Fit a plane to points (n, 3) repeatedly, each time to the previous plane's inliers.
 
     Inliers lie within `sigmas` robust standard deviations of the median distance. The fit ends
-    after `rounds`, or when they do not change. Returns the plane and the inliers' mask (n,).
+    after `rounds`, or when the inliers do not change. Returns the plane and the inlier mask (n,).
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):

@@ -20,7 +20,7 @@ _BACKGROUND = 255.0
 class View:
     """A camera at `eye` that looks at `target`, with a vertical field of view.
 
-    It is orthographic if `height`, the image's height in scene units, is set.
+    The camera is orthographic if `height`, the image's height in scene units, is set.
     """
 
     eye: Vector
@@ -30,7 +30,7 @@ class View:
     height: float | None = None
 
     def axes(self) -> tuple[Floats, Floats, Floats]:
-        """Return the camera's unit vectors right, up and forward."""
+        """Return the camera's right, up and forward unit vectors."""
         forward = _unit(np.subtract(self.target, self.eye))
         right = np.cross(forward, np.asarray(self.up, dtype=np.float64))
         if np.linalg.norm(right) < 1e-9:
@@ -39,13 +39,13 @@ class View:
         return right, np.cross(right, forward), forward
 
     def half_extent(self) -> float:
-        """Half the image's height in scene units, at distance 1 in a perspective view."""
+        """Half the image's height in scene units (in a perspective view, at distance 1)."""
         if self.height is not None:
             return self.height / 2
         return float(np.tan(np.radians(self.field_of_view_deg) / 2))
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
-        """Return column, row and depth (n, 3) of points (n, 3)."""
+        """Return the columns, rows and depths (n, 3) of points (n, 3) in the image."""
         right, up, forward = self.axes()
         local = (points - np.asarray(self.eye)) @ np.stack([right, up, forward], axis=1)
         depth = local[:, 2]
@@ -63,7 +63,7 @@ def three_quarter_view(
     aspect: float = 4 / 3,
     field_of_view_deg: float = 35.0,
 ) -> View:
-    """Return the closest perspective view that shows a whole box (2, 3) from a direction."""
+    """Return the closest perspective view from a direction that shows a whole box (2, 3)."""
     azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
     direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(elevation)
     direction[2] = np.sin(elevation)
@@ -88,8 +88,8 @@ def render_cloud(
 ) -> Image:
     """Draw points (n, 3) as discs with a depth buffer; return an image (height, width, 3).
 
-    Colours are RGB (n, 3), or grey by default; sizes are in pixels; `shade` applies eye-dome
-    lighting (darker pixels behind near ones).
+    Colours are RGB (n, 3), by default grey. Sizes are in pixels. `shade` applies eye-dome lighting,
+    which darkens pixels behind nearer ones.
     """
     width, height = size
     if colours is None:
@@ -114,7 +114,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return each pixel's brightness: 1, or less (down to 0.35) far behind its neighbours."""
+    """Return each pixel's brightness: 1, or down to 0.35 for pixels far behind their neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

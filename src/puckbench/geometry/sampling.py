@@ -7,9 +7,9 @@ from puckbench.geometry.mesh import Mesh
 
 
 def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:
-    """Draw points uniformly by area (Osada et al. 2002, equation 1; thesis section 6.1.1).
+    """Draw points uniformly by area (Osada et al. 2002, equation 1; thesis, section 6.1.1).
 
-    They get the normals and primitive labels of their triangles.
+    Points get their triangles' normals and primitive labels.
     """
     cumulative = np.cumsum(mesh.areas())
     where = rng.random(points) * cumulative[-1]

@@ -9,13 +9,13 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, bounds
 
 GRID = "grid"
-"""Instead of a size: the voxel grid of the cloud's description."""
+"""Value of a size: coordinates on the voxel grid of the cloud's description."""
 METRIC = "metric"
-"""Instead of a size: metres, in the original coordinate frame."""
+"""Value of a size: metres in the original coordinate frame."""
 FAR_M = 1000.0
-"""Metric clouds are shifted along an axis if all their points lie farther from its origin."""
+"""Metric clouds are shifted along an axis if all points lie farther than this from its origin."""
 _GRID_TOLERANCE = 1e-3
-"""In voxels; far above rounding errors of the conversion to metres and back."""
+"""Largest distance from the grid, in voxels, far above rounding errors of conversions."""
 
 
 class Scaling(NamedTuple):
@@ -34,7 +34,7 @@ class Scaling(NamedTuple):
 def origin_shift(points: Floats) -> Floats:
     """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin.
 
-    It is 0 along axes on which the points are within `FAR_M`.
+    The shift is 0 along axes on which a point lies within `FAR_M`.
     """
     low, high = bounds(points)
     nearest = np.where(low > 0, low, np.where(high < 0, high, 0.0))
@@ -44,8 +44,7 @@ def origin_shift(points: Floats) -> Floats:
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
     """Return the scaling of points (n, 3), m, to [0, size - 1]^3, as in PCC Arena (thesis, 6.1.6).
 
-    Each axis's minimum is subtracted; then all are multiplied by (size - 1) / the largest
-    coordinate.
+    Subtract each axis's minimum; then multiply by (size - 1) / the largest coordinate.
     """
     offset = points.min(axis=0)
     extent = float((points.max(axis=0) - offset).max())

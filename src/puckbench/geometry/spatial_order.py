@@ -1,6 +1,6 @@
 """Sorting of points along a Morton curve, and removal of duplicates.
 
-Neighbours on the curve are close in space: the processor's cache speeds up searches fourfold.
+Neighbours on the curve are close in space, so that caching speeds up searches fourfold.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DIGIT_MASK = (1 << DIGIT_BITS) - 1
 
 
 def distinct_points(points: Floats) -> tuple[Rows, Floats]:
-    """Return the distinct points (m, 3), in Morton order, after their indices (m,).
+    """Return the indices (m,) and coordinates (m, 3) of the distinct points, in Morton order.
 
     Of equal points, the first is kept.
     """
@@ -46,7 +46,7 @@ def morton_order(points: Floats) -> Rows:
 
 @compiled
 def morton_keys(points: Floats) -> Keys:
-    """Return Morton keys (n,) of points (n, 3) in a cube of 65,536 cells per axis."""
+    """Return Morton keys (n,) of points (n, 3) in their bounding cube of 65,536 cells per axis."""
     lowest, highest = bounding_corners(points)
     extent = np.max(highest - lowest)
     return _keys_in_cube(points, lowest, (VOXELS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
@@ -76,9 +76,7 @@ def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Key
 
 @compiled
 def sort_keys(keys: Keys) -> Rows:
-    """Sort keys in [0, 2^48) in place, by a stable radix sort, and return their previous indices
-    (n,).
-    """
+    """Sort keys (n,) in [0, 2^48) in place by stable radix sort; return their previous indices."""
     order = np.arange(len(keys))
     if np.all(keys[1:] >= keys[:-1]):
         return order

@@ -10,7 +10,6 @@ from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.moments import MOMENT_COUNT, add_point, fit_plane
 
 _MIN_VOXELS = 4
-"""Smallest number of voxels that a plane is fitted to."""
 _BITS = 21
 """Bits of a block coordinate in a key."""
 _BLOCKS_PER_TASK = 16384
@@ -19,9 +18,9 @@ _BLOCKS_PER_TASK = 16384
 class TangentPlanes(NamedTuple):
     """Tangent planes at m voxels; lengths are in voxels.
 
-    ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are signed distances
-    of the voxels from their planes, ``thickness`` (m,) root mean square distances of all fitted
-    voxels, and ``counts`` (m,) their numbers.
+    ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are the voxels'
+    signed distances from their planes. A plane is fitted to ``counts`` (m,) voxels, at root mean
+    square distances ``thickness`` (m,).
     """
 
     normals: Floats
@@ -33,7 +32,7 @@ class TangentPlanes(NamedTuple):
 def fit_tangent_planes(voxels: Ints, block: int = 1) -> TangentPlanes:
     """Fit planes to distinct voxels (m, 3), one for each block of `block` voxels a side.
 
-    The plane of a block is fitted to its voxels and those of the 26 blocks around it.
+    A block's plane is fitted to the voxels in the block and in the 26 blocks around it.
     """
     blocks = voxels // block
     blocks = blocks - blocks.min(axis=0) + 1

@@ -1,4 +1,4 @@
-"""Vectors of three numbers for compiled loops: tuples, which need no heap memory."""
+"""Vectors of three numbers for compiled loops, as tuples, which need no heap memory."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""G-PCC (ISO/IEC 23090-9:2023), compatible with TMC13: geometry and attributes of point clouds.
+"""Point cloud codec G-PCC (ISO/IEC 23090-9:2023): geometry and attributes.
 
-Names are those of the standard and of TMC13 release-v14.0, its reference software. Damaged streams
-and points that cannot be encoded raise `puckbench.core.errors.InputError`.
+Streams and names are those of TMC13 release-v14.0, the reference software. Damaged or unsupported
+streams, and points that cannot be encoded, raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,9 +1,9 @@
 """Angular mode: contexts from the lasers of a spinning sensor.
 
-The elevation of a laser predicts the occupied half of a node along z, the azimuth of its last shot
-the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
-`AzimuthalPhiZi` in TMC13). Elevations are tangents in units of 2^-18, heights are in eighths of a
-coding unit, azimuths in units of 2^-20 radians, inverse distances in units of 2^-32.
+A laser's elevation predicts which half of a node is occupied along z; the azimuth of the laser's
+last shot predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
+`AzimuthalPhiZi` in TMC13). Units: 2^-18 for tangents of elevations, 1/8 coding unit for heights,
+2^-20 radians for azimuths, 2^-32 for inverse distances.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from puckbench.gpcc.fixed_point import TURN, arc_tangent, int32, inverse_square_
 Ints = NDArray[np.int64]
 
 NO_LASER = 255
-"""Laser of a node that is too large to be assigned to one laser."""
+"""Laser index of nodes too large to be assigned to one laser."""
 FARTHEST = 1 << 22
 """Largest coordinate of the sensor relative to a slice's origin; TMC13 overflows beyond it."""
 
@@ -31,11 +31,12 @@ _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """A sensor relative to a slice, and the azimuth of each laser's last shot.
+    """State of a sensor, with its position (`origin`) relative to a slice.
 
-    height: negative heights of the lasers (`syntax.Laser.z`).
+    height: negated heights of the lasers (`syntax.Laser.z`).
     least_gap: smallest difference between two lasers' elevations.
-    step, steps: azimuth between two shots, and its inverse in units of 2^-30.
+    step, steps: azimuth between two shots of each laser, and its inverse in units of 2^-30.
+    azimuth: azimuth of each laser's last shot.
     fault: (1,) nonzero if a stream's laser index is out of range.
     """
 
@@ -78,8 +79,10 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the tangent of the elevation of a point at a height, in half units, and distance 1 /
-    `root`.
+    """Return the tangent of a point's elevation.
+
+    height: the point's height, in half coding units.
+    root: inverse horizontal distance.
     """
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
@@ -87,7 +90,7 @@ def tangent_of(height: int, root: int) -> int:
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Return the tangent of the elevation of a laser's beam at distance 1 / `root`."""
+    """Return the tangent of a laser's elevation, seen from `origin`, at the distance 1 / `root`."""
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)
@@ -117,7 +120,7 @@ def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
 
 @inlined
 def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
-    """Return the azimuth of the shot nearest to `azimuth`, extrapolated from the laser's last."""
+    """Return the shot azimuth nearest to `azimuth`, extrapolated from the laser's last shot."""
     last = angular.azimuth[laser]
     if last == _NO_AZIMUTH:
         return azimuth
@@ -129,8 +132,8 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
     """Return the context of a bit that selects a half of a node along x or y.
 
-    left, right: azimuth of each half minus the predicted azimuth.
-    contrast: log2 of the ratio above which they are very different.
+    left, right: azimuths of the two halves minus the predicted azimuth.
+    contrast: log2 of the ratio of their magnitudes above which the context differs.
     """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
@@ -142,8 +145,9 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context of a bit that selects a half of a node along z; `difference` is the
-    laser's elevation minus that of the node's middle.
+    """Return the context of a bit that selects a half of a node along z.
+
+    difference: the laser's elevation minus the elevation of the node's middle.
     """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
@@ -199,8 +203,9 @@ def plane_angles(
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
     """Return the axes (1 x, 2 y, 4 z) along which a node's planes are coded in angular mode.
 
-    They have an angular context; z may also be eligible without one. `axes` (4 x, 2 y, 1 z) are
-    those that the level splits.
+    These axes have an angular context; z may be eligible without one.
+
+    axes: split axes (4 x, 2 y, 1 z).
     """
     result = eligible_axes & 4
     result |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2

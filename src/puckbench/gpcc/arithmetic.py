@@ -1,7 +1,7 @@
-"""Adaptive binary arithmetic encoder and decoder of G-PCC (ISO/IEC 23090-9).
+"""Adaptive binary arithmetic encoder and decoder of G-PCC.
 
-With an `Encoder`, coding functions encode and return their argument; with a `Decoder`, they return
-the decoded value. A context is the probability of a zero in 16 bits, as in the
+With an `Encoder`, coding functions encode a value and return it; with a `Decoder`, they ignore the
+argument and return the decoded value. A context is a 16-bit probability of a zero, as in the
 Schroedinger coder (`schroarith`) of TMC13.
 """
 
@@ -22,7 +22,7 @@ State = tuple[int, int, int, int]
 
 HALF = 0x8000
 PADDING = 8
-"""Bytes that a decoder may read beyond the end of its stream."""
+"""Maximum number of bytes read beyond a stream's end."""
 
 _FALLS = ADAPTATION.astype(np.int64)
 _RISES = ADAPTATION[::-1].astype(np.int64)
@@ -33,7 +33,8 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 class Encoder(NamedTuple):
     """Arithmetic encoder.
 
-    state: lower end and range of the interval; bits of the lower end beyond 16; bytes written.
+    state: lower end and range of the interval; number of bits of the lower end beyond 16; number
+        of bytes written.
     """
 
     state: NDArray[np.int64]
@@ -43,9 +44,9 @@ class Encoder(NamedTuple):
 class Decoder(NamedTuple):
     """Arithmetic decoder.
 
-    state: code value; range; bits of the code value beyond 16; bytes read; bytes of the stream; 1
-    if bypass bits are in `bypass`, 0 if in the stream; index of the next bit in `bypass`.
-    bypass: bypass bits of a separate stream, one per byte.
+    state: code value; range; number of bits of the code value beyond 16; numbers of bytes read and
+        in the stream; 1 if there is a `bypass`, otherwise 0; index of the next bit in `bypass`.
+    bypass: bypass bits of a separate stream, one bit per byte.
     """
 
     state: NDArray[np.int64]
@@ -263,7 +264,7 @@ def code_bypass(coder: Any, bit: int) -> int:
 def code_exp_golomb(
     coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int, order: int = 0
 ) -> int:
-    """Encode or decode an Exp-Golomb code; its prefix bits, at most 24, share a context."""
+    """Encode or decode an Exp-Golomb code; the prefix bits, at most 24, share a context."""
     base = 0
     while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
         base += 1 << order

@@ -1,6 +1,7 @@
-"""Sorting of points by azimuth, radius and slope (height / radius) in the order of TMC13.
+"""Sorting of points by azimuth, radius and slope (height / radius), as in TMC13.
 
-TMC13 uses an unstable ``std::sort``, the introsort of the GNU C++ library.
+Points with equal keys have the order of TMC13's unstable ``std::sort``, the introsort of the GNU
+C++ library.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ _DEEPEST = 128
 
 
 def azimuth_order(around: Ints, precision: float) -> Ints:
-    """Return the indices (n,) that sort points (n, 3), which are relative to the sensor.
+    """Return the indices (n,) that sort points.
 
+    around: (n, 3) points relative to the sensor.
     precision: azimuth steps per radian, or 0 for exact azimuths.
     """
     keys = np.empty((len(around), 3))
@@ -48,7 +50,7 @@ def _fill_keys(around: Ints, precision: float, keys: Keys) -> None:
 
 @entry
 def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
-    """Sort `rows` in place; return False if quicksort needs too many partitions."""
+    """Sort `rows` by their keys, in place; return False if quicksort partitions too deeply."""
     depth, limit = 1, 0
     while len(rows) >> limit > 1:
         limit += 1

@@ -1,6 +1,6 @@
 """Bitwise reading and writing of syntax elements.
 
-One function reads a structure with a `BitReader`, and writes it with a `BitWriter`. Methods are
+The same function reads a structure with a `BitReader` and writes it with a `BitWriter`. Methods are
 named after the standard's descriptors u(n), ue(v) and se(v).
 """
 
@@ -16,7 +16,7 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Reader or writer of the attribute `name` of a `record`; n is a number of bits."""
+    """Reader or writer; methods process the attribute `name` of a `record` in `n` bits."""
 
     writing: bool
 
@@ -87,7 +87,7 @@ class BitWriter(SyntaxElements):
 
 
 class BitReader(SyntaxElements):
-    """Reads syntax elements; raises InputError past the end."""
+    """Reader of syntax elements that raises InputError past the end."""
 
     writing = False
 
@@ -113,5 +113,5 @@ class BitReader(SyntaxElements):
 
     @property
     def position(self) -> int:
-        """Number of bytes read; one that is partly read counts."""
+        """Number of bytes read, wholly or partly."""
         return -(-self._place // 8)

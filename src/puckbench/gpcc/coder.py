@@ -32,17 +32,17 @@ from puckbench.gpcc.syntax import Three
 from puckbench.gpcc.tree import Tree, build_tree, coded_axes, leaf_codes, sorted_rows
 
 Units = list[tuple[int, bytes]]
-"""Types and payloads of a slice's data units."""
+"""Type and payload of each data unit of a slice."""
 
 MAX_POINTS = 1 << 24
-"""Maximum number of points of a stream and of a slice; it limits the memory needed."""
+"""Maximum number of points of a stream, which bounds the memory."""
 MAX_LEVELS = 1 << 14
-"""Maximum number of octree levels over all slices of a stream; it limits the time needed."""
+"""Maximum sum of the octree levels of a stream's slices, which bounds the time."""
 _LEVELS_OF_TREES = 2
-"""Number of octree levels that a slice of prediction trees counts as."""
+"""Number of octree levels as which a slice of prediction trees counts."""
 MAX_TREE_SLICES = MAX_LEVELS // _LEVELS_OF_TREES
 MAX_PARAMETER_BYTES = 1 << 16
-"""Maximum number of bytes of parameter sets and tile inventories, which are read bit by bit."""
+"""Maximum number of bytes of parameter sets and tile inventories; their parsing is slow."""
 
 _MAX_ORIGIN = 1 << 31
 _MAX_DENOMINATOR = 1 << 16
@@ -66,8 +66,8 @@ _AXIS_ORDERS = (
 class DecodedGeometry:
     """Decoded geometry of a stream.
 
-    points: (m, 3) int64; their positions are (points * global_scale + origin) / scale.
-    metres: seq_unit_is_metres_flag; if False, the application defines the unit.
+    points: (m, 3) int64; positions are (points * global_scale + origin) / scale.
+    metres: whether positions are in metres; if not, the application defines the unit.
     """
 
     points: Ints
@@ -101,12 +101,12 @@ def encode_geometry(
     scale, origin
         A decoder returns the positions (points + origin) / scale.
     sensor
-        Sensor in the coordinates of points + origin; it switches angular mode on.
+        Sensor in the coordinates points + origin, which switches angular mode on.
 
     Raises
     ------
     InputError
-        If there are no points, they span more than 21 bits, or the sensor is too far away.
+        If there are no points, points span over 21 bits, or the sensor is too far away.
     """
     return encode_octree_geometry(points, options, scale, origin, sensor, None)
 
@@ -118,8 +118,10 @@ class AttributeWriter(Protocol):
         gps: syntax.GeometryParameterSet,
         extent: Sequence[int],
     ) -> list[bytes]:
-        """Describe attributes in `sps`, and return their parameter sets; extent: largest x, y, z
-        relative to the sequence's origin."""
+        """Describe the attributes in `sps`, and return their parameter sets.
+
+        extent: largest x, y, z of the points, relative to the sequence's origin.
+        """
 
     def data_units(self, slice_id: int, origin: Three, coded: CodedPoints) -> list[bytes]: ...
 
@@ -128,8 +130,8 @@ class AttributeWriter(Protocol):
 class CodedPoints:
     """Points of an encoded slice.
 
-    members: (n,) indices of the slice's input points.
-    rows: (m,) indices of the input points in coded order, or None if equal points are merged.
+    members: (n,) indices of the slice's points in the input.
+    rows: (n,) `members` in coded order, or None if equal points are merged.
     """
 
     points: SlicePoints
@@ -198,7 +200,7 @@ def octree_points(
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Return points (n, 3) as int64 and their minimum (3,); raise InputError if not encodable."""
+    """Return points (n, 3) as int64 and their minimum (3,); raise InputError if invalid."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
@@ -280,7 +282,10 @@ def _partition(
     angular: bool,
     rows: NDArray[np.int64] | None,
 ) -> Iterator[_SlicePoints]:
-    """Yield slices of points (n, 3); `rows`: their indices if `members` are needed, else None."""
+    """Divide points (n, 3) into slices.
+
+    rows: (n,) indices of the points, or None if `_SlicePoints.members` may be empty.
+    """
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
         slice_points = _slice_points(points, start, options, angular, rows)
@@ -298,8 +303,9 @@ def _partition(
 
 
 def split_position(sorted_values: NDArray[Any]) -> int:
-    """Return the index near the middle of sorted values that, if possible, does not separate equal
-    values.
+    """Return the index near the middle at which to split sorted values.
+
+    Equal values are not separated, if possible.
     """
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
@@ -368,18 +374,18 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """Decode a stream of one frame; raise InputError if it is damaged or a tool is unsupported."""
+    """Decode a stream of one frame; raise InputError if it is damaged or unsupported."""
     return read_stream(stream)
 
 
 class AttributeUnits(Protocol):
-    """Decoder of the attributes of a stream, which it receives in order."""
+    """Decoder of a stream's attributes; it receives the payloads in stream order."""
 
     def expect(self, sps: syntax.SequenceParameterSet, count: int) -> None:
         """Raise InputError if the attributes of a slice of `count` points are not supported."""
 
     def branch(self) -> AttributeUnits:
-        """Return a decoder of the next slices, which may run in another thread."""
+        """Return a decoder of the next slices; it may run in another thread."""
 
     def start_slice(
         self, sps: syntax.SequenceParameterSet, header: syntax.GeometryHeader, points: SlicePoints

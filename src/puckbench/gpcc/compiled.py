@@ -17,7 +17,7 @@ _INTERNAL = {**_KERNEL, "no_cpython_wrapper": True}
 integer = cast(Callable[[Any], int], np.int64)
 """Convert a narrower integer or a truth value to a 64-bit integer.
 
-Compiled functions need it because Numba converts unsigned with signed integers to floats.
+Numba would convert mixed signed and unsigned integers to floats.
 """
 
 
@@ -27,7 +27,7 @@ def compiled(function: Function) -> Function:
 
 
 def entry(function: Function) -> Function:
-    """Compile a function that creates no arrays, to be called from Python."""
+    """Compile a function that creates no arrays and is called from Python."""
     return compiling.compiled(function, **_KERNEL)
 
 
@@ -37,5 +37,5 @@ def kernel(function: Function) -> Function:
 
 
 def part(function: Function) -> Function:
-    """Inline a function into its only caller."""
+    """Compile a function inline in its only caller."""
     return compiling.compiled(function, inline="always", **_INTERNAL)

@@ -1,8 +1,8 @@
-"""Tests of G-PCC decoders with conformance streams from TMC13 (release-v14.0).
+"""Tests of G-PCC decoders with conformance streams from TMC13.
 
-`vectors/manifest.json` holds the options of each stream and the SHA-256 of its points:
-little-endian float64, sorted by x, y, z; in `vectors/attributes` by these, red, green, blue and
-reflectance.
+`vectors/manifest.json` holds each stream's options and the SHA-256 of its decoded points: sorted
+rows of x, y, z, in `vectors/attributes` also red, green, blue and reflectance, as little-endian
+float64.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from puckbench.io.clouds import read_cloud
 
 FOLDER = Path(__file__).parent / "vectors"
 SECONDS = 60
-"""Time limit for a program per stream."""
+"""Time limit of a program per stream, in s."""
 _REFLECTANCES = ("refc", "reflectance")
 
 Values = NDArray[Any]
 Decode = Callable[[bytes], Floats]
-"""Returns coordinates (n, 3), and in further columns red, green, blue and reflectance, if any."""
+"""Function that returns rows of x, y, z and, if coded, red, green, blue and reflectance."""
 
 
 @dataclass(frozen=True)
 class ConformanceStream:
-    """A stream, the TMC13 options that made it, and the digest of its points and attributes."""
+    """A stream, its TMC13 options, and the digest of its points and attributes."""
 
     name: str
     path: Path
@@ -48,9 +48,7 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """Coding tools: `attributes`, `octree` or `trees`, preceded by `angular` if there is a
-        sensor.
-        """
+        """Coding tools: `attributes`, `octree`, `trees`, `angular octree` or `angular trees`."""
         if self.columns > 3:
             return "attributes"
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"
@@ -73,14 +71,11 @@ class Verdict:
 
 
 class CrashError(Exception):
-    """Raised if a signal ended a program, or it exceeded the time limit."""
+    """Raised if a program was ended by a signal or exceeded the time limit."""
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """Return the streams of a folder, and those of its subfolder `attributes`.
-
-    Raises InputError if the folder has no manifest.
-    """
+    """Return the streams of a folder, and those of its subfolder `attributes`."""
     streams = _listed(folder, "")
     inner = folder / "attributes"
     return streams + _listed(inner, "attributes/") if inner.is_dir() else streams
@@ -156,7 +151,7 @@ def _rows(points: Floats, colours: Values | None, reflectances: Values | None) -
 def program_decoder(words: str) -> Decode:
     """Return a decoder that runs a program; raise InputError if the program does not exist.
 
-    The decoder raises InputError if the program fails, and `CrashError` if it crashes.
+    The decoder raises InputError if the program fails, `CrashError` if it crashes.
 
     Parameters
     ----------

@@ -5,7 +5,8 @@
     32 bytes  grid, if any: step, and origin x, y, z (float64, little-endian)
     stream
 
-A bare stream, as TMC13 writes it, starts with payload type 0 and a length of four bytes.
+A bare stream, as TMC13 writes it, starts with the payload type 0 and the payload's length in four
+bytes.
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ class Unwrapped(NamedTuple):
 
 
 def wrap(stream: bytes, grid: InputGrid) -> bytes:
-    """Put a bare stream into a container, which omits the default grid."""
+    """Put a bare stream and its grid into a container; the default grid is omitted."""
     if grid == DEFAULT_GRID:
         return MAGIC + b"\0" + stream
     return MAGIC + b"\1" + _GRID.pack(grid.unit, *grid.offset) + stream
 
 
 def unwrap(data: bytes) -> Unwrapped:
-    """Read a container or a bare stream; raise InputError if it is damaged."""
+    """Read a container or a bare stream."""
     if not data.startswith(MAGIC):
         if not data.startswith(b"\0\0\0"):
             raise InputError("not a G-PCC stream")

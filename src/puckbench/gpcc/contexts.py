@@ -37,8 +37,8 @@ _COUNT = 124
 class Contexts(NamedTuple):
     """Adaptive state of an octree coder.
 
-    probabilities: of a zero, in units of 2^-16, for each context.
-    ctx_idx_maps: for each neighbourhood, a number whose upper five bits select the context of an
+    probabilities: probability of a zero in each context, in units of 2^-16.
+    ctx_idx_maps: numbers for each neighbourhood; the upper five bits select the context of an
         occupancy bit.
     """
 

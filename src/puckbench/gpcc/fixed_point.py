@@ -1,6 +1,6 @@
-"""Integer square roots and arc tangent, with the same results as in TMC13.
+"""Integer square roots and arc tangent, equal to TMC13's `irsqrt`, `isqrt` and `iatan2`.
 
-TMC13 calls them `irsqrt`, `isqrt` and `iatan2`. Angles are in units of 2^-20 radians.
+Angles are in units of 2^-20 radians.
 """
 
 from __future__ import annotations
@@ -12,9 +12,7 @@ from puckbench.core.compiling import inlined
 from puckbench.gpcc.compiled import kernel
 
 HALF_TURN = 3294199
-"""Pi in units of 2^-20 radians."""
 TURN = 6588397
-"""Two pi in units of 2^-20 radians."""
 _QUARTER_TURN = 1647099
 
 # First approximation of 1 / sqrt(a), indexed by the first seven bits of a, and its cube in units of
@@ -60,7 +58,7 @@ def int32(number: int) -> int:
 
 @inlined
 def inverse_square_root(number: int) -> int:
-    """Return 2^40 / sqrt(number) for a number below 2^63, or 0 for 0."""
+    """Return 2^40 / sqrt(number), or 0 for 0; the number must be below 2^63."""
     if number <= 0:
         return 0
     pairs: int = 16 - (
@@ -96,7 +94,7 @@ def _arc_tangent(y: int, x: int) -> int:
 
 @kernel
 def arc_tangent(y: int, x: int) -> int:
-    """Return the angle of (x, y) in (-pi, pi], or 0 for the origin; |x| and |y| are below 2^30."""
+    """Return the angle of (x, y) in (-pi, pi], or 0 at the origin; |x|, |y| must be below 2^30."""
     x_size, y_size = abs(x), abs(y)
     angle = _arc_tangent(min(x_size, y_size), max(x_size, y_size))
     if y_size > x_size:

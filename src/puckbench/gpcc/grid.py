@@ -12,7 +12,7 @@ Rounding = Literal["nearest", "truncate"]
 MOST_BITS = 21
 """Maximum number of bits of a coordinate, as in the default level of the standard's profiles."""
 _FARTHEST = 2.0**30
-"""Larger coordinates do not fit into the sequence origin of a stream."""
+"""Bound of coordinates that fit into a stream's sequence origin."""
 
 
 class InputGrid(NamedTuple):
@@ -26,16 +26,16 @@ DEFAULT_GRID = InputGrid()
 
 
 class Quantised(NamedTuple):
-    """Non-negative positions (n, 3) in steps, and the origin (3,) to add to them."""
+    """Non-negative positions (n, 3) and the origin (3,) to add to them, in grid steps."""
 
     positions: NDArray[np.int64]
     origin: NDArray[np.int64]
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return a grid with step `unit` for points (n, 3) that are coded in steps of unit / scale.
+    """Return a grid with step `unit` for points (n, 3) coded in steps of unit / scale.
 
-    Its origin is zero, or the points' minimum if coordinates are too large for a stream.
+    The grid's origin is zero, or the points' minimum if coordinates are too large for a stream.
     """
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
@@ -55,7 +55,7 @@ def quantise(
     Parameters
     ----------
     rounding
-        ``nearest`` rounds once. ``truncate`` truncates to multiples of ``grid.unit``, then rounds
+        ``nearest`` only rounds. ``truncate`` truncates to multiples of ``grid.unit``, then rounds
         in single precision, as TMC13 does for floating-point files.
 
     Raises

@@ -58,7 +58,7 @@ class IdcmNode(NamedTuple):
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Return a mask of 32 bits: which of 32 successive eligible nodes may use IDCM."""
+    """Return a mask: bit i is 1 if the i-th of 32 successive eligible nodes may use IDCM."""
     if mode == 0:
         return 0
     if mode != 1 or not planar_enabled:
@@ -109,7 +109,7 @@ def code_direct_positions(
 ) -> tuple[int, int]:
     """Encode or decode the points of a node; return the numbers of distinct and of all points.
 
-    points_in, coded: (2, 3) distinct points to encode, and those coded, relative to the node.
+    points_in, coded: (2, 3) distinct points to encode, and coded points, relative to the node.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
@@ -176,7 +176,7 @@ def _code_same_bits_of_axis(
     axis: int,
     equal: bool,
 ) -> bool:
-    """Encode or decode two points' common leading bits along an axis, and the first difference.
+    """Encode or decode two points' common leading bits along an axis, and the first that differ.
 
     equal: whether the points are equal along previous axes. Returns whether all bits are equal.
     """
@@ -293,9 +293,9 @@ def _code_azimuth(
     bits_left: Ints,
     i: int,
 ) -> int:
-    """Encode or decode a point's x or y, whichever is `axis`, and return it.
+    """Encode or decode a point's coordinate along `axis` (x or y), and return it.
 
-    The result, the node's `corner` and the `other` coordinate are relative to the sensor.
+    The result, the node's `corner` and the `other` of x and y are relative to the sensor.
     """
     left = bits_left[axis]
     place: int = corner + (coded[i, axis] << left)
@@ -360,7 +360,7 @@ def _code_elevation(
 def local_points(
     leaves: Ints, node_size_log2: tuple[int, int, int], local: Ints, ordered: bool
 ) -> None:
-    """Write one or two leaves, relative to their node, to `local`, sorted if `ordered`."""
+    """Write one or two points relative to their node to `local`, sorted if `ordered`."""
     for i in range(len(leaves)):
         for axis in range(3):
             local[i, axis] = compact_bits(leaves[i] >> (2 - axis)) & (
@@ -382,8 +382,8 @@ def order_by_angles(
 ) -> None:
     """Sort a node's two points into the order in which angular mode codes them.
 
-    Jointly coded points are sorted by x or y, whichever has no contexts. If they are equal there,
-    or coded separately, `second_first` swaps points of the same child node.
+    Jointly coded points are sorted by x or y, whichever is coded without contexts. If these are
+    equal, or points are coded separately, `second_first` swaps points of the same child node.
     """
     one_child = True
     for axis in range(3):

@@ -1,6 +1,6 @@
-"""Lossless coding of voxels with the octree of G-PCC and a short header.
+"""Lossless coding of voxels with the octree of G-PCC.
 
-The header holds the minimum corner, the number of voxels and the bit lengths of the bounding box's
+A header holds the minimum corner, the number of voxels and the bit lengths of the bounding box's
 sides as base-128 numbers.
 """
 
@@ -31,12 +31,12 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Encode the set of distinct voxels (n, 3), integers of any sign.
+    """Encode the distinct voxels of an array (n, 3) of integers of any sign.
 
     Raises
     ------
     InputError
-        If they span more than 21 bits or there are more than 16,777,216.
+        If the voxels span more than 21 bits, or more than 16,777,216 are distinct.
     """
     voxels = np.ascontiguousarray(voxels, dtype=np.int64)
     if not len(voxels):

@@ -1,8 +1,8 @@
 """Occupied neighbours of an octree node, found in a map of occupancies (atlas).
 
-The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side; neighbours outside count
-as empty. Without an atlas, only siblings are known. In TMC13: `makeGeometryNeighPattern`,
-`MortonMap3D`, `predictGeometryOccupancyIntra`.
+The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side; neighbours outside the
+cube count as empty. Without an atlas, only siblings are known. In TMC13:
+`makeGeometryNeighPattern`, `MortonMap3D`, `predictGeometryOccupancyIntra`.
 """
 
 from __future__ import annotations
@@ -103,11 +103,9 @@ _GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancies in a cube of nodes, indexed by Morton code.
+    """Occupancies of `parents` and of coded `nodes` in a cube of nodes, indexed by Morton code.
 
-    parents: of the nodes' parents.
-    nodes: of the nodes coded so far.
-    side: log2 of the nodes per side, or 0 if only siblings are known.
+    side: log2 of the number of nodes per side, or 0 if only siblings are known.
     """
 
     parents: Bytes
@@ -124,9 +122,10 @@ def empty_atlas(boundary: int) -> OccupancyAtlas:
 def update_atlas(
     atlas: OccupancyAtlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
 ) -> int:
-    """Replace the parents from index `previous` by those of the cube that starts at `first`.
+    """Replace the last cube's parents in the atlas by the next cube's parents.
 
-    Returns the index of the first parent of the next cube.
+    The last cube has the parents `previous` to `first` - 1, the next cube `first` to the returned
+    index - 1.
     """
     inside = (1 << 3 * atlas.side) - 1
     for i in range(previous, first):
@@ -166,8 +165,8 @@ def _adjacent_occupancy(
 def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
     """Return six masks of a parent's children, one byte each.
 
-    Byte k: children with an occupied neighbour in the direction of bit k of a neighbour pattern
-    (see `tables`).
+    Byte k masks the children with an occupied neighbour in the direction of bit k of a
+    neighbour pattern (see `tables`).
     """
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0
@@ -198,11 +197,11 @@ def neigh_pattern_of(faces: int, child: int) -> int:
 def refine_by_adjacent_children(
     atlas: OccupancyAtlas, axes: int, node: int, neigh_pattern: int
 ) -> tuple[int, int, int, int, int]:
-    """Remove the neighbours x-1, y-1, z-1 without a child beside the node from `neigh_pattern`.
+    """Remove from `neigh_pattern` the neighbours x-1, y-1, z-1 without children next to the node.
 
-    Returns the pattern; masks of the node's children that touch over 0 (adjacencyGt0) and over 1
-    (adjacencyGt1) occupied, and any unoccupied (adjacencyUnocc), children of these neighbours; and
-    the neighbours' occupancies, one byte each.
+    Returns the pattern; masks of the node's children that touch at least one (adjacencyGt0) or two
+    (adjacencyGt1) occupied children, or an unoccupied child (adjacencyUnocc), of these neighbours;
+    and the neighbours' occupancies, one byte each.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = node & inside
@@ -230,7 +229,7 @@ def refine_by_adjacent_children(
 def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
     """Return a 64-bit mask of the occupied nodes in a 4 x 4 x 4 grid around a parent's children.
 
-    Bit 16 x + 4 y + z is the node at (x, y, z); the children have coordinates 1 and 2.
+    Bit 16 x + 4 y + z is the node at (x, y, z); the children have the coordinates 1 and 2.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = parent_code(base & inside, axes)
@@ -253,8 +252,9 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Move a Morton code by `place` - 1 nodes along the axis of `bits`; return those bits, or -1
-    outside the cube.
+    """Move a Morton code by `place` - 1 nodes along the axis of `bits`.
+
+    Returns the moved code's bits of this axis, or -1 outside the cube.
     """
     along = address & bits
     if place == 1:
@@ -266,9 +266,9 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
 
 @kernel
 def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
-    """Predict a node's occupancy from its neighbours; `grid` is that of `neighbour_grid`.
+    """Predict the occupancy of a node from the result `grid` of `neighbour_grid`.
 
-    Returns two masks of its children: those with a prediction, those predicted as occupied.
+    Returns masks of the node's children that have a prediction, and that are predicted as occupied.
     """
     neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
     threshold = 4 if bit_count(neighbourhood) < 14 else 5

@@ -39,8 +39,8 @@ class OccupancyNeighbourhood(NamedTuple):
 class PlanarMasks(NamedTuple):
     """Masks from the planar modes of a node.
 
-    mask_planar_x, y, z: children outside the only occupied plane.
-    planar_possible: axes (1 x, 2 y, 4 z) except those along which planar mode is coded as unused.
+    mask_planar_x, y, z: children outside the only occupied plane along an axis, or 0.
+    planar_possible: axes (1 x, 2 y, 4 z) without a coded flag that both planes are occupied.
     """
 
     mask_planar_x: int
@@ -80,7 +80,7 @@ def code_occupancy(
 
 @kernel
 def _pair_of_children(masks: PlanarMasks) -> int:
-    """Return the mask of the two children that are left by the planes along two axes, or 0."""
+    """Return the mask of the two children in the only occupied planes along two axes, or 0."""
     child = _known_child(masks)
     if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child

@@ -1,7 +1,7 @@
-"""Coding of an octree level: for each node, planar modes, and occupancy or IDCM points.
+"""Coding of an octree level: each node's planar modes, and its occupancy or IDCM points.
 
-Nodes are coded in breadth-first order, as in TMC13's `GeometryOctreeEncoder` and
-`GeometryOctreeDecoder`. `Source` is for encoders.
+Nodes are coded breadth-first, as in TMC13's `GeometryOctreeEncoder` and
+`GeometryOctreeDecoder`. Only encoders have a `Source`.
 """
 
 from __future__ import annotations
@@ -70,11 +70,11 @@ TOO_MANY_POINTS = -2
 
 
 class Level(NamedTuple):
-    """Properties common to all nodes of a level.
+    """Properties of all nodes of a level.
 
-    coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) that this level and the one above split.
+    coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) split by this and the previous level.
     last: whether the children are leaves.
-    idcm_enable_mask: bit i tells whether the i-th of 32 successive eligible nodes may use IDCM.
+    idcm_enable_mask: see `idcm.idcm_enable_mask`.
     """
 
     coded_axes: int
@@ -125,9 +125,9 @@ class Source(NamedTuple):
 class SliceState(NamedTuple):
     """State that persists over the levels of a slice.
 
-    leaves: Morton codes of the coded points; an encoder may leave them out.
-    counters: points decoded and allowed; nodes with children in this level; their children;
-        idcm_enable_mask.
+    leaves: Morton codes of the coded points; may be empty in an encoder.
+    counters: numbers of points coded and allowed; of nodes with children in this level, and of
+        these children; idcm_enable_mask.
     points_in, coded, left: working memory of IDCM.
     """
 
@@ -166,9 +166,9 @@ def code_level(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Encode or decode the children of `parents`; write those that have children to `nodes`.
+    """Encode or decode the children of `parents`; write inner nodes among them to `nodes`.
 
-    Returns their number, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
+    Returns the number of inner nodes, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
     """
     atlas, axes, count = state.atlas, level.coded_axes_prev_level, len(parents.morton)
     state.counters[2:4] = 0

@@ -1,4 +1,4 @@
-"""Options of the octree encoder, named as in TMC13, and useful sets of them (profiles)."""
+"""Options of the octree encoder, named as in TMC13, and profiles."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ SPINNING = {
     "merge_duplicates": False,
     "planar_buffer": False,
 }
-"""Changes of `ctc` by MPEG's common test conditions for lossless coding of spinning sensors.
+"""Changes to `ctc` in MPEG's common test conditions for lossless coding of spinning sensors.
 
-For lossy coding these conditions merge duplicates and use IDCM only for isolated nodes."""
+For lossy coding, the conditions merge duplicates and use IDCM only for isolated nodes."""
 PROFILES["spinning"] = PROFILES["ctc"].model_copy(update=SPINNING)

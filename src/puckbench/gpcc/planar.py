@@ -1,6 +1,6 @@
 """Planar mode: signals that a node's occupied children lie in one of two planes along an axis.
 
-It is used where nodes are sparse, along axes on which such planes are frequent
+The mode is used for nodes with few occupied children, along axes on which it is frequent
 (`OctreePlanarState`, `OctreePlanarBuffer` of TMC13).
 """
 
@@ -35,10 +35,11 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 class PlanarState(NamedTuple):
     """Adaptive rates of planar modes, and a buffer of the last planes.
 
-    rates: of planar nodes along x, y, z, in 1/2048; mean number of occupied children, in 1/1024.
-    thresholds: minimum rates of the most, second and least planar axis.
-    position, plane_index: (3, rows) of the last node at each coordinate of an axis: position across
-        the axis, and occupied plane (negative: none).
+    rates: rates of planar nodes along x, y, z, in units of 1/2048; mean number of occupied
+        children, in units of 1/1024.
+    thresholds: minimum rates of the most, second most and least planar axis.
+    position, plane_index: (3, rows) for each coordinate along an axis: last node's position across
+        the axis, and its only occupied plane (negative: none).
     """
 
     enabled: bool
@@ -79,7 +80,10 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 
 @inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
-    """Return the axes (1 x, 2 y, 4 z), among the split `axes` (4 x, 2 y, 1 z), for planar mode."""
+    """Return the axes (1 x, 2 y, 4 z) that may use planar mode.
+
+    axes: split axes (4 x, 2 y, 1 z).
+    """
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
         return 0
@@ -96,9 +100,7 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return masks (1 x, 2 y, 4 z) of the axes with one occupied plane, and of those where it is
-    the upper plane.
-    """
+    """Return masks (1 x, 2 y, 4 z) of axes: one plane occupied; only the upper plane occupied."""
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
         high = occupancy & UPPER[axis] != 0
@@ -119,8 +121,8 @@ def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
 class PlanarNode(NamedTuple):
     """Neighbourhood that selects the contexts of planar modes.
 
-    adjacent_occupancies: of the neighbours x-1, y-1, z-1, one byte each.
-    angles: contexts along x, y, z, see `angular.PlaneAngles`.
+    adjacent_occupancies: occupancies of the neighbours x-1, y-1, z-1, one byte each.
+    angles: contexts along x, y, z; see `angular.PlaneAngles`.
     """
 
     morton: int
@@ -173,7 +175,7 @@ def _code_planar_mode(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> int:
-    """Encode or decode which plane along an axis is the only occupied one; -1 if both are."""
+    """Encode or decode the only occupied plane along an axis, or -1 if both are occupied."""
     row, position, far_ctx, last_plane = 0, 0, 0, -1
     if state.buffered:
         row = compact_bits(node.morton >> (2 - axis)) & (_ROWS - 1)

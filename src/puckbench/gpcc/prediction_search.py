@@ -1,7 +1,8 @@
 """Search of nearest positions in a growing set, with k-d trees whose sizes are powers of two.
 
-A new position and all trees below the first unused size are merged to one tree (Bentley's
-logarithmic method). Of equally near positions, the first visited is kept, as in TMC13.
+A new position and all trees smaller than the smallest unused size are merged to one tree of that
+size (Bentley's logarithmic method). Of equally near positions, the first visited is kept, as in
+TMC13.
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ Int32s = NDArray[np.int32]
 NEIGHBOURS = 3
 _LEAF = 10
 _LEAF_LOG2 = 3
-"""Trees of up to 2^3 positions are single leaves; those of 2^4 are split."""
+"""Trees of up to 2^3 positions are leaves; larger trees are split."""
 _DEEPEST = 1024
 _FAR = (1 << 62) - 1
 
 
 class Search(NamedTuple):
-    """The k-d trees; that of 2^k positions starts at `rows[2^k]` and `nodes[2^(k + 1)]`.
+    """The k-d trees; the tree of 2^k positions starts at `rows[2^k]` and `nodes[2^(k + 1)]`.
 
     owners: (n,) node that predicts each position.
     rows: indices of positions.
-    nodes: (2 n, 5) axis, maximum of the lower half, minimum of the upper half, two children; or for
-        a leaf -1, and its start and end in `rows`.
+    nodes: rows of five: for an inner node, axis, maximum of the lower half, minimum of the upper
+        half, two children; for a leaf, -1, start and end in `rows`.
     nearest, distances: (3,) result: indices of positions, and squared distances.
     """
 
@@ -175,8 +176,9 @@ def _take_values(search: Search, first: int, end: int, axis: int) -> None:
 
 @inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
-    """Partition rows near the middle of a box's longest side; return axis, cut and first row of the
-    upper half.
+    """Partition rows near the middle of their box's longest side.
+
+    Returns the axis, the cut, and the first row of the upper half.
     """
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     axis, spread, low, high, taken = 0, -1, 0, 0, 0

@@ -1,7 +1,7 @@
-"""Order and parents of a slice's points, as chosen by the encoder of TMC13.
+"""Order and parents of a slice's points, chosen as in TMC13.
 
 With a sensor, each laser's points form a chain, and chains are linked by their first points.
-Otherwise a point's parent is the node with the nearest prediction.
+Without a sensor, the parent of a point is the node with the nearest prediction.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Order = Literal["given", "morton", "azimuth", "radius"]
 
 MOST_CHILDREN = 3
 ROOT, DUPLICATE = -1, -2
-"""Values instead of a parent: root of a tree, or duplicate of the previous point."""
+"""Values in place of a parent: root of a tree, and duplicate of the previous point."""
 
 
 class PredictionTree(NamedTuple):
@@ -30,7 +30,7 @@ class PredictionTree(NamedTuple):
 
     parents: index of the parent, ROOT or DUPLICATE.
     children: (n, 3) indices; the first `num_children` are valid.
-    copies: number of duplicates that follow.
+    copies: number of duplicates that follow the node.
     """
 
     parents: Int32s
@@ -40,7 +40,7 @@ class PredictionTree(NamedTuple):
 
 
 def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
-    """Return the indices (n,) that sort points (n, 3) into the order in which a tree is built.
+    """Return the indices (n,) that sort points (n, 3) into the order of tree building.
 
     centre: origin of azimuth and radius.
     precision: azimuth steps per radian, or 0 for exact azimuths.
@@ -85,7 +85,10 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build a tree from `node` to `end`; `lasers` (2, n): first and last point of each laser."""
+    """Build a tree of points `node` to `end` - 1.
+
+    lasers: (2, number of lasers) first and last point of each laser.
+    """
     ox, oy, oz = around.origin
     while node < end:
         position = spherical(

@@ -1,8 +1,8 @@
 """Predictive geometry (`geom_tree_type` 1): coding of syntax elements, and decoder.
 
-Points are nodes of trees in depth-first order, predicted from up to three ancestors and corrected
-by a residual. Angular coding predicts in spherical coordinates; a second residual corrects x, y, z.
-In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
+Points are nodes of trees, coded in depth-first order: predicted from up to three ancestors and
+corrected by a residual. Angular coding predicts in spherical coordinates; a second residual
+corrects x, y, z. In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from puckbench.gpcc.syntax import Three
 Probabilities = NDArray[np.uint16]
 
 EXHAUSTED, TOO_MANY_POINTS, DAMAGED = -1, -2, -3
-"""Faults of a stream."""
+"""Error codes of a damaged stream."""
 
 NONE, DELTA, LINEAR2, LINEAR3 = 0, 1, 2, 3
-"""Predictions: none, the parent, a line through two ancestors, a parallelogram of three."""
+"""Prediction modes: no ancestor, the parent, line through two ancestors, parallelogram of three."""
 
 # Indices into probabilities; a comment states the number of contexts if there are several.
 CTX_NUM_CHILDREN = integer(0)  # 3
@@ -58,7 +58,7 @@ CTX_NUM_BITS = integer(65)  # 5 x 3 axes x 31
 _COUNT = 65 + 5 * 3 * 31 + (1 << 7)
 
 MOST_QP = 223
-"""Maximum quantisation parameter; its step has 31 bits."""
+"""Maximum quantisation parameter (QP), with a step size of 31 bits."""
 _LONGEST_PREFIX = 30
 
 
@@ -100,7 +100,7 @@ def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
 
 @inlined
 def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
-    """Encode or decode a number of children: 1 takes one bit, 0 two, and 2 or 3 three."""
+    """Encode or decode a number of children: one bit for 1, two bits for 0, three for 2 or 3."""
     value = count ^ 1
     if not code_bit(coder, contexts, CTX_NUM_CHILDREN, integer(value > 0)):
         return 1
@@ -117,7 +117,7 @@ def code_pred_mode(coder: Any, contexts: Probabilities, mode: int) -> int:
 
 @kernel
 def code_phi_multiplier(coder: Any, contexts: Probabilities, multiplier: int) -> int:
-    """Encode or decode the number of azimuth steps (`azimuth_speed`) added to the prediction."""
+    """Encode or decode how many times `azimuth_speed` is added to the predicted azimuth."""
     if not code_bit(coder, contexts, CTX_PHI_GT, integer(multiplier != 0)):
         return 0
     value = abs(multiplier) - 1
@@ -142,7 +142,7 @@ def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
 
 @kernel
 def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
-    """Encode or decode the quantisation parameter of the next nodes minus that of the slice."""
+    """Encode or decode the QP offset of the next nodes, in units of 2^`qp_multiplier_log2`."""
     # TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
     if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
         return 0
@@ -191,7 +191,7 @@ def _code_component(
 def code_num_bits(
     coder: Any, contexts: Probabilities, width: int, group: int, magnitude: int
 ) -> int:
-    """Encode or decode the bit length of a magnitude: `width` bits, highest first."""
+    """Encode or decode the bit length of a magnitude as a `width`-bit number, highest bit first."""
     bits = 0
     while magnitude >> bits > 0:
         bits += 1
@@ -252,7 +252,7 @@ def ancestors(parents: NDArray[np.int32], node: int) -> Three:
 
 @inlined
 def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Tools) -> Three:
-    """Return the position that a mode predicts from a node's ancestors, which must exist."""
+    """Return the position that a mode predicts from ancestors, which must exist."""
     a, b, c = before
     if mode == NONE:
         if not tools.angular:

@@ -40,7 +40,7 @@ _WIDEST = (5, 5, 5)
 
 
 class PredictiveOptions(Model):
-    """Options of the predictive encoder; those of azimuth and radius need a sensor."""
+    """Options of the predictive encoder; steps of azimuth and radius apply only with a sensor."""
 
     order: Order = Field(
         "azimuth", description="order of the points in trees: that of the input, or sorted"
@@ -93,8 +93,7 @@ def encode_predictive_geometry(
 ) -> bytes:
     """Encode integer points (n, 3) as a stream of prediction trees that TMC13 decodes.
 
-    A sensor switches angular coding on. Other parameters and errors are those of
-    `coder.encode_geometry`.
+    Parameters and errors are those of `coder.encode_geometry`.
     """
     return encode_trees_geometry(points, options, scale, origin, sensor, None)
 
@@ -271,7 +270,7 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return the number of bits for the bit length of residuals along each axis, as in TMC13."""
+    """Return how many bits code the bit length of a residual along each axis, as in TMC13."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)

@@ -1,6 +1,6 @@
-"""Encoding of prediction trees: each node uses the prediction with the lowest estimated cost.
+"""Encoding of prediction trees: each node uses the mode with the lowest estimated cost.
 
-Costs have the single precision of TMC13, so that the decisions are equal.
+Costs have single precision, as in TMC13, so that mode decisions are equal.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from puckbench.gpcc.spherical import azimuth_of_arc, cartesian, halved_away
 from puckbench.gpcc.syntax import Three
 
 DONE, FULL, UNREPRESENTABLE = 0, 1, 2
-"""Results of `encode_trees`: all trees are coded; the output buffer is full; a residual does not
-fit into the bits given in the slice header.
+"""Results of `encode_trees`: all trees are coded; the buffer is full; a residual has more bits
+than the slice header allows.
 """
 
 NODE_BYTES = 600
-"""Maximum number of bytes of a node: about 500 coded bits, each of which adds at most a byte."""
+"""Maximum number of bytes of a node: about 500 coded bits of at most a byte each."""
 
 _COSTS = (-np.log2(np.maximum(np.arange(129), 1) / 128.0)).astype(np.float32)
 _MOST_COST = np.float32(np.finfo(np.float32).max)
@@ -60,9 +60,10 @@ class EncoderState(NamedTuple):
     """Data to encode; during encoding, decoded values replace `points` and `positions`.
 
     positions: (n, 3) coordinates to predict: `points`, or spherical coordinates.
-    stack: (n,) nodes whose parents are coded.
-    progress: (4,) next root, size of the stack, nodes until the next QP offset, coded points.
-    order: (n,) indices of the coded points.
+    stack: nodes to code next.
+    progress: (4,) next root; numbers of nodes on the stack, of nodes until the next QP offset, and
+        of coded points.
+    order: (n,) result: indices of the points in coded order.
     """
 
     tree: PredictionTree
@@ -82,7 +83,7 @@ class Choice(NamedTuple):
 
 @entry
 def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, state: EncoderState) -> int:
-    """Encode all trees, or continue after a full buffer; return DONE, FULL or UNREPRESENTABLE."""
+    """Encode all trees, or continue after FULL; return DONE, FULL or UNREPRESENTABLE."""
     progress, parents = state.progress, state.tree.parents
     while True:
         fault = _encode_tree(coder, contexts, tools, state)
@@ -189,7 +190,7 @@ def _encode_place(
 
 @entry
 def quantised(value: int, qp: int) -> int:
-    """Divide a residual by the step size of a quantisation parameter, and round."""
+    """Divide a residual by a QP's step size, and round."""
     return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
 
 

@@ -58,7 +58,7 @@ def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
 def tools_of(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Tools:
-    """Return the coding tools of a slice; raise InputError if they are invalid."""
+    """Return the coding tools of a slice; raise InputError if invalid."""
     multiplier = gps.geom_qp_multiplier_log2
     slice_qp = (gps.geom_base_qp + header.geom_slice_qp_offset) << multiplier
     if not 0 <= slice_qp <= predictive.MOST_QP:
@@ -99,7 +99,7 @@ def encode_trees(
 ) -> bytes | None:
     """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    points, positions, order: see `predictive_encoder.EncoderState`; the latter is a result.
+    points, positions, order: see `predictive_encoder.EncoderState`.
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
     state = EncoderState(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)

@@ -16,7 +16,7 @@ _THETA_ONE = 1 << 18
 _Z_ONE = 1 << 3
 _MOST = 1 << 30
 _RAISED_MM = 50
-"""Rounding step for the height at which the upper beams cross the sensor's axis."""
+"""Rounding step, in mm, of the height at which the upper beams cross the sensor's axis."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,7 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the sensor's syntax elements, with the position relative to the sequence's
-        `origin`.
-        """
+        """Return the syntax elements, with the position relative to the sequence's `origin`."""
         x, y, z = (
             coordinate - zero for coordinate, zero in zip(self.position, origin, strict=True)
         )
@@ -79,10 +77,10 @@ class SensorDescription:
 def describe_sensor(
     beams: Beams, unit_m: float, steps_per_turn: int, position: tuple[int, int, int] = (0, 0, 0)
 ) -> SensorDescription:
-    """Describe a sensor for a cloud whose coordinates are in steps of `unit_m` metres.
+    """Describe a sensor for a cloud with coordinates in steps of `unit_m` metres.
 
     `position` is raised to the median height at which the upper beams cross the axis, because
-    decoders find a node's laser by the direction from it.
+    decoders find a node's laser by the node's direction from `position`.
     """
     height = np.asarray(beams.heights_mm)
     if beams.radial_mm:

@@ -103,7 +103,7 @@ def encode_octree(
 
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
-    """Split a geometry data unit into its parts; raise InputError if it is invalid."""
+    """Split a geometry data unit into its parts."""
     reader = BitReader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
@@ -167,9 +167,9 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
 def demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
-    A chunk of up to 256 bytes has the number of arithmetic-coded bytes, these, and bytes of bypass
-    bits in reverse order, which end with padding bits and their number (three bits). In the second
-    array, each byte is a bypass bit.
+    A chunk of up to 256 bytes holds the number of arithmetic-coded bytes, these bytes, and bytes of
+    bypass bits in reverse order. The bypass bits end with padding bits and their number (three
+    bits). In the second array, each byte is a bypass bit.
     """
     coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
     for start in range(0, len(data), _BYPASS_CHUNK):
@@ -294,7 +294,7 @@ def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> oc
 def sensor_state(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> angular.Angular | None:
-    """Return the sensor relative to a slice; `axes`: indices of the coded axes of x, y, z."""
+    """Return the sensor relative to a slice; `axes`: indices of x, y, z among the coded axes."""
     if not gps.geom_angular_mode_enabled_flag:
         return None
     table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]

@@ -27,12 +27,12 @@ _MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
 
 
 class Sphere(NamedTuple):
-    """Parameters of the spherical coordinates of a slice.
+    """Parameters of a slice's spherical coordinates.
 
     radius_log2: log2 of the coding units per radius step.
     azimuth_log2: log2 of the azimuth steps per turn.
     theta, z: elevations and heights of the lasers, see `syntax.Laser`.
-    origin: sensor relative to the slice's origin, along the coded axes.
+    origin: sensor's position relative to the slice's origin, along the coded axes.
     """
 
     radius_log2: int
@@ -43,7 +43,7 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """Return the parameters of a slice; raise InputError if the step sizes are unsupported."""
+    """Return the parameters of a slice; raise InputError if unsupported."""
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
     if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
@@ -108,7 +108,7 @@ def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
 def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
     """Convert an arc, in units of 1 / (8 `radius`) turns, to azimuth steps.
 
-    The division uses TMC13's approximate reciprocal: 48/17 - 32/17 r and one step of Newton's
+    The division uses TMC13's approximate reciprocal of b: 48/17 - 32/17 b and one step of Newton's
     method.
     """
     r = int32(radius << 3)
@@ -135,7 +135,7 @@ def _bit_length(value: int) -> int:
 
 @kernel
 def spherical(around: Sphere, x: int, y: int, z: int) -> Three:
-    """Return the radius, azimuth and laser whose `cartesian` point is nearest to (x, y, z)."""
+    """Return the radius, azimuth and laser that `cartesian` maps nearest to (x, y, z)."""
     distance = _rounded(math.hypot(x, y))
     laser = _nearest_laser(around, distance, z)
     turn = math.atan2(y, x) / (2.0 * math.pi) * (1 << around.azimuth_log2)

@@ -28,11 +28,10 @@ _LAST_PAYLOAD_TYPE = 9
 OCTREE, PREDICTIVE = 0, 1
 """Values of geom_tree_type."""
 MAX_LASERS = 1024
-"""Maximum number of lasers of a sensor."""
 
 _TLV = struct.Struct(">BI")
 PREFIX_BYTES = _TLV.size
-"""Bytes of a payload's type and length, which precede it."""
+"""Number of bytes of the type and length that precede a payload."""
 _POINT_COUNT_BYTES = 3
 _DEEPEST = 63
 _MAX_ORIGIN_BITS = 32
@@ -45,7 +44,7 @@ _UNSPECIFIED = 2
 class AttributeDescription:
     """An attribute of the sequence.
 
-    label: a label of the standard, or None if `oid` (bytes of ITU-T X.690) identifies it.
+    attr_label: label of the standard, or None if `oid` (bytes of ITU-T X.690) is the identifier.
     matrix_coefficients: conversion of colours (ISO/IEC 23091-2), or None.
     scaling: attr_scale_minus1, attr_frac_bits, attr_offset, or None.
     """
@@ -94,7 +93,7 @@ class Laser:
     """A laser of the sensor.
 
     theta: tangent of the elevation, in units of 2^-18.
-    z: negative height above the sensor's origin, in eighths of a coding unit.
+    z: negated height above the sensor's origin, in eighths of a coding unit.
     num_phi_per_turn: shots per turn (octree only).
     """
 
@@ -367,10 +366,9 @@ def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
 
 
 def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
-    """Read or write each laser as its difference from a prediction.
+    """Read or write lasers as differences from the previous laser.
 
-    The prediction is the previous laser, but from the third on for elevations, linear
-    extrapolation.
+    From the third laser on, elevations are differences from a linear extrapolation.
     """
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
     _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
@@ -508,7 +506,7 @@ def encapsulate(payload_type: int, payload: bytes) -> bytes:
 
 
 def payloads(stream: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the types and contents of a stream's payloads; raise InputError if it is damaged."""
+    """Yield the types and contents of a stream's payloads."""
     place = 0
     while place < len(stream):
         if len(stream) - place < _TLV.size:

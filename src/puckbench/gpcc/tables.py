@@ -1,7 +1,7 @@
 """Constant tables of the octree coder (`tables.cpp` of TMC13).
 
-A neighbour pattern has a bit for each occupied face neighbour: 1 x+1, 2 x-1, 4 y-1, 8 y+1, 16 z-1,
-32 z+1. A child's index is 4x + 2y + z; an occupancy has a bit for each child.
+A neighbour pattern is a mask of occupied face neighbours: 1 for x+1, 2 for x-1, 4 for y-1, 8 for
+y+1, 16 for z-1, 32 for z+1. A child's index is 4x + 2y + z; an occupancy is a mask of children.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return each child's index after rotating a pattern to the representative of its class."""
+    """Return each child's new index when a pattern is rotated to its class's representative."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)
@@ -117,8 +117,9 @@ def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
 
 CODED_CHILD = np.array(_coded_children(), dtype=np.int64)
 CTX_MAP_BASE = np.array([_map_bases(_SIBLING_CLASSES), _map_bases(_CLASSES_9)], dtype=np.int64)
-"""Offsets into a context map, indexed by whether neighbours outside the parent are known,
-neighbour pattern, and coded bit.
+"""Offsets into a context map.
+
+Indices: 1 if neighbours outside the parent are known, otherwise 0; neighbour pattern; coded bit.
 """
 
 POPCOUNT = np.array([bin(i).count("1") for i in range(256)], dtype=np.int64)

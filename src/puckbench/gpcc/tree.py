@@ -1,4 +1,4 @@
-"""Octree of a set of points: axes that each level splits (QTBT), and occupancy of the nodes."""
+"""Octree of points; levels may split fewer than three axes (quadtree and binary tree, QTBT)."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ def coded_axes(
     min_qtbt_size_log2: int = 0,
     late_z: tuple[int, int] | None = None,
 ) -> list[int]:
-    """Return a mask of the axes (4 x, 2 y, 1 z) that each level splits: tree_lvl_coded_axis_list.
+    """Return tree_lvl_coded_axis_list: a mask of the axes (4 x, 2 y, 1 z) that each level splits.
 
     bits: log2 of the root's sides.
-    late_z: with a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z
-        of `GpccOptions`, as the other parameters.
+    late_z: with a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z.
+
+    Other parameters: see `GpccOptions`.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -62,7 +63,7 @@ def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
-    """Return log2 of a node's sides at each level, ending with (0, 0, 0) of the leaves."""
+    """Return log2 of a node's sides at each level, ending with (0, 0, 0) for the leaves."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -84,7 +85,7 @@ class Tree:
 
     keys: interleaved coordinate bits of each leaf, sorted.
     counts: number of points at each leaf.
-    second_first: 1 for a leaf if TMC13 puts it after the next, the only other in its node; empty
+    second_first: 1 for the first of a node's only two leaves if TMC13 puts the second first; empty
         unless requested.
     """
 
@@ -99,7 +100,8 @@ def build_tree(
 ) -> Tree:
     """Build the octree of points (n, 3); the origin of the root is `corner` (3,).
 
-    ordered: whether to determine `second_first`, after removing duplicates if `merged`.
+    ordered: whether to determine `second_first`.
+    merged: whether to remove duplicates before determining it.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)
@@ -191,7 +193,7 @@ def _digit_positions(levels: list[int]) -> Ints:
 
 
 def sorted_rows(points: Ints, corner: Ints, levels: list[int], tree: Tree) -> NDArray[Any]:
-    """Return the indices that sort points (n, 3) along their octree, equal ones as in TMC13."""
+    """Return the indices that sort points (n, 3) in octree order; equal points sort as in TMC13."""
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     if len(tree.keys) == len(keys):
         return np.argsort(keys)
@@ -204,7 +206,7 @@ def sorted_rows(points: Ints, corner: Ints, levels: list[int], tree: Tree) -> ND
 def _sorted_as_coded(keys: Ints, positions: Ints, rows: Indices) -> Bytes:
     """Sort keys in place, level by level, with the swaps of TMC13's counting sort.
 
-    Returns `second_first` (see `Tree`) for each key. The swaps are also applied to `rows`, if any.
+    Returns `second_first` (see `Tree`) for each key. The swaps also apply to `rows`, if not empty.
     """
     # The swaps change the order of points within a child.
     behind = np.zeros(len(keys), dtype=np.uint8)

@@ -18,7 +18,7 @@ _REGULAR_FILE = 0o100644 << 16
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write members by name, in order; equal members give equal bytes."""
+    """Write members (bytes by name) to a zip archive; equal members give equal files."""
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, data in members.items():
             member = zipfile.ZipInfo(name, _EPOCH)
@@ -27,7 +27,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_archive(path: Path) -> dict[str, bytes]:
-    """Read all members by name; raise InputError if any is compressed."""
+    """Return the members of an archive (bytes by name); raise InputError if any is compressed."""
     data = read_bytes(path)
     with naming(path), reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:
         members = archive.infolist()

@@ -31,7 +31,7 @@ from puckbench.io.text import read_text
 __all__ = ["IN_METRES", "SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
 
 IN_METRES = (".las", ".laz", ".e57", ".bin")
-"""Formats whose unit is the metre; other files do not state a unit."""
+"""Suffixes of formats in metres; other formats do not state a unit."""
 _HEAD_BYTES = 1 << 10
 _log = logging.getLogger(__name__)
 _PLY_COLUMNS = {
@@ -61,7 +61,7 @@ def read_archived_cloud(archive: Path, name: str) -> PointCloud:
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a cloud as binary PLY with float64 coordinates, and its description as JSON beside it.
+    """Write a cloud as binary PLY (float64), and its description as JSON beside the PLY.
 
     Both files appear only when both are complete.
     """
@@ -105,7 +105,7 @@ def read_cloud(
     Raises
     ------
     InputError
-        The file is missing, damaged, empty, a mesh, or has points that are not finite.
+        The file is missing, damaged, empty or a mesh, or points are not finite.
     """
     cloud = read_unchecked_cloud(Path(path), keep_missing, drop_invalid, bin_columns)
     check_cloud(cloud, Path(path))
@@ -128,7 +128,7 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud as `read_cloud` does, but allow an empty one or points that are not finite.
+    """Read a cloud as `read_cloud` does, but allow empty clouds and points that are not finite.
 
     With `convert`, LAS coordinates are converted to metres.
     """
@@ -150,7 +150,7 @@ def read_unchecked_cloud(
 
 
 def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -> PointCloud:
-    """Remove points by the mask `missing` (n,), warn, and count them in the description."""
+    """Remove points where `missing` (n,) is true; warn, and count them in the description."""
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
     reason = "are missing returns (--keep-missing keeps them)"
@@ -221,4 +221,4 @@ _READERS: dict[str, Callable[[Path], Columns]] = {
     **dict.fromkeys(_TEXT_SUFFIXES, read_text),
 }
 SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".e57", *_TEXT_SUFFIXES, ".npy", ".npz", ".bin")
-"""Formats that are read, PLY first; compressed files have a second suffix."""
+"""Suffixes of readable files, PLY first; compressed files have a second suffix."""

@@ -12,7 +12,7 @@ _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
 
 @contextmanager
 def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
-    """Convert exceptions of the types `errors`, raised in the `with` block, to an InputError.
+    """Convert exceptions `errors`, raised in the `with` block, to InputError.
 
     `kind` names the file format in the message ("LAS file").
     """

@@ -1,4 +1,4 @@
-"""E57 files (ASTM E2807) from terrestrial scanners, read by pye57 if it is installed."""
+"""E57 files (ASTM E2807) from terrestrial scanners, read by pye57 if installed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MAX_LIST_LENGTH = 120
 def read_e57(path: Path) -> Columns:
     """Read the points of all scans, transformed by the scans' poses into one frame.
 
-    Invalid points are NaN. If there are several scans, the column ``scan`` has their numbers.
+    Invalid points are NaN. With several scans, the column ``scan`` has scan numbers.
     """
     return parse_isolated(parse_e57, path, "E57 file").columns
 

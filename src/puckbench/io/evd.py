@@ -17,8 +17,8 @@ _WHITE = 255.0
 
 
 def write_evd(path: Path, table: ReturnTable) -> None:
-    """Write a table of returns as one block; a return has 11 numbers, the colour white, and its
-    object.
+    """Write an EVD file of one block of returns: 11 numbers, the colour white and the object of
+    each.
     """
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):

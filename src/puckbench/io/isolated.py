@@ -32,12 +32,12 @@ from puckbench.core.files import unreadable
 MIN_BYTES, BYTES_PER_BYTE = 2 << 30, 40
 """Memory limit: the larger of 2 GiB and 40 times the file's size."""
 MIN_SECONDS, SECONDS_PER_MB = 10, 1
-"""Limit of processor time."""
+"""Limit of processor time: 10 s, and 1 s per MB of the file."""
 _CLOCK_FACTOR = 20
-"""Limit of elapsed time in units of the limit of processor time."""
+"""Ratio of the limit of elapsed time to that of processor time."""
 _MEMORY_USE = Path("/proc/self/statm")
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
-"""Threads reserve address space that they do not use."""
+"""Settings that save address space, which threads reserve without need."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ def parse_isolated(
 ) -> ParsedFile:
     """Run ``parse(path, **options)`` in the worker process, within `parser_limits`.
 
-    `kind` describes the file in messages ("LAS file"); limits grow with the size of the file and of
-    `side_files`. The worker's warnings are logged here. Raises InputError if `parse` does, crashes,
-    or exceeds a limit.
+    `kind` describes the file in messages ("LAS file"); the limits grow with the total size of the
+    file and `side_files`. The calling process logs the worker's warnings. Raises InputError if
+    `parse` does, crashes, or exceeds a limit.
     """
     size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
     memory, seconds = parser_limits(size)
@@ -139,7 +139,7 @@ class _Worker:
 
 
 _workers: dict[int, _Worker] = {}
-"""The idle worker by process id: forked processes need their own."""
+"""Idle worker by the calling process's id; a forked process needs a new worker."""
 
 
 def _ask_worker(

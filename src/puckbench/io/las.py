@@ -29,13 +29,12 @@ from puckbench.io.las_units import METRE, Units, las_units, unit_name
 _LOG = logging.getLogger(__name__)
 _STEP_M = 1e-4
 _DATE = date(2000, 1, 1)
-"""A fixed date gives the same bytes on any day."""
+"""Fixed creation date, so that equal points give equal files."""
 _AXES = ("x", "y", "z")
 _DAMAGE = (
     *(ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError),
     *(OSError, struct.error),
 )
-"""Exceptions of laspy for damaged records besides its own."""
 _COLUMN_NAMES = {
     "intensity": "reflectivity",
     "user_data": "laser_id",
@@ -50,7 +49,7 @@ def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def las_bytes(las: Any, is_compressed: bool) -> bytes:
-    """Return the content of a file with the records of laspy's `LasData`."""
+    """Return laspy's `LasData` as the bytes of a LAS or LAZ file."""
     import laspy
 
     content = BytesIO()
@@ -68,8 +67,8 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
     """Read the columns ``x``, ``y``, ``z``, and all other dimensions that are not 0 everywhere.
 
-    With `convert`, coordinates are converted to metres by the file's reference system. Raises
-    InputError if they are in degrees.
+    With `convert`, coordinates are converted to metres by the file's reference system; degrees
+    raise InputError.
     """
     columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
@@ -89,12 +88,12 @@ def rewrite_las(
     points
         (m, 3), in m.
     rows
-        (m,) index of the point in `source` whose attributes a point gets; -1: all 0.
+        (m,) index in `source` of the point whose attributes are copied; -1: all attributes are 0.
 
     Raises
     ------
     InputError
-        `source` is not readable, or a point lies outside the integers of its scale and offset.
+        `source` is unreadable, or its scale and offset cannot represent a point.
     """
     import laspy
 
@@ -113,7 +112,7 @@ def rewrite_las(
 
 
 def parse_las_file(path: Path) -> ParsedFile:
-    """Return the bytes of a LAS or LAZ file, without compression of the points."""
+    """Return a LAS or LAZ file as the bytes of an uncompressed LAS file."""
     import laspy
     from lazrs import LazrsError
 
@@ -170,7 +169,7 @@ def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDA
 
 
 def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
-    """Make laspy's `LasData` (LAS 1.2) of points (n, 3) as integer steps from an offset, m."""
+    """Make laspy's `LasData` (LAS 1.2) of points (n, 3) at ``offset + step * steps``, m."""
     import laspy
 
     header = laspy.LasHeader(point_format=point_format, version="1.2")

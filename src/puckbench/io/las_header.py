@@ -11,7 +11,7 @@ from puckbench.io.damage import reading
 
 _LOG = logging.getLogger(__name__)
 _HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375, 5: 393}
-"""By minor version."""
+"""Header size by minor version of the format."""
 _LAYOUT_AT, _LAYOUT = 94, struct.Struct("<HIIBHI")
 """Header size, offset to point data, number of variable length records, point format, point size,
 number of points."""
@@ -20,9 +20,9 @@ _EXTENDED_AT, _EXTENDED = 235, struct.Struct("<QIQ")
 """Offset and number of extended variable length records, number of points (LAS 1.4)."""
 _RECORD, _EXTENDED_RECORD = struct.Struct("<20xH32x"), struct.Struct("<20xQ32x")
 _COMPRESSED = 0xC0
-"""Bits of the point format, of which LAZ sets one."""
+"""Bits of the point format; LAZ sets one of them."""
 _MAX_COMPRESSION = 1000
-"""LAZ compresses LiDAR scans less; a header that claims more is damaged."""
+"""Limit of LAZ's compression ratio; a header that implies more is damaged."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,7 @@ class _LasHeader:
 
 
 def check_las_header(path: Path) -> None:
-    """Raise InputError if the parts in a header do not fit in the file; warn of more points than it
-    states.
-    """
+    """Raise InputError if the header's parts exceed the file; warn of surplus points."""
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:
         header = _header(stream.read(max(_HEADER_BYTES.values())))

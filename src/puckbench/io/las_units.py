@@ -6,18 +6,18 @@ from typing import Any
 
 METRE, FOOT, US_SURVEY_FOOT = 1.0, 0.3048, 1200 / 3937
 _TOLERANCE = 1e-7
-"""Relative error of feet in files; the two kinds of feet differ by 2e-6."""
+"""Relative tolerance of units in files; the two kinds of feet differ by 2e-6."""
 _PROJECTED, _LINEAR_UNIT, _UNIT_SIZE = 3072, 3076, 3077
 _VERTICAL, _VERTICAL_UNIT = 4096, 4099
 _MODEL, _GEOGRAPHIC_MODEL = 1024, 2
 _USER_DEFINED = 32767
 _DOUBLES = 34736
-"""GeoTIFF keys, codes and the tag of the double values."""
+"""Tag of GeoTIFF's double values; the constants above are GeoTIFF keys and codes."""
 
 
 @dataclass(frozen=True)
 class Units:
-    """Metres per unit of x and y, and of z, None if unknown; x and y may be in degrees."""
+    """Metres per unit of x and y, and of z; None if unknown. `is_degrees` concerns x and y."""
 
     horizontal: float | None = None
     vertical: float | None = None

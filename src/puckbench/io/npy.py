@@ -26,16 +26,15 @@ _COLUMN_NAMES = {
     "normals": ("nx", "ny", "nz"),
     **dict.fromkeys(("colours", "colors", "rgb"), ("red", "green", "blue")),
 }
-"""Columns of arrays (n, 3), by the array's name."""
+"""Names of an array's columns, by the array's name."""
 _MAX_COLUMNS, _MAX_COLUMNS_OF_FEW_POINTS = 256, 16
-"""An array with more columns is transposed; the second limit holds for fewer points than columns.
-"""
+"""An array with more columns is rejected as transposed; the second limit is for fewer rows than
+columns."""
 _ZIP = b"PK\x03\x04"
 _DAMAGE = (
     *(EOFError, IndexError, KeyError, MemoryError, OverflowError, RecursionError, SyntaxError),
     *(TypeError, ValueError, tokenize.TokenError),
 )
-"""Exceptions of NumPy for damaged headers."""
 _ZIP_DAMAGE = (
     *(EOFError, NotImplementedError, OSError, RuntimeError, ValueError),
     *(zipfile.BadZipFile, zlib.error),
@@ -44,7 +43,8 @@ _log = logging.getLogger(__name__)
 
 
 def read_npy(path: Path) -> Columns:
-    """Read points from a NumPy array (n, 3 or more), with or without named fields, or an archive.
+    """Read points from an .npy array (n, 3 or more), possibly with named fields, or an .npz
+    archive.
 
     A floating-point array (rows, columns, 3 or more) is a range image, whose pixels are points.
     """

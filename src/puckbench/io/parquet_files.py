@@ -9,9 +9,7 @@ _VALUE_BYTES = 8
 
 
 def check_parquet_memory(path: Path) -> None:
-    """Raise InputError if decoded values, such as many equal ones, exceed the memory of
-    `parser_limits`.
-    """
+    """Raise InputError if the decoded table exceeds the memory limit of `parser_limits`."""
     from pyarrow import ArrowException, parquet
 
     try:
@@ -27,7 +25,7 @@ def check_parquet_memory(path: Path) -> None:
 
 
 def parquet_metadata(path: Path) -> dict[bytes, bytes]:
-    """Return the metadata of a Parquet file's schema, an empty mapping for other formats."""
+    """Return a Parquet file's schema metadata; empty for other formats."""
     from pyarrow import ArrowException, parquet
 
     try:

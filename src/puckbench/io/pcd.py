@@ -1,7 +1,6 @@
 """PCD files of the Point Cloud Library.
 
-Files are parsed here, because the package pypcd4 accepts truncated files, and runs out of memory on
-damaged headers.
+This parser replaces pypcd4, which accepts truncated files and exhausts memory on damaged headers.
 """
 
 from __future__ import annotations
@@ -22,10 +21,10 @@ from puckbench.core.files import write_bytes
 from puckbench.io.damage import one_line, reading
 
 _MAX_VALUES = 4096
-"""Values of a field; the largest of PCL's descriptors has 1,980."""
+"""Maximum values of a field per point; PCL's largest descriptor has 1,980."""
 _MAX_HEADER_BYTES = 1 << 16
 _MAX_COMPRESSION = 100
-"""LZF compresses 264 bytes to three at best."""
+"""Limit of the compression ratio; LZF compresses 264 bytes to three at best."""
 _log = logging.getLogger(__name__)
 _HEADER_DAMAGE = (KeyError, IndexError, ValueError, TypeError, OverflowError)
 _GAP = re.compile(r"_\d+")

@@ -26,7 +26,7 @@ _TYPE_BYTES = {**_OLD_TYPES, "double": 8, **_TYPES}
 _DAMAGE = (KeyError, ValueError, OverflowError, MemoryError)
 _log = logging.getLogger(__name__)
 CORNER_LISTS = ("vertex_indices", "vertex_index")
-"""Names of the list of a face's vertices."""
+"""Names of the property with a face's vertex indices."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class _Element:
 
 @dataclass(frozen=True)
 class _PlyHeader:
-    """A header of `size` bytes; `lines` are its bytes without comments.
+    """A header of `size` bytes; `lines` are the bytes without comments.
 
     ``is_plain``: the package plyfile can read the header. ``is_text``: the data are ASCII.
     """

@@ -19,7 +19,7 @@ _XYZ = (
     *(tuple(f"{name}{axis}" for axis in range(3)) for name in ("points:", "points_")),
     *(tuple(f"points_m_xyz{mark}{axis}" for axis in range(3)) for mark in ":_"),
 )
-"""Coordinates in PLY and E57 files and in those of surveyors, ParaView and VeloView."""
+"""Names of coordinates in PLY and E57 files, and in files of surveyors, ParaView and VeloView."""
 _NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _COLOURS = (
     ("red", "green", "blue"),
@@ -28,7 +28,7 @@ _COLOURS = (
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
 WIDE_COLOURS = tuple(f"{name}_16" for name in _COLOURS[0])
-"""Fields of colours that do not fit in 8 bits."""
+"""Names of fields for colours that do not fit in 8 bits."""
 _PACKED_COLOURS = ("rgb", "rgba")
 _RESERVED = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label"}
 _MAX_STEP = 1e-5
@@ -37,7 +37,7 @@ _EXACT_INTEGERS = 2**53
 
 
 def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
-    """Make a cloud from columns (n,) with the names in PLY, PCD, LAS and E57 files, ignoring case.
+    """Make a cloud from columns (n,), named as in PLY, PCD, LAS or E57 files, ignoring case.
 
     Columns other than coordinates, normals, colours and labels become fields. Raises InputError if
     x, y or z is missing.
@@ -76,8 +76,8 @@ def default_columns(rows: NDArray[Any]) -> Columns:
     """Name the columns of an array (n, 3 or more) without column names, by convention.
 
     Of four columns, the last is the intensity. Of six, the last three are colours if they are
-    integers from 0 to 255, else normals. Of seven, four are intensity and colours in either order.
-    Others are numbered.
+    integers from 0 to 255, else normals. Of seven, the last four are intensity and colours, in
+    either order. Further columns are numbered.
     """
     names = ["x", "y", "z"]
     colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
@@ -97,7 +97,7 @@ def default_columns(rows: NDArray[Any]) -> Columns:
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
     """Convert numeric fields without loss to the types and names that PLY permits.
 
-    64-bit integers are stored in the smallest sufficient type, or split in two.
+    64-bit integers are stored in the smallest sufficient type, or split into two columns.
     """
     columns: Columns = {}
     for field, values in fields.items():

@@ -15,9 +15,9 @@ _NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
 
 
 def read_poses(path: Path) -> tuple[Floats | None, Floats]:
-    """Read a TUM or KITTI file: times (n,), s, of TUM, and poses (n, 4, 4), from sensor to world.
+    """Read a TUM or KITTI file: times (n,), s (KITTI: None), and sensor-to-world poses (n, 4, 4).
 
-    Raises InputError if a line has other numbers, or the times do not increase.
+    Raises InputError if a line is malformed, or the times do not increase.
     """
     with naming(path):
         return poses_of(read_bytes(path))
@@ -47,7 +47,7 @@ def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
 
 
 def tum_bytes(times: Floats, poses: Floats) -> bytes:
-    """Return the content of a TUM file."""
+    """Return times (n,), s, and poses (n, 4, 4) as the content of a TUM file."""
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
@@ -57,7 +57,7 @@ def tum_bytes(times: Floats, poses: Floats) -> bytes:
 
 
 def read_kitti_calibration(path: Path) -> Floats:
-    """Read ``Tr`` (4, 4), from the LiDAR to the first camera, in a sequence's calib.txt."""
+    """Read the transform ``Tr`` (4, 4) from LiDAR to first camera in a sequence's calib.txt."""
     lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
     with naming(path):
         for number, line in enumerate(lines, 1):
@@ -68,7 +68,7 @@ def read_kitti_calibration(path: Path) -> Floats:
 
 
 def read_times(path: Path) -> Floats:
-    """Read times (n,), s, one a line."""
+    """Read times (n,), s, from a file with one time per line."""
     lines = read_bytes(path).decode("utf-8", errors="replace").split("\n")
     with naming(path):
         rows = [_numbers(number, line) for number, line in enumerate(lines, 1) if line.strip()]

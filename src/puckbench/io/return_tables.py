@@ -51,7 +51,7 @@ class ReturnTable:
         return self.vectors("x", "y", "z")
 
     def vectors(self, *names: str) -> Floats:
-        """Return the columns with these names as one array (n, number of names)."""
+        """Return the named columns as one array (n, number of names)."""
         return np.column_stack([self.columns[name] for name in names])
 
     def select(self, rows: NDArray[Any]) -> Self:
@@ -76,7 +76,7 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
     """Write tables as row groups of one Parquet file and return the number of rows.
 
-    The file has the description of the first table.
+    The first table's description is stored.
     """
     from pyarrow import parquet
 

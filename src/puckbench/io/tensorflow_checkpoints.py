@@ -54,7 +54,7 @@ def _rows(table: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _block(table: bytes, start: int, size: int) -> Iterator[tuple[bytes, bytes]]:
-    """Yield the keys and values of a block, in which keys omit prefixes of the key before."""
+    """Yield keys and values of a block; stored keys omit prefixes shared with the previous key."""
     if table[start + size] != 0:
         raise ValueError("compressed")
     block = table[start : start + size]

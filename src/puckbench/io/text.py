@@ -28,13 +28,13 @@ _COUNTS = re.compile(rb"(?m)^[ \t]*(\d{1,18})[ \t]*(?:\n|\Z)")
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _CUT_DECIMALS = re.compile(rb"(?m)\d,0\d+(,|$)")
-"""A field with a leading zero: the decimals of a number with a decimal comma."""
+"""A field with a leading zero, as the decimals of a number with a decimal comma have."""
 _SEPARATORS = ";,\t "
 _MIN_NUMBERS = 3
-"""Numbers in the line of a point."""
+"""Minimum number of values in a point's line."""
 _BYTE_ENCODING = "latin-1"
 _MAX_COMMENTS = 100
-"""Number of comments before the points that are searched for the names of columns."""
+"""Maximum number of comments before the points that are searched for column names."""
 _MAX_BLOCK_BYTES = 2**31 - 1
 _log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class _TextHeader:
 
 
 def read_text(path: Path) -> Columns:
-    """Read the numeric columns of a text file, with names from its header or by convention.
+    """Read the numeric columns of a text file, named by the header or by convention.
 
     Values are separated by commas, semicolons, tabs or spaces, and may have a decimal comma.
     """
@@ -65,7 +65,7 @@ def read_csv(path: Path) -> Columns:
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns with their names above, with the fewest digits that preserve each value."""
+    """Write a header of names, and columns with the fewest digits that preserve each value."""
     import pyarrow as pa
     from pyarrow import csv
 

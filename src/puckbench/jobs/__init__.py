@@ -1,1 +1,1 @@
-"""Jobs, run by the rules of the workflow and by the command line."""
+"""Jobs that the workflow's rules and the command line run."""

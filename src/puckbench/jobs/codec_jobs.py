@@ -30,10 +30,10 @@ class CodecJob(Job):
         return self._loaded[name]
 
     def codec_of(self, coded: Coded) -> str:
-        """Return the name of the codec of a stream.
+        """Return the name of a stream's codec.
 
-        It is the job's codec, else that of the stream's magic bytes, else that in the stream's
-        record. Raises InputError if there is none, or the record's is not registered.
+        The job's codec comes first, then that of the magic bytes, then that in the stream's record.
+        Raises InputError if there is none, or that in the record is not registered.
         """
         if self.codec:
             return self.codec
@@ -49,7 +49,7 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Return the name of a stream's codec, and the stream from its file or from a curve's."""
+        """Return a stream and its codec's name, from the file of a stream or of a curve."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded
@@ -62,7 +62,7 @@ class TimedJob(CodecJob):
     alone: bool = False
 
     def runs_twice(self, codec: Codec) -> bool:
-        """Whether one rate of a codec, the user's own, is run twice to compare the results."""
+        """Return whether to run a user's codec twice at a rate, to compare the results."""
         return self.repeats == 1 and not type(codec).__module__.startswith("puckbench.")
 
 

@@ -18,7 +18,7 @@ _TAIL_BYTES = 2048
 
 
 def cost_line(name: str) -> str:
-    """Return a job's cost as JSON, with child processes, without a forked job's imports."""
+    """Return a job's cost as JSON, with child processes, without imports of a fork server."""
     import resource
 
     from puckbench.core.environment import source_commit
@@ -62,7 +62,7 @@ class _Cost(Model, extra="ignore"):
 
 
 def read_cost(log: Path) -> dict[str, Any] | None:
-    """Return the cost at the end of a log; None if the job has failed or not finished."""
+    """Return the cost at the end of a log; None if the job failed or has not finished."""
     last = text_end(log, _TAIL_BYTES).rpartition("\n")[2]
     if not last.startswith(BEGIN):
         return None

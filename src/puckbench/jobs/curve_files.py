@@ -29,7 +29,8 @@ class Coded(NamedTuple):
 
 
 def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
-    """Write streams and their records, by rate, as one zip archive without compression.
+    """Write a curve, the streams of a cloud and their records by rate, as an uncompressed zip
+    archive.
 
     The members of rate r1 are ``r1.bin`` and ``r1.json``.
     """
@@ -41,7 +42,7 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
 
 
 def read_curve(path: Path) -> dict[str, Coded]:
-    """Read the streams by rate; raise InputError if the file is not a curve."""
+    """Read streams and records by rate; raise InputError if the file is not a curve."""
     members = read_archive(path)
     rates = [PurePosixPath(name).stem for name in members if name.endswith(STREAM)]
     if not rates:
@@ -71,7 +72,7 @@ def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
-    """Read a stream and its record from two files, or those of a rate from the file of a curve."""
+    """Read a stream and its record from two files or, for a rate, from the archive of a curve."""
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
         record = read_object(beside) if beside.exists() else {}
@@ -100,7 +101,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """Read rows from files, without keys that have no value."""
+    """Read result rows from files, omitting keys without a value."""
     import pyarrow as pa
     from pyarrow import parquet
 

@@ -27,7 +27,7 @@ from puckbench.jobs.registry import JOBS
 LAS = (".las", ".laz")
 _log = logging.getLogger(__name__)
 _MOST_UNLIKE = 0.5
-"""Largest share of decoded points without an original one."""
+"""Largest allowed share of decoded points without a matching original point."""
 _Model = tuple[Path, PointCloud]
 
 
@@ -37,10 +37,10 @@ class Decoded(NamedTuple):
 
 
 class Decoding(TimedJob):
-    """Base class of jobs that decode streams; by default, a stream determines its codec."""
+    """Base class of jobs that decode streams; by default, the stream determines the codec."""
 
     def decoded(self, coded: Coded, again: bool = False) -> Decoded:
-        """Decode and time a stream; with `again`, decode a user's codec twice and compare."""
+        """Decode and time a stream; with `again`, a user's codec decodes twice, to compare."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):
@@ -71,10 +71,11 @@ class Decode(Decoding):
     rate: str | None = None
 
     def run(self, stream: Path, cloud: Path, like: tuple[Path, ...] = ()) -> dict[str, Any]:
-        """Write the decoded cloud, by default in the coordinates of the cloud that was coded.
+        """Write the decoded cloud, by default in the coordinate frame of the encoded cloud.
 
-        `like` are the prepared cloud, whose description locates its source, the original cloud,
-        whose attributes the points get, or both. A LAS or LAZ file keeps the original's header.
+        `like` contains a prepared cloud, whose description maps points to the source's coordinates,
+        an original cloud, whose attributes the points get, or both. A LAS or LAZ file gets the
+        original's header.
         """
         if self.as_mesh:
             if like:
@@ -112,7 +113,7 @@ class Decode(Decoding):
         return {**result.record, "attributes_by": match.by, **lost}
 
     def _reach(self, coded: Coded) -> float | None:
-        """Return the diagonal of a rate's step in m, if the rate is a length, else None."""
+        """Return the diagonal of a grid cell, in m, if the rate is a length, else None."""
         name = coded.record.get("rate")
         named_rate = find_rate(self.loaded(self.codec_of(coded)), name) if name else None
         if named_rate is None or {*named_rate[1]} != {"step_m"}:

@@ -21,7 +21,7 @@ from puckbench.lidar.sweep import Sweep
 from puckbench.lidar.turns import clock_steps
 
 _TURN_S = 0.1
-"""Time between turns of a data set that has no times."""
+"""Assumed time (s) between turns of a data set without times."""
 
 
 @JOBS.register("drive")
@@ -57,10 +57,10 @@ def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
 
 @JOBS.register("drive_of_clouds")
 class DriveOfClouds(Job):
-    """Collect consecutive clouds of a data set to a drive.
+    """Collect consecutive clouds of a data set into a drive.
 
-    Poses, one for each cloud at the middle of its turn, come from the file `poses` (TUM or KITTI),
-    else from the data set, else from KISS-ICP.
+    Poses, one per cloud at the middle of its turn, come from the file `poses` (TUM or KITTI), else
+    from the data set, else from KISS-ICP.
     """
 
     loader: str
@@ -120,7 +120,7 @@ def _sensor(scene: Scene) -> dict[str, Any]:
 
 
 def _starts(scenes: list[Scene]) -> tuple[Floats, bool]:
-    """Return the starts of turns, (n,), s, and whether their points have times."""
+    """Return the start times of turns, (n,), s, and whether points have times."""
     clocks = [scene.returns.turns[0].times for scene in scenes if scene.returns]
     if len(clocks) == len(scenes) and all(clock is not None for clock in clocks):
         begun = np.array([float(clock[0]) for clock in clocks if clock is not None])

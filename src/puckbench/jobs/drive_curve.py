@@ -29,7 +29,7 @@ from puckbench.metrics.task_registry import task_results
 
 @dataclass(frozen=True)
 class CodedDrive:
-    """The streams of the turns at a rate, and their record."""
+    """The streams of a drive's turns at a rate, and their common record."""
 
     streams: tuple[bytes, ...]
     record: Mapping[str, Any]
@@ -59,7 +59,7 @@ def read_coded_drive(path: Path) -> dict[str, CodedDrive]:
 
 @JOBS.register("encode_drive")
 class EncodeDrive(TimedJob):
-    """Encode every turn of a drive at all rates of a codec; each turn is a stream of its own."""
+    """Encode every turn of a drive at all rates of a codec; each turn is a separate stream."""
 
     codec: str
 
@@ -104,9 +104,9 @@ def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
 
 @JOBS.register("measure_drive")
 class MeasureDrive(TimedJob):
-    """Measure tasks on the decoded turns of a drive, or on the undecoded ones.
+    """Measure tasks on the decoded turns of a drive, or on the original turns.
 
-    `tasks` are names with options. Turns decoded from points have neither order nor times.
+    `tasks` maps names to options. Turns coded as points lose the order and times of firings.
     """
 
     dataset: str
@@ -116,7 +116,7 @@ class MeasureDrive(TimedJob):
         return *super().plugins(), *self.tasks
 
     def run(self, drive: Path, rows: Path, curve: Path | None = None) -> dict[str, Any]:
-        """Write a row for each rate; without `curve`, rows of the drive with and without times."""
+        """Write a row per rate; without `curve`, rows of the drive with and without times."""
         original = read_drive(drive)
         about = {**original.about, "digest": _digest(original)}
         described = {"dataset": self.dataset, "cloud": drive.stem, **about}

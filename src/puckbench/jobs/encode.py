@@ -28,7 +28,7 @@ def to_code(
 ) -> PointCloud:
     """Read a cloud, with its returns if the codec can use them or codes attributes.
 
-    By default, `frame` is that of the description, or metric if the file's format is in metres.
+    By default, `frame` is metric if the file's format is in metres, else the description's.
     """
     cloud = read_cloud(path)
     if frame is None and plain_suffix(path) in IN_METRES:
@@ -49,8 +49,8 @@ def measured_encoding(
 ) -> Measured[bytes]:
     """Encode a cloud and measure the time.
 
-    The cost of `shared` work (see `Codec.shared_work`) is added. `each` is called with the stream
-    of every repetition.
+    The cost of reused `shared` work (see `Codec.shared_work`) is added. `each` is called with the
+    stream of every repetition.
     """
     if shared is None:
         return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost, each)
@@ -82,7 +82,7 @@ class Encoding(TimedJob):
         shared: SharedWork | None = None,
         again: bool = False,
     ) -> Coded:
-        """Encode and time a cloud; with `again`, encode it once more to compare the streams."""
+        """Encode and time a cloud; with `again`, encode twice to compare the streams."""
         with noting(f"rate {rate}"):
             streams: set[bytes] = set()
             timed = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
@@ -109,16 +109,13 @@ class Encoding(TimedJob):
 
 @JOBS.register("encode")
 class Encode(Encoding):
-    """Encode a cloud at a rate; `frame` is for a cloud whose description has none."""
+    """Encode a cloud at a rate; `frame` replaces the coordinate frame in the description."""
 
     rate: str
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Write the stream and its record.
-
-        If `prepared` is a path, first prepare the cloud and write it there.
-        """
+        """Write the stream and its record; with `prepared`, first prepare and write the cloud."""
         codec = open_codec(self.codec, self.changes)
         with naming("--rate"):
             rate = codec.rate_name(self.rate)
@@ -143,7 +140,7 @@ class Encode(Encoding):
 
 @JOBS.register("encode_curve")
 class EncodeCurve(Encoding):
-    """Encode a cloud at all rates of a codec, in one process."""
+    """Encode a cloud at all rates of a codec."""
 
     def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
         codec = open_codec(self.codec, self.changes)

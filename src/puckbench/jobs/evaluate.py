@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 _FEW_POINTS = 0.01
-"""Fraction of decoded to input points below which a row has a remark."""
+"""Ratio of decoded to input points below which a row has a remark."""
 _KEPT = (
     *("name", "scene", "group", "scale", "diameter", "elongation"),
     *("dropped_points", "missing_returns", "file_bytes"),
@@ -41,11 +41,11 @@ _KEPT = (
 
 
 class Originals:
-    """The original clouds and surfaces with which decoded clouds are compared, read once.
+    """Original clouds and surfaces with which decoded clouds are compared, read once.
 
     `truth` is the true surface: a mesh or captured room in metres, or a cloud in the coordinate
-    frame of `cloud`. `visible` contains the true point of each point of `cloud`, `clean` the clean
-    scan along the same rays.
+    frame of `cloud`. `visible` contains the true surface point of each point of `cloud`; `clean` is
+    the clean scan along the same rays.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Originals:
 
     @cached_property
     def attributed(self) -> PointCloud:
-        """The encoded cloud, with its returns if it has them."""
+        """The encoded cloud, with its returns, if any."""
         return with_returns(self.reference.cloud, self._cloud)
 
 
@@ -155,7 +155,7 @@ class Evaluate(Evaluating):
 
 @JOBS.register("evaluate_curve")
 class EvaluateCurve(Evaluating):
-    """Measure all streams of a curve in one process."""
+    """Measure all streams of a curve."""
 
     def run(
         self,

@@ -11,7 +11,7 @@ from puckbench.jobs.registry import JOBS, Job
 class Figure(Job):
     """Draw a registered figure in a style merged from several layers of options.
 
-    If `codecs` or `datasets` are not empty, only these are drawn.
+    Non-empty `codecs` or `datasets` restrict the figure to these.
     """
 
     figure: str

@@ -1,10 +1,10 @@
-"""A process that imports the packages that jobs need, and runs each job in a fork of itself.
+"""A server process that imports the packages of jobs once, and runs each job in a fork.
 
-Imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s; the *server* makes them once. A
-*client*, started by Snakemake for a job, sends arguments, environment, folder and output streams to
-the server, and waits for the exit status of the forked *job*. The client runs the job itself
-without a server (on another node, in a container, with another number of threads, or with
-``PUCKBENCH_FORK_SERVER=off``), or if the forked job was killed. Only the user can open the socket.
+Imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s. A *client*, started by Snakemake for a
+job, sends arguments, environment, folder and output streams to the *server*, and waits for the exit
+status of the forked *job*. Without a server (on another node, in a container, with another number
+of threads, or with ``PUCKBENCH_FORK_SERVER=off``), or after a forked job was killed, the client
+runs the job. Only the user can open the socket.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LEARNED = ("torch", "constriction", "puckbench.learned")
 """Further imports for learned codecs."""
 _GPU = "/dev/nvidiactl"
 _SECONDS_TO_END = 5.0
-"""Time between interrupting a job and killing it."""
+"""Time (s) between interrupting a job and killing it."""
 _INTERRUPTED = 130
 _FORK = get_context("fork")
 _servers: list[Any] = []
@@ -44,10 +44,10 @@ _servers: list[Any] = []
 
 
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
-    """Start a server for jobs started by children of this process; it ends with this process.
+    """Start a server for jobs that child processes start; the server ends with this process.
 
-    Do nothing unless on Linux without a GPU, whose driver does not survive a fork. `threads` is the
-    number of threads of the imported libraries.
+    Do nothing on systems other than Linux, or with a GPU, whose driver does not survive a fork.
+    `threads` is the number of threads of the imported libraries.
     """
     import subprocess
     import tempfile
@@ -107,7 +107,7 @@ def run_forked(words: Sequence[str]) -> int | None:
 
 
 def serve(modules: Iterable[str]) -> None:
-    """Serve requests to fork jobs until standard input is closed."""
+    """Fork jobs on request until standard input is closed."""
     import gc
     import shutil
 

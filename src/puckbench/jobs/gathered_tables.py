@@ -19,7 +19,7 @@ class OfNames(Job):
 
 @JOBS.register("rows_table")
 class RowsTable(OfNames):
-    """Gather the result rows of one kind from the files of all jobs."""
+    """Gather the result rows of one kind from all jobs' files."""
 
     kind: Literal["metrics", "clouds", "scan_errors", "recovery", "drives"]
 

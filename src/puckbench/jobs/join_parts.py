@@ -9,7 +9,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("join_streams")
 class JoinStreams(Job):
-    """Join the archives of streams from several jobs that each encoded some rates of a curve."""
+    """Join the archives of jobs that each encoded some rates of a curve."""
 
     def run(self, parts: tuple[Path, ...], curve: Path) -> dict[str, Any]:
         coded = {rate: item for part in parts for rate, item in read_curve(part).items()}
@@ -19,7 +19,7 @@ class JoinStreams(Job):
 
 @JOBS.register("join_rows")
 class JoinRows(Job):
-    """Join the result rows from several jobs that each measured some rates of a curve."""
+    """Join the result rows of jobs that each measured some rates of a curve."""
 
     def run(self, parts: tuple[Path, ...], rows: Path) -> dict[str, Any]:
         results = read_rows(parts)

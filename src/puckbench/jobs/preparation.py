@@ -13,13 +13,13 @@ from puckbench.metrics.psnr import PEAK_M
 
 @dataclass(frozen=True)
 class MeasuredPoints:
-    """Measured points, and in the same rows the true points on the surface."""
+    """Measured points (`cloud`) and true points on the surface (`clean`), row by row."""
 
     cloud: PointCloud
     clean: PointCloud
 
     def cropped(self, box: Floats, on: str = "clean") -> MeasuredPoints:
-        """Return the rows whose clean (or noisy) coordinates are in a box (2, 3)."""
+        """Return the rows whose clean or noisy (`on`) coordinates are in a box (2, 3)."""
         cloud = self.clean if on == "clean" else self.cloud
         rows = inside_box(cloud.xyz, box)
         return MeasuredPoints(self.cloud.select(rows), self.clean.select(rows))
@@ -31,12 +31,11 @@ class MeasuredPoints:
 
 
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Estimate normals of a cloud in metres, and scale it to [0, size - 1] (thesis section 6.1).
+    """Scale a cloud in metres to [0, size - 1], then estimate normals (thesis section 6.1).
 
-    Normals are estimated after scaling. With `size` 0 the cloud stays in metres, shifted if its
-    coordinates are large (`origin_shift`); with `GRID` it stays on its voxel grid. The description
-    gets scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres, the
-    PSNRs' peak.
+    With `size` 0, the cloud stays in metres, shifted if coordinates are large (`origin_shift`);
+    with `size` `GRID`, it stays on its voxel grid. The description gets scale, offset, elongations,
+    extent, density, outliers, diameter, digest and, in metres, the PSNRs' peak.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres

@@ -33,15 +33,15 @@ class Prepare(Job):
     Parameters
     ----------
     crop
-        Coordinates of a scan by which points are cropped.
+        Coordinates by which points of a scan are cropped: clean or noisy.
     box
-        Two corners in m, in place of the box in a file.
+        Two corners in m, which replace the box in a file.
     size
         Grid positions along a side of the cube; 0 for metres, ``grid`` for voxels.
     peak
         Peak of the PSNRs of a cloud in metres, in m.
     drop_invalid
-        Whether to drop points that are not finite, instead of an error.
+        Whether to drop points that are not finite; otherwise, they are an error.
     message, topic
         Number of a cloud in a ROS bag, and its topic.
     """
@@ -149,8 +149,10 @@ def _of_scan(path: Path, clean: bool) -> MeasuredPoints:
 
 
 def names_and_groups(cloud: Path, descriptions: tuple[Path, ...]) -> dict[str, Any]:
-    """Return the name and group in descriptions of the scene; a cloud that is not named like its
-    scene, because the scene has several clouds, has the name of its file, and `scene`."""
+    """Return a cloud's name and group from descriptions of its scene.
+
+    If the scene has several clouds, `name` is the cloud file's name, and `scene` the scene's.
+    """
     names: dict[str, Any] = {}
     for path in descriptions:
         about = read_object(path)

@@ -24,7 +24,7 @@ from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
 
 _LONGEST_MARK = 24
-"""Number of bytes at the start of a file by which packet captures and bags are recognised."""
+"""Number of bytes at the start of a file that identify packet captures and bags."""
 
 
 @JOBS.register("prepare_returns")
@@ -34,7 +34,8 @@ class PrepareReturns(Job):
     Parameters
     ----------
     turns
-        First and last turn, from 0; by default all of a scan, or a recording's first whole turn.
+        First and last turn, counted from 0; by default all of a scan, or a recording's first whole
+        turn.
     peak
         Peak of the PSNRs in m.
     stream
@@ -62,7 +63,7 @@ class PrepareReturns(Job):
         """Write the cloud, its returns and, if `truth` is set, the true points.
 
         `source` is a recording, or a Parquet table of a scan (whole turns) or of a recording's
-        firings. The true points of a recording are its own points.
+        firings. The true points of a recording are its measured points.
         """
         from puckbench.jobs.preparation import prepare
 

@@ -32,7 +32,7 @@ class Recovering(CodecJob):
     dataset: str | None = None
 
     def recovered(self, originals: LabelledPoints, name: str, coded: Coded) -> dict[str, Any]:
-        """Return the result row of a stream; without a surface, its list ``kinds`` is empty."""
+        """Return a stream's result row; ``kinds`` is empty if the stream has no surface."""
         codec, surface = self._decoded_surface(coded)
         record = coded.record
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)

@@ -27,7 +27,7 @@ class Reference(Job):
     ) -> dict[str, Any]:
         """Write the file, without times if other work on the machine disturbed them.
 
-        Inputs are the tables of clouds, or `drives` for a run without clouds.
+        Inputs are the tables of clouds or, for a run without clouds, `drives`.
         """
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs

@@ -1,6 +1,6 @@
-"""The jobs, which have settings and one method, `Job.run`.
+"""The registry of jobs, which have settings and one method, `Job.run`.
 
-Settings come from the plan, files from the workflow's rule.
+The plan provides the settings, the workflow's rule the files.
 """
 
 from __future__ import annotations

@@ -30,8 +30,7 @@ from puckbench.lidar import (
 )
 
 _RAYS_IN_MEMORY = 4_000_000
-"""Maximum number of rays of a scan that is written at once (about 600 MB); a longer scan is written
-in portions."""
+"""Maximum number of rays of a scan that is written at once (about 600 MB), not in portions."""
 
 
 class Scanning(Job):
@@ -40,8 +39,8 @@ class Scanning(Job):
     Parameters
     ----------
     origin
-        Position of the sensor in m; by default that in the scene's description or, without one, the
-        unoccupied position nearest to the middle, `height_m` above the floor.
+        Position of the sensor in m; by default from the scene's description, else the unoccupied
+        position nearest to the middle, `height_m` above the floor.
     anywhere
         Whether the sensor may stand outside the scene or inside an object, or pass through walls.
     """
@@ -60,7 +59,7 @@ class Scanning(Job):
         return (self.errors,)
 
     def scan_of(self, mesh: Path) -> tuple[ScanJob, np.random.Generator]:
-        """Return the scan of a mesh file, and the source of its errors."""
+        """Return the scan of a mesh file, and the random generator of the errors."""
         named = self._named()  # reports unknown names before a large mesh is read
         surface = read_surface(mesh, self.metres_per_unit)
         warn_of_implausible_extent(mesh, surface.bounds())
@@ -96,8 +95,6 @@ class Scanning(Job):
 
 @JOBS.register("scan")
 class Scan(Scanning):
-    """Scan a mesh."""
-
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
         job, rng = self.scan_of(mesh)
         progress = Progress("frame")

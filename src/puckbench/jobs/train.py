@@ -31,11 +31,12 @@ class Train(Job):
     start
         Initial weights: a shipped set's name or a file.
     every, validate_every
-        Steps between checkpoints, and between validations (0: only at the end).
+        Steps between checkpoints; steps between validations (0: validate only at the end).
     peak
         Peak of the PSNRs; by default that of the validation's clouds.
     code
-        Fingerprint of the code; a checkpoint of other code is discarded instead of refused.
+        Fingerprint of the code; a checkpoint of other code is discarded if this is set, else
+        refused.
     """
 
     codec: str

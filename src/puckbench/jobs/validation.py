@@ -20,7 +20,7 @@ def peak_of(clouds: Sequence[PointCloud]) -> float | None:
 
 
 def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
-    """Return the mean metrics over the clouds for each rate (``rates``), and ``faults`` of them.
+    """Return each rate's metrics, averaged over the clouds (``rates``), and their ``faults``.
 
     ``bpp`` is bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the two
     directions' mean squared distances; ``d1_psnr`` is in dB.
@@ -48,7 +48,7 @@ def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
 
 
 def faults(rates: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return messages on rates whose bits do not grow or distortion does not fall."""
+    """Return messages about successive rates whose bits do not grow or distortion does not fall."""
     wrong = []
     for (low, before), (high, after) in pairwise(rates.items()):
         if after["bpp"] <= before["bpp"]:

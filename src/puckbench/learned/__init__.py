@@ -1,8 +1,8 @@
 """Learned codecs of point-cloud geometry: PCGCv1, PCGCv2, a sparse octree net, and RENO.
 
 Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`) with `load_weights`,
-`encode` and `decode`. Damaged streams, weights of
-another network and points that cannot be encoded raise `puckbench.core.errors.InputError`.
+`encode` and `decode`. Damaged streams, weights of another network and points that cannot be encoded
+raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,9 +1,8 @@
 """Context-adaptive entropy coding of a latent: the entropy model's tables, mixed with contexts.
 
-The tables treat each value by itself, but a voxel's latent depends on its neighbours' latents and
-occupancy. Adaptive contexts learn both dependencies from the cloud. A value is coded as binary
-decisions: zero flag, sign, and magnitude in unary. Integer arithmetic makes all machines decode
-identically.
+The tables treat values as independent. Adaptive contexts learn from the cloud how a voxel's latent
+depends on the neighbours' latents and occupancy. A value is coded as binary decisions: zero flag,
+sign, and magnitude in unary.
 """
 
 from __future__ import annotations
@@ -32,20 +31,20 @@ from puckbench.learned.sparse.voxels import FACES, OFFSETS, NeighbourTable
 Integers = NDArray[np.int32]
 Ints = NDArray[np.int64]
 _MAX_UNARY = 20
-"""Magnitudes up to here are coded in unary, larger ones by an Elias gamma code."""
+"""Magnitudes up to this value are coded in unary, larger ones in Elias gamma code."""
 _MAX_MAGNITUDE = _MAX_UNARY + 2**16 - 1
 _DECISIONS = 12
-"""Binary decisions of a value: zero, sign, magnitudes 1 to 4 and larger, of either sign."""
+"""Kinds of binary decisions: zero; sign; for each sign, magnitude 1, 2, 3, 4, and larger."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Numbers of contexts of the seven kinds, see `_find_contexts`."""
 _EDGES, _CORNERS = (1, 3, 5, 7, 9, 11, 15, 17, 19, 21, 23, 25), (0, 2, 6, 8, 18, 20, 24, 26)
 _AROUND = np.array([*FACES, *_EDGES, *_CORNERS])
-"""Offsets of neighbours in three shells, those at faces first."""
+"""Offsets of neighbours: at faces, then at edges, then at corners."""
 _SHELLS = np.repeat(np.arange(3), [len(FACES), len(_EDGES), len(_CORNERS)])
 _FIRST_OF_SHELL = np.searchsorted(_SHELLS, np.arange(3))
 _SHELL_WEIGHTS = np.array([36, 9, 4])
 _MAX_VALUE_BYTES = 80
-"""Maximum bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
+"""Maximum bytes of a value: all decisions, of at most log2(65,536 / 32) bits each."""
 
 
 class _Tables(NamedTuple):
@@ -58,7 +57,7 @@ class _Tables(NamedTuple):
     first
         (tables + 1,), start of each table in `below`.
     below
-        For each integer, the sum of the frequencies of smaller integers.
+        For each integer of a table, the sum of the frequencies of smaller integers.
     number, centre
         As in `Prior`.
     """
@@ -71,18 +70,18 @@ class _Tables(NamedTuple):
 
 
 class _Neighbourhood(NamedTuple):
-    """The causal neighbourhood of a voxel, in reused memory.
+    """The causal neighbourhood of a voxel, in reused arrays.
 
     Parameters
     ----------
     patterns
         (3,), bit masks of occupied neighbours at faces, edges and corners.
     rows, weights
-        Neighbours coded before the voxel, those at faces first, and their weights in means.
+        Rows of neighbours coded before the voxel, those at faces first, and weights in means.
     counts
-        (2,), their numbers, in total and at faces.
+        (2,), numbers of these neighbours, in total and at faces.
     contexts
-        The contexts of a value, to which a decision's offset is added.
+        Contexts of a value, without the offset of a decision.
     """
 
     patterns: Ints
@@ -100,7 +99,7 @@ class Prior(NamedTuple):
     number
         (n, channels), the index of each value's table.
     centre
-        (n, channels), the value to which zero in the table corresponds.
+        (n, channels), the value at the table's zero.
     """
 
     tables: tuple[FrequencyTable, ...]
@@ -109,7 +108,7 @@ class Prior(NamedTuple):
 
 
 def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
-    """Return the prior of an entropy bottleneck: one table for each channel, at all voxels."""
+    """Return the prior of an entropy bottleneck: one table per channel for all voxels."""
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Prior(tables, number, np.zeros_like(number))
 
@@ -120,7 +119,7 @@ def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Pr
     Parameters
     ----------
     latent
-        Integers (n, channels), in the order of the voxels; clipped to 16 bits.
+        Integers (n, channels), in the order of the voxels; clipped to magnitude 65,555.
     neighbours
         (27, n), neighbour table of the voxels.
     """
@@ -199,17 +198,17 @@ def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row:
 
 @compiled_in_place
 def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
-    """Compute the contexts of a value, to which a decision's offset is added later.
+    """Compute the contexts of a value; the offset of a decision is added later.
 
-    "Neighbours" are those coded before, except for occupancy:
+    Means and magnitudes are of neighbours coded before the voxel, occupancy is of all:
 
     0. mean magnitude of the neighbours, and their number
     1. mean of the neighbours at faces, and the largest magnitude
-    2. the two previous channels, and the sum of magnitudes of all previous channels
+    2. the two previous channels, and the sum of magnitudes of all previous ones
     3. occupancy at the edges
     4. occupancy at the faces, and the neighbours' mean
     5. occupancy at the corners, and the neighbours' mean
-    6. occupancy at the faces, and the sum of magnitudes of all previous channels
+    6. occupancy at the faces, and the sum of context 2
     """
     mean, face, spread, largest = _neighbour_statistics(around, values, channel)
     before, last, second = 0, 0, 0
@@ -250,7 +249,7 @@ def _neighbour_statistics(
 
 @compiled_in_place
 def _clipped_quotient(total: int, count: int, most: int, unknown: int) -> int:
-    """Return the rounded quotient, clipped to +-most, plus `most`; `unknown` if the count is 0."""
+    """Return total / count, rounded, clipped to +-most, plus `most`; `unknown` if count is 0."""
     if count == 0:
         return unknown
     return min(max((2 * total + count) // (2 * count), -most), most) + most
@@ -299,7 +298,7 @@ def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -
 def _code_decision(
     mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
-    """Encode or decode a decision; `yes` and `no` are the tables' frequencies of its outcomes."""
+    """Encode or decode a decision; outcomes have frequencies `yes` and `no` in the tables."""
     for place in range(len(_SIZES)):
         mixer.contexts[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
     probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048

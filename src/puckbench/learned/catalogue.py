@@ -1,7 +1,7 @@
 """Search for trained weights, shipped or in files and folders, without PyTorch.
 
 puckbench stores weights as ``*.safetensors`` with a `WeightsHeader` in the metadata. The authors of
-a network publish one file per rate, whose name contains the rate.
+a network publish one file per rate, with the rate in the file's name.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from puckbench.core.models import Model
 
 SUFFIX = ".safetensors"
 HEADER_KEY = "puckbench"
-"""Key of the header, as JSON, in the metadata of a file."""
+"""Key of the JSON header in the metadata of a file."""
 MAX_FILE_BYTES = 2**28
 _PUBLISHED = (".npz", ".pth", ".pt")
 
@@ -38,10 +38,7 @@ class WeightsHeader(Model):
 
 
 def header_of(path: Path) -> WeightsHeader:
-    """Return the header of a set of weights.
-
-    Raises InputError if the file is unreadable, damaged, too large, or not a set of weights.
-    """
+    """Return the header of a set of weights; raise InputError if the file is not a valid set."""
     try:
         state = path.stat()
         return _header(path, state.st_mtime_ns, state.st_size)
@@ -74,7 +71,7 @@ def weights_path(where: str | Path) -> Path:
 
 
 def weights_files(where: str) -> list[Path]:
-    """Return the weights files, of any network, in a shipped set, file or folder.
+    """Return the weights files of any network: a shipped set, a file, or those in a folder.
 
     Raises InputError if there is no such set, file or folder.
     """
@@ -142,4 +139,4 @@ PCGCV2 = NetworkType("pcgcv2", r"c8_a(\d+)_\d+\.pth", _tenths)
 """The authors' ``c8_a025_32000.pth`` was trained with lambda 0.25."""
 OCTREE_NET = NetworkType("sparse_octree_net")
 RENO = NetworkType("reno", r"([\w.-]+)\.pt")
-"""The authors' ``KITTIDetection.pt``; its rates need no weights of their own."""
+"""The authors' ``KITTIDetection.pt`` serves all rates."""

@@ -24,7 +24,7 @@ def why_not(name: DeviceName) -> str:
 def placed(model: M, name: DeviceName) -> M:
     """Move a model to a device; raise InputError if the device does not exist.
 
-    CUDA then computes in full single precision: sums that are exact on a CPU stay exact.
+    CUDA is set to full single precision: sums that are exact on a CPU stay exact.
     """
     import torch
 

@@ -2,8 +2,8 @@
 
 References
 ----------
-Ballé, Minnen, Singh, Hwang, Johnston: "Variational image compression with a scale hyperprior", ICLR
-2018, appendix 6.1: the cumulative distribution is a small monotone network.
+Ballé et al.: "Variational image compression with a scale hyperprior", ICLR 2018, appendix 6.1: the
+cumulative distribution is a small monotone network.
 """
 
 from __future__ import annotations
@@ -48,9 +48,7 @@ class EntropyBottleneck(nn.Module):
         return values
 
     def likelihood(self, latent: Tensor) -> Tensor:
-        """Return the probability of the unit interval around each value of a latent (n,
-        channels).
-        """
+        """Return probabilities of unit intervals around the values of a latent (n, channels)."""
         values = latent.T[:, None]
         lower, upper = self.logits_cumulative(values - 0.5), self.logits_cumulative(values + 0.5)
         sign = -torch.sign(lower + upper).detach()  # the tail in which sigmoids are precise
@@ -66,7 +64,7 @@ class FrequencyTable:
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Return a table per channel, computed in double precision; tails of 2**-20 are escaped."""
+    """Return a table per channel, in double precision; tails of mass 2**-20 are escaped."""
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()
         exact.load_state_dict(bottleneck.state_dict())

@@ -4,8 +4,7 @@ The latent is multiplied by gains before rounding, and divided by them afterward
 
 References
 ----------
-Cui, Wang, Gao et al.: "Asymmetric Gained Deep Image Compression With Continuous Rate Adaptation",
-CVPR 2021.
+Cui et al.: "Asymmetric Gained Deep Image Compression With Continuous Rate Adaptation", CVPR 2021.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class MultiRateNetwork(nn.Module):
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Return optimiser groups; parameters of one rate get a higher learning rate."""
+    """Return optimiser groups; parameters of a single rate have a higher learning rate."""
     of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     ids = set(map(id, of_rates))
     shared = [value for value in model.parameters() if id(value) not in ids]

@@ -1,8 +1,8 @@
 """Choice of the grid by the cloud's density.
 
-On a dense surface a voxel has about four occupied children. On a too fine grid it has about
-one, whose position no network can predict; the authors of PCGCv1 and PCGCv2 then reduce the scale
-by hand. Levels count quarter octaves; an octave doubles the side of voxels.
+On a dense surface a voxel has about four occupied children. On too fine a grid a voxel has about
+one, in an unpredictable position; the authors of PCGCv1 and PCGCv2 coarsen such grids by hand.
+Levels are in quarter octaves; an octave doubles the side of voxels.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _MIN_VOXELS = 64
 
 
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
-    """Return by how many octaves a grid must be coarsened until it is dense enough.
+    """Return the octaves of coarsening, interpolated, after which a grid has the given density.
 
-    That is, until voxels twice as large have `mean_occupied_children` on average, interpolated; 0
-    if no grid has. The Morton keys (n,) are sorted and distinct.
+    The density is the mean number of voxels per parent. The result is 0 if no grid is so dense. The
+    Morton keys (n,) are sorted and distinct.
     """
     previous = 0.0
     for octave in range(AXIS_BITS):
@@ -44,10 +44,7 @@ def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
 
 
 def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
-    """Return `octaves_to_density` of points (n, 3) on the integer grid.
-
-    Points that span over 2**20 voxels give 0.
-    """
+    """Return `octaves_to_density` of points (n, 3) on the integer grid; 0 beyond 2**20 voxels."""
     if mean_occupied_children <= 1:
         return 0.0
     voxels: Voxels = np.rint(points).astype(np.int64)
@@ -58,16 +55,16 @@ def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
 
 
 def choose_grid_level(points: Floats, mean_occupied_children: float, offset: float = 0.0) -> int:
-    """Choose the level of a cloud's grid: coarsen it until it is dense enough, then add the offset.
+    """Choose the level of a cloud's grid by density.
 
     Parameters
     ----------
     points
         (n, 3), n >= 1, in steps of the finest grid.
     mean_occupied_children
-        Mean number of occupied children of a voxel; 1 or less keeps the input's grid.
+        Desired mean number of occupied children per voxel; 1 or less keeps the input's grid.
     offset
-        In octaves; if negative, the grid becomes finer.
+        Octaves added to the level of that density; negative for a finer grid.
 
     Returns
     -------
@@ -81,9 +78,9 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 
 
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
-    """Return the voxels of points (n, 3) on the finest grid that reaches each density.
+    """Return, for each density, voxels of points (n, 3) on the finest grid that reaches it.
 
-    The input's grid is coarsened by whole octaves; equal grids are used once.
+    The input's grid is coarsened by whole octaves; no grid is used twice.
     """
     octaves = {
         math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children

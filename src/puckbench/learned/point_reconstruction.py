@@ -1,11 +1,11 @@
 """Point reconstruction for voxel codecs: place as many points as the input had.
 
-A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
-block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. Therefore each block gets the mean number of points, or more if more voxels are expected to
-be occupied, side by side at the centroid of the occupancy probabilities, projected onto the plane
-of the neighbouring blocks. If the network is confident of the kept voxels, points are placed per
-voxel.
+A decoder keeps the most likely voxels. In a sparse cloud it knows only that one or two voxels of a
+2x2x2 block of siblings were occupied, not which; in a dense cloud several points share a voxel.
+Therefore points are placed per block, side by side around the centroid of the occupancy
+probabilities, projected onto the plane of the neighbouring blocks. In dense clouds, blocks that are
+expected to have more voxels get more points. If the network is confident of the kept voxels, points
+are placed per voxel.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ UNITS = 256
 """Unit of points per voxel in streams: 1 / 256."""
 _MAX_POINTS_PER_VOXEL = 9
 _CONFIDENT = 0.8
-"""A network is confident if the kept voxels have this share of the sum of all probabilities."""
+"""A network is confident if kept voxels have at least this share of the sum of probabilities."""
 _SPARSE, _DENSE = 1.2, 3.0
-"""Mean voxels of a block between which its number of points changes from the mean of all blocks to
-the number that its probabilities predict."""
+"""Mean kept voxels per block: up to the first, all blocks get equal numbers of points; from the
+second, numbers that the probabilities predict; in between, a blend."""
 _SHRINKAGE = 0.8
 """Shrinkage factor of a centroid's distance from its block's centre: networks are overconfident."""
 _VOXEL_PROJECTION, _BLOCK_PROJECTION = 0.3, 0.5
-"""Fraction of the distance to the local plane by which a voxel or block moves, against noise."""
+"""Fraction of the distance to the local plane by which voxels or centroids move, against noise."""
 _SUBDIVISION = 16
-"""Steps per side of the grid on which planes are fitted."""
+"""Steps, per side of a voxel or block, of the grid on which planes are fitted."""
 _MAX_LOGIT = 50.0
 """Bound of logits, so that no probability is zero even for a damaged stream."""
 _MAX_SPAN = 2**20
 _MAX_POINTS = 2**22
-"""Larger clouds have one point per voxel, so that a damaged stream cannot ask for too many."""
+"""Larger clouds have one point per voxel, so that damaged streams cannot demand too many points."""
 CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
-"""The voxels of a block, x fastest."""
+"""Positions (8, 3) of the voxels in a block, x fastest."""
 
 
 class SiblingBlocks(NamedTuple):
-    """Blocks of 2x2x2 sibling voxels, of which a decoder keeps some."""
+    """Blocks of 2x2x2 sibling voxels, with the voxels that a decoder keeps."""
 
     positions: Voxels  # (m, 3), distinct, in blocks
     probabilities: Floats  # (m, 8), of occupancy, in the order of `CORNERS`
@@ -58,9 +58,7 @@ class SiblingBlocks(NamedTuple):
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """Return the blocks with a kept voxel, given positions (m, 3), logits and kept voxels (m,
-    8).
-    """
+    """Return blocks with kept voxels, from positions (m, 3), logits (m, 8) and `kept` (m, 8)."""
     from scipy.special import expit
 
     rows = kept.any(axis=1)
@@ -83,7 +81,7 @@ def joined_blocks(parts: Sequence[SiblingBlocks]) -> SiblingBlocks:
 def points_per_voxel(points: int, voxels: int, rho: float) -> int:
     """Return the number of points to place per decoded voxel, in 256ths (256 to 2304).
 
-    The input has `points` points in `voxels` voxels, for each of which `rho` are decoded.
+    The input has `points` points in `voxels` voxels; the decoder keeps `rho` times as many voxels.
     """
     if points * rho > _MAX_POINTS:
         return UNITS
@@ -91,9 +89,7 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 
 
 def check_points_per_voxel(units: int, voxels: int) -> None:
-    """Raise InputError for a number that `points_per_voxel` cannot have returned; 0 (voxel centres)
-    is allowed.
-    """
+    """Raise InputError if `points_per_voxel` cannot return `units`; 0 (voxel centres) is valid."""
     too_many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
     if too_many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):
         raise InputError("the stream is damaged (points of a voxel)")
@@ -125,7 +121,7 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
     """Place about `counts` (m,) points side by side around centres (m, 3), on local planes.
 
-    Centres lie within 1/2 of distinct integers; a plane is fitted to those around each.
+    Centres lie within 1/2 of distinct integer positions; planes are fitted to adjacent centres.
     """
     from puckbench.geometry.tangent_planes import fit_tangent_planes
 
@@ -140,7 +136,7 @@ def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
 def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]:
     """Round counts (m,) to integers of at least 1, with about the same sum.
 
-    Counts with the fewest neighbours, near which voxels were lost, are rounded up.
+    Counts of centres with the fewest neighbours, where voxels were lost, are rounded up.
     """
     whole = np.floor(counts)
     remainder = int(np.rint(counts.sum()) - whole.sum())

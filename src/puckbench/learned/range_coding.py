@@ -25,10 +25,10 @@ def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -
 
 
 def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
-    """Encode groups of integers (n,), each with its table.
+    """Encode groups of integers (n,), each group with a table.
 
-    A value outside its table is coded as the escape symbol, and follows the group, clipped to 16
-    bits.
+    A value outside the table is coded as the escape symbol; the value, clipped to 16 bits, follows
+    the group.
     """
     import constriction
 

@@ -1,4 +1,4 @@
-"""Sets of trained weights: a safetensors file with parameters, frequency tables and a model card.
+"""Sets of trained weights: safetensors files with parameters, frequency tables and model card.
 
 Parameters are in half precision. Integer frequency tables are computed when a set is written, since
 floating-point arithmetic differs between machines.
@@ -30,12 +30,12 @@ from puckbench.learned.gains import MultiRateNetwork
 
 DIGEST_BYTES = 8
 _LENGTH_BYTES = 8
-"""Bytes of the length of the JSON header, with which a safetensors file begins."""
+"""A safetensors file begins with the length of the JSON header in this many bytes."""
 _TABLES = ("frequency_tables.lowest", "frequency_tables.length", "frequency_tables.frequencies")
 _MAX_MAGNITUDE = 2**16
 N = TypeVar("N", bound=MultiRateNetwork)
 Tables = tuple[tuple[FrequencyTable, ...], ...]
-"""Frequency tables of each rate, of each channel."""
+"""Frequency tables by rate and channel."""
 Arrays = Mapping[str, NDArray[Any]]
 
 
@@ -81,9 +81,7 @@ def write_weights(
 
 
 def read_weights(path: Path) -> WeightsFile:
-    """Read a set of weights; raise InputError if it is damaged, or parameters are not finite in
-    half precision.
-    """
+    """Read a set of weights; raise InputError if it is damaged or has non-finite parameters."""
     header, data = header_of(path), read_bytes(path)
     try:
         arrays = load(data)
@@ -153,9 +151,9 @@ def load_multi_rate(
     model_type: type[N],
     load_published: Callable[[Path], N],
 ) -> MultiRateWeights[N]:
-    """Read a set trained by puckbench, or, with `load_published`, a file of the network's authors.
+    """Read a set trained by puckbench or, with `load_published`, a file of the network's authors.
 
-    Raises InputError if the file is neither.
+    Raises InputError for other files.
     """
     if path.suffix == SUFFIX:
         return _load_our_set(path, model_type)
@@ -219,13 +217,10 @@ def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
 _UNREADABLE = (
     OSError, RuntimeError, EOFError, LookupError, ValueError, TypeError, AttributeError
 )  # fmt: skip
-"""Exceptions of PyTorch for files that are not checkpoints."""
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if
-    damaged.
-    """
+    """Read a PyTorch checkpoint without running its code; raise InputError (`fault`) if damaged."""
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (*_UNREADABLE, pickle.UnpicklingError) as error:

@@ -44,20 +44,21 @@ class Drive:
     Parameters
     ----------
     turns
-        In m, in the sensor's frame; with ``returns`` of one turn if the sensor's are available.
+        Points of each turn, m, in the sensor's frame; with the turn's ``returns`` if available.
     starts
         Times at which turns begin, (n,), s.
     turn_s
-        Duration of a turn, s; 0 if its points are those of one moment.
+        Duration of a turn, s; 0 if all its points have one time.
     pose_times, poses
         (m,), s, and (m, 4, 4) from the frame of the points to the world.
     about
-        Scene, seed, sensor, error model, and whose poses these are.
+        Scene, seed, sensor, error model, and source of the poses.
 
     Raises
     ------
     InputError
-        There is one turn, times run back, turns are missing, or poses do not cover the turns.
+        There are fewer than two turns, times decrease, turns are missing, or poses do not cover the
+        turns.
     """
 
     turns: tuple[PointCloud, ...]
@@ -96,12 +97,11 @@ class Drive:
 
     @cached_property
     def points(self) -> int:
-        """Number of points of all turns."""
         return sum(map(len, self.turns))
 
 
 def check_times(starts: Floats) -> None:
-    """Raise InputError unless turns begin one after the other, without a missing turn."""
+    """Raise InputError if turns are out of order or missing."""
     steps = np.diff(starts)
     if (back := np.flatnonzero(steps <= 0)).size:
         raise InputError(f"times run back: turn {back[0] + 1} begins before turn {back[0]}")
@@ -147,7 +147,6 @@ def _turn_members(drive: Drive) -> Iterator[tuple[str, bytes]]:
 
 
 def read_drive(path: Path) -> Drive:
-    """Read the archive of a drive; raise InputError if it is damaged."""
     members = read_archive(path)
     with naming(path):
         if not {_POSES, _ABOUT} <= members.keys():

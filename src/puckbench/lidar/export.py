@@ -1,4 +1,4 @@
-"""Export of scans and recordings to other tools' formats, chosen by the suffix of the file."""
+"""Export of scans and recordings to other tools' formats, by file suffix."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Source = ScanTable | RecordedReturns | Returns
 Columns = dict[str, NDArray[Any]]
 
 _KITTI_BRIGHTEST = 255
-"""Reflectivity of the intensity 1 in KITTI's files."""
+"""Reflectivity that KITTI's files store as intensity 1."""
 
 
 def _pcd_columns(columns: Columns) -> Columns:
@@ -85,9 +85,9 @@ def read_source(path: Path) -> ScanTable | RecordedReturns:
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
-    """Write a scan or recording in the format of the path's suffix; return numbers of points.
+    """Write a scan or recording in the format of the path's suffix; return counts by name.
 
-    With `clean`, write true coordinates; BlenSor's format (.evd) contains both.
+    With `clean`, write true coordinates; BlenSor's format (.evd) contains true and measured ones.
     """
     suffix = _checked_suffix(path, len(source))
     if isinstance(source, RecordedReturns | Returns):
@@ -103,7 +103,7 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
 
 
 def export_points(path: Path, columns: Columns) -> dict[str, Any]:
-    """Write columns of points: x, y, z and further ones; return the number of points."""
+    """Write columns of points (x, y, z and any others); return the number of points."""
     suffix = _checked_suffix(path, len(columns["x"]))
     if suffix not in _POINTS:
         raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")

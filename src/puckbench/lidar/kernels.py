@@ -1,4 +1,4 @@
-"""Compiled loops of a virtual scan, which write to arguments.
+"""Compiled loops of a virtual scan, which write their results to arguments.
 
 Rays, flat arrays (n,) and rows of the scan table are ordered by frame, azimuth step and laser.
 """
@@ -21,9 +21,7 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Write unit normals of triangles (0 if degenerate) and their planes' distances from `origin`
-    to `planes` (t, 4).
-    """
+    """Compute planes (t, 4) of triangles: unit normal (0 if degenerate), distance from `origin`."""
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
         x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -44,11 +42,11 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Compute world directions of rays, and write them to `directions` (n, 3).
+    """Compute the directions (n, 3) of rays in the world.
 
-    `yaw` and `pitch` are each a pair, the sines and the cosines of the rays' angles, (frames,
-    steps, lasers). `rotations` (frames, steps, 3, 3) map from the sensor to the world. The last
-    three columns of `rays` (n, 6) receive the directions for Embree.
+    `yaw` and `pitch` are pairs: sines and cosines of the rays' angles, each (frames, steps,
+    lasers). `rotations` (frames, steps, 3, 3) rotate from the sensor to the world. The last three
+    columns of `rays` (n, 6) also receive the directions, for Embree.
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -77,13 +75,12 @@ def fill_distances(
     distances: Floats,
     cosines: Floats,
 ) -> None:
-    """Compute exact distances, m, and cosines of incidence angles of rays (n,); inf, nan for a
-    miss.
+    """Compute distances, m, of rays (n,) in float64, and cosines of incidence angles.
 
-    `nearest` and `triangles` (n,) are the distances (inf for a miss) and triangles from Embree, and
-    `planes` (t, 4) those of `fill_planes`. `starts` (steps, 3) are the origins of rays, in the
-    coordinates of `planes`, and `limits` the shortest and longest range. A ray parallel to its
-    plane keeps the distance from Embree.
+    A miss has inf and nan. `nearest` (n,), distances (inf for a miss), and `triangles` (n,) come
+    from Embree, `planes` (t, 4) from `fill_planes`. `starts` (steps, 3) are ray origins in the
+    coordinates of `planes`, `limits` the shortest and longest range. A ray parallel to its plane
+    keeps Embree's distance.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
@@ -112,7 +109,7 @@ def fill_rays(
     """Write frame, laser, time and angles of the rays that `rows` (frames, steps, lasers) selects.
 
     `nominal` has the timestamp, yaw and pitch of all rays. The columns `out` are written from row
-    `start` on. Returns the row after the last written one.
+    `start` on. Returns the next free row.
     """
     frame, laser, timestamp, yaw, pitch = out
     row = start
@@ -159,11 +156,11 @@ def fill_surface(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write incidence, triangle, labels and normal (towards the sensor) of selected rays to `out`.
+    """Write incidence, triangle, labels and normal (towards the sensor) of the rays in `rows`.
 
-    Rows from `start` on are written. `rows` (n,) selects the rays. `hits` are the directions (n,
-    3), triangles (n,) and incidence (n,) of all rays. `surface` has the plane (t, 4), object and
-    primitive of each triangle.
+    `rows` is a mask (n,). The columns `out` are written from row `start` on. `hits` are directions
+    (n, 3), triangles (n,) and incidence angles (n,) of all rays. `surface` has the plane (t, 4),
+    object and primitive of each triangle.
     """
     incidence, triangle, object_id, primitive_id, nx, ny, nz = out
     row = start
@@ -185,11 +182,11 @@ def fill_surface(
 def fill_echoes(
     apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
 ) -> None:
-    """Compute each beam's echo: its mean distance (inf for none), and the ray nearest to that.
+    """Compute the echo of each beam: mean distance (inf for none), and ray nearest to the mean.
 
-    `apart` (beams, rays) are the rays' distances, m, inf for a miss. After sorting, a distance more
-    than `gap` beyond the previous one begins a new echo. `choice` selects the first echo (0), that
-    with most rays (1), the last (2), or all rays as one echo (3).
+    `apart` (beams, rays) are distances of rays, m, inf for a miss. In increasing order, a distance
+    more than `gap` beyond the previous one begins a new echo. `choice` selects the first echo (0),
+    the largest (1), the last (2), or all rays as one echo (3).
     """
     beams, rays = apart.shape
     for beam in range(beams):

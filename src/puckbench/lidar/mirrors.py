@@ -10,14 +10,14 @@ from puckbench.lidar.errors.model import Hits
 from puckbench.lidar.raycast import Cast, RayCaster
 
 _MOST_MIRRORS = 8
-"""A path with more reflections is lost."""
+"""Limit of reflections; a path with more has no return."""
 _OFF_THE_MIRROR = 1e-4
-"""Distance, m, at which a reflected ray starts, so that float32 does not hit the mirror again."""
+"""Offset, m, of a reflected ray's start, so that rounding to float32 causes no second hit."""
 
 
 @dataclass(frozen=True)
 class _Paths:
-    """Rays whose paths so far end on a mirror: direction, end and length of each path."""
+    """Paths of rays that end on a mirror so far, with the last direction of each."""
 
     rays: NDArray[np.int64]
     directions: Floats
@@ -32,10 +32,10 @@ class _Paths:
 def follow_mirrors(
     caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
 ) -> Cast:
-    """Replace hits on mirrors, the mask `mirrors` (t,) of triangles, by hits of reflected rays.
+    """Replace hits on mirrors by hits of the reflected rays.
 
-    Their distance is the length of the whole path, at most `farthest`. A ray that only meets
-    mirrors is a miss.
+    `mirrors` (t,) is a mask of triangles. The distance of a hit is the length of the whole path, at
+    most `farthest`, m. A ray that meets only mirrors is a miss.
     """
     shape = cast.hits.distance.shape
     distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()

@@ -1,7 +1,4 @@
-"""Checks of a sensor's position or path in a scene, and search for a free position.
-
-A position is outside a scene if at most half of the rays in all directions hit the scene.
-"""
+"""Checks of a sensor's position or path in a scene, and search for a free position."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.lidar.raycast import RayCaster
 
 INSIDE = 0.5
-"""A sensor is inside a scene if more than this share of all directions meets it."""
+"""A sensor is inside a scene if more than this share of rays in all directions hits it."""
 
 # A closer sensor touches the surface: rounding errors decide which side it sees.
 _LEAST_CLEARANCE_M = 1e-3
@@ -34,7 +31,7 @@ def check_untouched(caster: RayCaster, places: Floats) -> None:
 def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
     """Raise InputError unless a sensor's path starts in free space and crosses no surface.
 
-    The path is that of `Sweep.way`: times (n,), s, and positions (n, 3), m.
+    The path, from `Sweep.way`, has times (n,), s, and positions (n, 3), m.
     """
     where = f"the sensor at {_world(caster, places[0])}"
     distances, triangles = seen_around(caster, places[0])
@@ -98,8 +95,8 @@ def free_origin(
 ) -> Floats:
     """Return the free grid position (3,), m, that is nearest to the middle of the floor plan.
 
-    It is `height` above the floor and `clearance` from all surfaces. More than the share `inside`
-    of rays in all directions, and a ray straight down, must hit the scene.
+    The position is `height` above the floor and at least `clearance` from all surfaces. More than
+    the share `inside` of rays in all directions, and a ray straight down, must hit the scene.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()

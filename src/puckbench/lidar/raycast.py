@@ -1,7 +1,7 @@
-"""Ray casting: Embree (by Open3D) finds the triangle, and its plane gives the distance.
+"""Ray casting: Embree (in Open3D) finds the triangle hit, whose plane gives the distance.
 
-Embree's float32 has a relative error of about 1e-6 of the coordinates. Therefore the sensor is at
-the origin, and distances are computed again in float64.
+Embree computes in float32, with errors of about 1e-6 of the coordinates. Therefore the mesh is
+translated to put the sensor at the origin, and distances are computed again in float64.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from puckbench.lidar.trajectory import Poses
 
 @dataclass(frozen=True)
 class Cast:
-    """Cast rays in world coordinates: directions (n, 3), origins of steps (steps, 3), hits."""
+    """Rays that were cast, in the world: directions (n, 3), origins of steps (steps, 3), hits."""
 
     directions: Floats
     origins: Floats
@@ -73,9 +73,7 @@ class RayCaster:
         return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-        """Cast rays; return distances (n,), in float32 accuracy (inf for a miss), and triangles
-        (n,).
-        """
+        """Cast rays; return distances (n,) of float32 accuracy (inf: miss) and triangles (n,)."""
         answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
         return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
 
@@ -89,8 +87,8 @@ class RayCaster:
     ) -> Hits:
         """Return the hits of rays, reshaped to `shape`.
 
-        `single` (n, 6) are origins and directions for Embree; `starts`, (steps, 3) or (n, 3), are
-        exact origins relative to `origin`.
+        `single` (n, 6) are float32 origins and directions, for Embree; `starts`, (steps, 3) or (n,
+        3), are float64 origins. Both are relative to `origin`.
         """
         from puckbench.lidar.kernels import fill_distances
 

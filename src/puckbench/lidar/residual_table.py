@@ -42,7 +42,7 @@ COLUMNS = (
 """Columns of a residual table; `residual_m` is positive on the sensor's side of the plane.
 
 `range_m` is the distance from the sensor to the measured point, `frame` the frame of a scan or the
-turn of a recording; `plane_u_m` and `plane_v_m` are those of `plane_coordinates`.
+turn of a recording; `plane_u_m` and `plane_v_m` come from `plane_coordinates`.
 """
 _OPTIONAL = ("range_m", "frame", "plane_u_m", "plane_v_m")
 
@@ -59,7 +59,7 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a table of plane residuals; those of older versions lack `range_m` and later columns."""
+    """Read a table of plane residuals; old tables lack `range_m` and the columns after it."""
     from puckbench.io.tables import read_table
 
     table = read_table(path)
@@ -70,7 +70,7 @@ def read_residuals(path: Path) -> pd.DataFrame:
 
 
 def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
-    """Return the columns of a residual table for measured points (n, 3) on a fitted plane.
+    """Return the columns of a residual table that depend on points (n, 3) and the fitted plane.
 
     The plane's normal must point to the sensor's position `origin` (3,).
     """
@@ -85,7 +85,7 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Project points to coordinates (n, 2), m, in a plane, with the projected sensor at (0, 0).
+    """Project points onto a plane; return coordinates (n, 2), m, relative to the projected sensor.
 
     The first axis is horizontal, the second points upwards; `origin` is the sensor's position.
     """

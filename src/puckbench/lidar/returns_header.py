@@ -14,13 +14,13 @@ from puckbench.lidar.turns import CENTIDEGREES, Layout
 
 _QUANTUM_UNIT_M = 1e-7
 _HAS_STEPS, _HAS_SHIFTS = 128, 64
-"""Flags beside the kinds of return: the number of azimuth steps less 1, and the shifts of the
-lasers, are at the end, in 16 bits each."""
+"""Flags in the byte of the kinds of return. At the layout's end follow the number of azimuth steps
+minus 1, and the shifts of lasers, in 16 bits each."""
 _CLOCKWISE, _HAS_OFFSET = 1, 2
-"""Flags of the sense of rotation; with the second, the range offset (8 bytes, m) follows."""
+"""Flags: the sensor rotates clockwise; a range offset (8 bytes, m) follows."""
 _MOST_NAME_BYTES = 255
 _ROWS = (3, 5, 6, 9)
-"""Numbers of values for each laser: without azimuths, radial distances, or additions to ranges."""
+"""Possible numbers of values for each laser; the last values are omitted if unset."""
 _DAMAGED = "the stream is damaged or truncated"
 _USES: tuple[tuple[Firing, bool], ...] = (
     ("sequential", False),
@@ -43,7 +43,7 @@ def encode_layout(layout: Layout) -> bytes:
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
-    """Decode a layout from the beginning of `body`; return it and the bytes after it."""
+    """Decode the layout at the beginning of `body`; return the layout and the remaining bytes."""
     reader = Reader(body)
     columns, blocks, kinds, lasers = reader.take(4)
     order, steps, shifts = _read_order(reader, lasers), CENTIDEGREES, b""
@@ -89,7 +89,7 @@ def _beams(name: str, use: int) -> Beams:
 
 
 def encode_beams(returns: Returns) -> bytes:
-    """Encode quantum and offset of ranges, and the lasers: a shipped sensor's name, or angles."""
+    """Encode range quantum, range offset, and lasers as a shipped sensor's name or as angles."""
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
     offset = np.array([returns.range_offset_m], "<f8").tobytes() if returns.range_offset_m else b""
     shipped = None if offset else _shipped().get((returns.beams, returns.sensor))

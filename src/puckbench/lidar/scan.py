@@ -1,5 +1,3 @@
-"""Virtual scans of a mesh, with an error model."""
-
 from __future__ import annotations
 
 import json
@@ -27,7 +25,7 @@ from puckbench.lidar.sweep import Rays, Sweep
 __all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
 
 Progress = Callable[[int, int], None]
-"""Called with the number of frames that are done and of all frames."""
+"""Receives the numbers of scanned and of all frames."""
 
 # Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
@@ -73,9 +71,7 @@ class ScanJob:
         progress: Progress | None = None,
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
     ) -> Iterator[ScanTable]:
-        """Yield the scan as tables of whole frames, to limit the memory; `table` returns all at
-        once.
-        """
+        """Yield tables of whole frames, which need less memory than one table of the scan."""
         scanner, rows = self._scanner(rng), 0
         at_a_time = rays_in_a_portion // scanner.rays_per_frame
         for frames in _portions(range(self.sweep.frames), at_a_time):
@@ -87,7 +83,7 @@ class ScanJob:
             raise scanner.no_return()
 
     def check(self) -> None:
-        """Raise InputError if the mesh is empty or the sensor cannot stand or move in it."""
+        """Raise InputError if the mesh, or the sensor's position or path, is invalid."""
         self._caster()
 
     def _scanner(self, rng: np.random.Generator) -> _Scanner:
@@ -114,10 +110,10 @@ def scan(
 ) -> ScanTable:
     """Scan a mesh with a virtual sensor (thesis, section 5.2); return a table of returns.
 
-    A row is a nominal ray that returned, in the order of firing (frame, azimuth step, laser). Clean
-    values are its true intersection with the surface, noisy values those measured. If the error
-    model fires another ray (beam divergence), the sensor measures along that one, and a row needs a
-    hit within range on both.
+    Each row is a nominal ray with a return, in the order of firing (frame, azimuth step, laser).
+    Clean values describe the true intersection of the nominal ray with the surface, noisy values
+    the measurement. If the error model fires a deviating ray (beam divergence), the sensor measures
+    along that ray, and both rays must hit a surface within range.
 
     Parameters
     ----------
@@ -126,7 +122,7 @@ def scan(
     origin
         (3,), position of the sensor or origin of its trajectory, m.
     rng
-        Source of the random streams of errors.
+        Generator that seeds the random streams of errors.
 
     Raises
     ------
@@ -166,7 +162,7 @@ class _Scanner:
         return ScanTable({name: column[:rows] for name, column in columns.items()}, self.about)
 
     def add_returns(self, frames: range, columns: dict[str, NDArray[Any]], row: int) -> int:
-        """Scan frames and write their returns from `row` on; return the row after the last."""
+        """Scan frames; write their returns from `row` on; return the next free row."""
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)

@@ -19,8 +19,8 @@ from puckbench.lidar.turns import CENTIDEGREES, MAX_RANGE, Layout, Turn
 class ScanReturns:
     """Returns of a scan as its sensor would report them, and their rows (n,) in the scan's table.
 
-    Rows are in the order of ``returns.points()``. `still_at` is the position, m, of a level sensor
-    at rest, otherwise None.
+    Rows are in the order of ``returns.points()``. `still_at` is the position, m, of the sensor if
+    level and at rest, otherwise None.
     """
 
     returns: Returns
@@ -29,10 +29,11 @@ class ScanReturns:
 
 
 def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
-    """Return the measured (or `clean`, true) returns of a scan that consists of whole revolutions.
+    """Return the measured returns of a scan of whole revolutions, or the true ones if `clean`.
 
-    Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees; ranges that
-    become 0, or exceed 16 bits (32 if the sensor's range does), are left out.
+    Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees. Returns are
+    left out if the rounded range is 0 or exceeds 16 bits (`MAX_RANGE` if the sensor's longest range
+    exceeds 16 bits).
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")

@@ -80,7 +80,7 @@ def write_scan(path: Path, table: ScanTable) -> None:
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
-    """Write the successive parts of a scan as one Parquet file; return its number of rows."""
+    """Write the parts of a scan to one Parquet file; return its number of rows."""
     return write_portions(path, portions)
 
 

@@ -30,40 +30,41 @@ _CALIBRATED = "hdl64e_s3"
 
 
 class Sensor(Model):
-    """A rotating LiDAR; tuples have an item for each laser (thesis, Tables 4.1 and 4.2)."""
+    """A rotating LiDAR (thesis, Tables 4.1 and 4.2); tuples have an item for each laser."""
 
     name: str
     laser_elevation_deg: tuple[float, ...]
     rotation_hz: PositiveFloat
-    """Rotation rate and azimuth step are defaults for sweeps."""
+    """The rotation rate and the azimuth step are defaults of sweeps."""
     azimuth_step_deg: PositiveFloat
     max_range_m: PositiveFloat
     min_range_m: NonNegativeFloat = 0.0
     divergence_horizontal_deg: NonNegativeFloat = 0.0
     divergence_vertical_deg: NonNegativeFloat = 0.0
-    """Divergences are full widths of the beam."""
+    """Both divergences are full angular widths of the beam."""
     vertical_correction_mm: tuple[float, ...] | None = None
     laser_azimuth_deg: tuple[float, ...] | None = None
-    """Azimuths of lasers relative to the sensor's; virtual scans leave out azimuths and corrections
-    of lasers."""
+    """Azimuths of lasers relative to the sensor's azimuth. Virtual scans ignore azimuths and
+    corrections of lasers."""
     horizontal_correction_mm: tuple[float, ...] | None = None
-    """Distances from the axis, against the direction of rotation."""
+    """Distances of lasers from the axis, positive against the direction of rotation."""
     distance_correction_mm: tuple[float, ...] | None = None
-    """Additions to ranges, at 25.04 m and beyond."""
+    """Additions to ranges of returns at 25.04 m or beyond."""
     distance_correction_x_mm: tuple[float, ...] | None = None
-    """Instead, where a return lies 2.4 m to the side; linear in between (HDL-64E manual)."""
+    """Additions to ranges of returns 2.4 m to either side; linear up to 25.04 m (HDL-64E
+    manual)."""
     distance_correction_y_mm: tuple[float, ...] | None = None
-    """Likewise, where it lies 1.93 m forward."""
+    """Additions to ranges of returns 1.93 m ahead or behind; linear up to 25.04 m."""
     range_quantum_mm: PositiveFloat | None = None
     firing_sequence_us: PositiveFloat | None = None
     firing_interval_us: PositiveFloat | None = None
-    """Time between lasers that fire one after the other in a sequence."""
+    """Time between successive lasers of a firing sequence."""
     firing_offsets_us: tuple[float, ...] | None = None
-    """Otherwise, the time of each laser from the start of the sequence."""
+    """Firing time of each laser in the sequence; excludes `firing_interval_us`."""
     wavelength_nm: PositiveFloat | None = None
     pulse_ns: PositiveFloat | None = None
     accuracy_m: PositiveFloat | None = None
-    """Typical accuracy (plus or minus) that the manufacturer states; no error model uses it."""
+    """Typical accuracy (plus or minus) stated by the manufacturer; no error model uses it."""
     manufacturer: str | None = None
 
     @model_validator(mode="after")
@@ -116,7 +117,7 @@ class Sensor(Model):
 
     @property
     def firing_times_us(self) -> tuple[float, ...]:
-        """Times of firing from the start of a firing sequence, us; raises InputError if unknown."""
+        """Firing times from the start of a firing sequence, us; raises InputError if unknown."""
         offsets = self._firing_offsets()
         if offsets is None:
             raise InputError(f"sensor {self.name} does not state when its lasers fire")
@@ -132,9 +133,10 @@ def sensor_names() -> list[str]:
 
 
 def load_sensor(name_or_path: str | Path) -> Sensor:
-    """Load a shipped sensor by name, or another one from a YAML file.
+    """Load a shipped sensor by name, or a sensor from a file.
 
-    A calibration of an HDL-64E (db.xml, or a YAML file of ROS's velodyne_pointcloud) is one, too.
+    The file describes a sensor (YAML), or is the calibration of an HDL-64E (db.xml, or YAML of
+    ROS's velodyne_pointcloud).
     """
     path = Path(name_or_path)
     if path.suffix not in {".yaml", ".yml", ".xml"}:

@@ -1,9 +1,9 @@
 """Sweeps: the rotation and the motion of a virtual sensor during a scan.
 
-Axes are x right, y forward, z up. As in BlenSor, the sensor rotates about z from forward,
-counter-clockwise seen from above; pitch rotates it about x, upwards positive. All lasers of an
-azimuth step fire at the same time, and a frame has one pose; but lasers can have firing times
-(``timing="firing"``) and azimuth steps poses (a trajectory).
+Axes are x right, y forward, z up. As in BlenSor, the sensor rotates about z, from forward,
+counter-clockwise seen from above; pitch rotates the sensor about x, upwards positive. By default,
+the lasers of an azimuth step fire together, and a frame has one pose. With ``timing="firing"`` each
+laser has a firing time; with a trajectory each azimuth step has a pose.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _HANDLE_DIVISOR = 2.5614
 
 @dataclass(frozen=True)
 class Rays:
-    """Angles of rays in the sensor's frame, (frames, steps, lasers), rad; may be broadcast views.
+    """Angles of rays in the sensor's frame, (frames, steps, lasers), rad, maybe broadcast views.
 
     Measured points lie on these rays if `placed_as_fired`, otherwise on the nominal rays.
     """
@@ -51,24 +51,24 @@ class Sweep(Model):
     pitch_start_deg: float = -60.0
     """Pitch in the first frame."""
     pitch_end_deg: float = 60.0
-    """Pitch in the last frame, to which it changes with Blender's easing."""
+    """Pitch in the last frame; in between, the pitch follows Blender's easing."""
     rotation_hz: PositiveFloat | None = None
-    """Rotations per second; none: the sensor's."""
+    """Rotations per second; by default the sensor's."""
     azimuth_step_deg: PositiveFloat | None = None
-    """Azimuth between firings; none: the sensor's."""
+    """Azimuth between firings; by default the sensor's."""
     max_range_m: PositiveFloat | None = None
-    """Longest range; none: the sensor's."""
+    """Longest range; by default the sensor's."""
     frames_skipped: NonNegativeInt = 0
-    """Frames at the end that are not scanned, though the pitch counts them; room scans of the
-    thesis omit the last frame."""
+    """Number of frames at the end that are not scanned; the pitch still ends in the last of
+    them."""
     timing: Literal["step", "firing"] = "step"
-    """``step``: all lasers of an azimuth step fire at the same time, as in BlenSor. ``firing``: a
-    laser fires at its own time, at the azimuth of that time, and a step is the rotation during a
-    firing sequence; a frame has whole steps only."""
+    """``step``: the lasers of an azimuth step fire together, as in BlenSor. ``firing``: each laser
+    has its firing time, and the azimuth at that time; a step is the rotation during a firing
+    sequence."""
     trajectory: tuple[tuple[float, ...], ...] | None = None
-    """Poses instead of the pitch, in rows of `trajectory.trajectory_from_rows`: times from the
-    start of the sweep, positions from the scan's origin. Each azimuth step has its own pose
-    (rolling shutter). A single row is a fixed pose."""
+    """Poses that replace the pitch, as rows for `trajectory.trajectory_from_rows`: times are
+    relative to the start of the sweep, positions to the scan's origin. Each azimuth step has a pose
+    (rolling shutter); a single row is a fixed pose."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -104,7 +104,6 @@ class Sweep(Model):
         return round(self.duration_s * self.frames_per_second)
 
     def pitch_rad(self) -> Floats:
-        """Return the pitch of the sensor in each frame, (frames,)."""
         return self._pitch(range(self.frames))
 
     def _pitch(self, frames: range) -> Floats:
@@ -132,7 +131,6 @@ class Sweep(Model):
 
     @property
     def is_level_and_still(self) -> bool:
-        """Whether the sensor stays at the scan's origin, with axes parallel to the world's."""
         return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
 
     def way(self) -> tuple[Floats, Floats]:
@@ -178,15 +176,13 @@ class Sweep(Model):
         return Rays(np.broadcast_to(yaw, shape), np.broadcast_to(pitch, shape))
 
     def timestamps(self, sensor: Sensor, frames: range) -> Floats:
-        """Return the start of each azimuth step, (frames, steps), in s since the start of the
-        sweep.
-        """
+        """Return start times of azimuth steps, (frames, steps), s since the sweep's start."""
         second_per_step = self.step_deg(sensor) / (360.0 * self.turning_hz(sensor))
         within = np.arange(self.steps(sensor)) * second_per_step
         return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
 
     def firing_times(self, sensor: Sensor, frames: range) -> Floats:
-        """Return firing times, (frames, steps, lasers), in s since the start of the sweep."""
+        """Return firing times, (frames, steps, lasers), s since the sweep's start."""
         steps = self.timestamps(sensor, frames)[:, :, None]
         fired = steps + _delays(sensor) if self.timing == "firing" else steps
         return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))
@@ -237,8 +233,8 @@ SWEEPS: dict[str, dict[str, Any]] = {
 def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
     """Create a sweep from the name of a preset, or from values such as ``{"duration_s": 1.0}``.
 
-    Other values are those of the ``preset`` (default: ``thesis``). A ``trajectory`` is rows of
-    poses or the path of a file, and determines the duration unless ``duration_s`` is set.
+    Missing values are those of the ``preset`` (default: ``thesis``). A ``trajectory``, rows of
+    poses or a file's path, determines the duration unless ``duration_s`` is set.
     """
     options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
     name = options.pop("preset", "thesis")

@@ -39,9 +39,7 @@ class Trajectory:
     quaternions: Floats
 
     def at(self, times: Floats) -> Poses:
-        """Interpolate positions linearly and rotations by slerp; poses are constant beyond both
-        ends.
-        """
+        """Interpolate positions linearly and rotations by slerp; extrapolate by the end poses."""
         if len(self.times) == 1:
             first = np.zeros(times.shape, dtype=np.intp)
             return Poses(_matrices(self.quaternions[first]), self.positions[first])
@@ -54,10 +52,10 @@ class Trajectory:
 
 
 def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
-    """Convert rows t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz to a trajectory.
+    """Convert rows of t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
 
-    Rotations are applied in this order in the sensor's frame: yaw about z, counter-clockwise seen
-    from above; pitch about x, upwards positive; roll about y, right side down positive.
+    Rotations are intrinsic: yaw about z, counter-clockwise seen from above; then pitch about x,
+    upwards positive; then roll about y, right side down positive.
     """
     lengths = {len(row) for row in rows}
     if lengths not in ({_ANGLES}, {_QUATERNION}):
@@ -73,7 +71,7 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
 
 
 def read_rows(path: Path) -> tuple[Row, ...]:
-    """Read the rows of a trajectory from a CSV file, with or without a heading, or a YAML list."""
+    """Read the rows of a trajectory from a CSV file (header optional) or a YAML list."""
     if path.suffix.lower() == ".csv":
         return _checked(_csv_rows(path), path)
     rows = read_yaml(path)

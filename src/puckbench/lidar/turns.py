@@ -14,10 +14,10 @@ CENTIDEGREES = 36000
 MAX_AZIMUTH_STEPS = 1 << 16
 MAX_LASERS = 128
 MAX_COLUMNS = 1 << 14
-"""Limit of the columns of a turn; the slowest Puck has 3,617."""
+"""Limit of the columns of a turn; a Puck at its lowest rotation rate has 3,617."""
 MAX_PIXELS = 1 << 20
 MAX_RANGE = (1 << 24) - 1
-"""Limit of ranges of 32 bits, in quanta."""
+"""Largest range in an image of 32 bits, in quanta."""
 
 
 _Value = TypeVar("_Value", bound=np.generic)
@@ -28,12 +28,12 @@ Ranges = NDArray[np.uint16 | np.uint32]
 class Layout:
     """Arrangement of a sensor's firings in an image of columns by lasers.
 
-    `order` is the laser ids from the lowest elevation to the highest. Columns of a block, such as
-    the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
-    return mode there are two kinds of return. `azimuth_steps` is the number of units of azimuth in
-    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns. If lasers
-    of a column have different azimuths, coders move each laser's values by `shifts` columns, so
-    that a column has nearly one azimuth; empty: all 0.
+    `order` lists laser ids from the lowest elevation to the highest. The columns of a block, two
+    for a VLP-16, share an azimuth; the blocks of a packet share a time. Dual return mode has two
+    `kinds` of return. `azimuth_steps` is the number of azimuth units in a revolution: 36,000 of
+    0.01 degrees by default, the number of columns for an Ouster. If lasers of a column have
+    different azimuths, coders move the values of each laser by `shifts` columns, so that a column
+    has nearly one azimuth; empty: no shifts.
     """
 
     order: tuple[int, ...]
@@ -74,8 +74,7 @@ class Turn:
     Parameters
     ----------
     ranges
-        (kinds of return, columns, lasers), in range quanta, 0 for no return; 32 bits hold up to
-        `MAX_RANGE`.
+        (kinds of return, columns, lasers), in range quanta, 0 for no return; at most `MAX_RANGE`.
     azimuths
         (blocks,), in the layout's azimuth steps.
     times
@@ -115,14 +114,14 @@ def check_turn(turn: Turn, layout: Layout) -> None:
 
 
 def by_elevation(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
-    """Return values (kinds, columns, lasers) of a turn, shifted, from the lowest laser up."""
+    """Apply a layout's shifts to values (kinds, columns, lasers); sort lasers by elevation."""
     if not layout.shifts:
         return values[..., list(layout.order)]
     return _flat(values)[:, _places(layout, *values.shape[1:])].reshape(values.shape)
 
 
 def by_laser(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
-    """Return the values of a turn from the result of `by_elevation`."""
+    """Invert `by_elevation`."""
     if not layout.shifts:
         return values.take(np.argsort(layout.order), axis=2)
     original = np.empty(values.shape, values.dtype)
@@ -136,7 +135,7 @@ def _flat(values: NDArray[_Value]) -> NDArray[_Value]:
 
 @lru_cache(maxsize=8)
 def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
-    """Return the index of each shifted value, from the lowest laser up, in the flat original."""
+    """Return the flat index, in the original, of each value of `by_elevation`."""
     order = np.asarray(layout.order)
     shifted = np.arange(columns)[:, None] - np.asarray(layout.shifts)[order]
     return np.asarray(shifted % columns * lasers + order).ravel()
@@ -149,7 +148,7 @@ def has_wide_ranges(turn: Turn) -> bool:
 def clock_steps(times: Floats, hour: float) -> Floats:
     """Return the steps (n - 1,) between successive times (n,) of a clock with the period `hour`.
 
-    Of the possible steps, the smallest in absolute value is chosen.
+    Of the steps possible modulo `hour`, the smallest in absolute value is returned.
     """
     steps: Floats = np.mod(np.diff(times) + hour / 2, hour) - hour / 2
     return steps

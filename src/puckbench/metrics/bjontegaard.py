@@ -20,9 +20,8 @@ LITTLE_OVERLAP = "overlap below half"
 TOO_FEW_POINTS = "too few points"
 
 MIN_POINTS = 2
-"""Fewest points of a curve."""
 MIN_OVERLAP = 0.5
-"""Smallest common range of two curves, as a share of the shorter curve's range."""
+"""Minimum common range of two curves, as a fraction of the shorter curve's range."""
 _ROUNDING = 1e-12
 
 
@@ -30,7 +29,7 @@ _ROUNDING = 1e-12
 class RateDistortionCurve:
     """A rate-distortion curve: points (k,), strictly increasing in ln(rate) and quality (dB).
 
-    `dropped` counts excluded dominated points (see `rate_distortion_curve`).
+    `dropped` is the number of dominated points that `rate_distortion_curve` removed.
     """
 
     log_rate: Floats
@@ -63,7 +62,7 @@ class BjontegaardDelta:
     quality_db
         Mean difference in quality at equal rate.
     overlap
-        Common range of quality, as a fraction of the shorter range.
+        Common quality range of both curves, as a fraction of the shorter range.
     """
 
     log_ratio: float | None
@@ -81,7 +80,7 @@ class BjontegaardDelta:
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
     """Return the curve through points (k,), without missing values and dominated points.
 
-    A dominated point has at least the bits of another, and at most its quality.
+    A point is dominated if another has no higher rate and no lower quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]

@@ -16,10 +16,11 @@ def geometry_metrics(
     decoded: Floats | DistinctPoints,
     peak: float | None = None,
 ) -> dict[str, float]:
-    """Return distances (in units and metres) and PSNRs of a decoded cloud.
+    """Return distances, in the cloud's units and in metres, and PSNRs of a decoded cloud.
 
-    Errors are 0, with the entry ``lossless``, if rounding explains them. The peak of the D1 and D2
-    PSNRs, in units, is by default `PointCloud.peak`. D2 needs the reference's normals.
+    If rounding explains all errors, they are set to 0, and the entry ``lossless`` is true. The peak
+    of the D1 and D2 PSNRs, in units, is by default `PointCloud.peak`. D2 needs the reference's
+    normals.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding
@@ -41,7 +42,7 @@ def geometry_metrics(
 
 
 def picture_metrics(reference: PointCloud, decoded: PointCloud, pixels: int) -> dict[str, float]:
-    """Return metrics of rendered views `pixels` wide; none for 0."""
+    """Return metrics of rendered views, `pixels` wide and high; none if `pixels` is 0."""
     if not pixels:
         return {}
     from puckbench.metrics.views import view_metrics
@@ -54,8 +55,8 @@ def attribute_metrics(
 ) -> dict[str, float]:
     """Return metrics of colours and reflectances that both clouds have.
 
-    `geometry` comes from `geometry_metrics`. Attributes are lossless if their values are equal, at
-    each point if positions are lossless too.
+    `geometry` comes from `geometry_metrics`. An attribute is lossless if both clouds have equal
+    values in any order and, if positions are lossless, at each point.
     """
     values: dict[str, float] = {}
     pairs = attributes_of(reference), attributes_of(decoded)

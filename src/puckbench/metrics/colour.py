@@ -17,10 +17,10 @@ _YUV = np.array(
         [0.5, -0.4542, -0.0458],
     ]
 )
-"""BT.709, full range, as in MPEG's pc_error."""
+"""Matrix from RGB to YUV: BT.709, full range, as in MPEG's pc_error."""
 _CHANNELS = ("y", "u", "v")
 GEOMETRY_WEIGHT = 0.6597
-"""Weight of geometry against luma in the joint metric (Viola, Subramanyam and Cesar 2020)."""
+"""Weight of geometry against luma in the joint metric (Viola et al. 2020)."""
 _BINS = 256
 
 
@@ -30,14 +30,14 @@ def yuv(colours: np.ndarray) -> Floats:
 
 
 def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Return the colour errors between nearest neighbours (`paired_values`).
+    """Return the colour errors between nearest neighbours (see `paired_values`).
 
     Returns
     -------
     dict
         ``y_mse``, ``u_mse``, ``v_mse``; ``y_psnr``, ``u_psnr``, ``v_psnr`` (dB, peak 1);
-        ``colour_max_error``, the largest difference of a component (of 255); ``colour_lossless``;
-        ``luminance_l2`` (`luminance_distance`).
+        ``colour_max_error``, the largest difference of an RGB component (0 to 255);
+        ``colour_lossless``; ``luminance_l2`` (see `luminance_distance`).
     """
     a_colours, b_colours = (
         _colours(reference, "reference cloud"),
@@ -54,7 +54,7 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
 
 
 def luminance_distance(a: Floats, b: Floats) -> float:
-    """Return the distance of the normalised 256-bin histograms of luma values (n,) and (m,)."""
+    """Return the Euclidean distance of normalised 256-bin histograms of lumas (n,) and (m,)."""
     shares = [np.histogram(y, _BINS, (0.0, 1.0))[0] / len(y) for y in (a, b)]
     return float(np.linalg.norm(shares[0] - shares[1]))
 

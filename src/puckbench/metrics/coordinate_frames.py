@@ -9,11 +9,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FRAME = "frame"
-"""Column of tables of clouds and results: "metric", or empty for scaled clouds."""
+"""Column of tables of clouds and results: "metric" (metres), or empty for scaled clouds."""
 
 
 def rows_in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
-    """Return the result rows of clouds in a frame; without the column `FRAME`, all are scaled."""
+    """Return the rows of clouds in a coordinate frame; without column `FRAME`, all are scaled."""
     if FRAME not in table:
         return table if frame == "scaled" else table.iloc[:0]
     rows = table[(table[FRAME] == "metric") == (frame == "metric")]

@@ -8,24 +8,24 @@ from puckbench.geometry.spatial_order import distinct_points
 
 NEIGHBOURS = 16
 QUERIES = 100_000
-"""Size of the random sample of query points taken from larger clouds."""
+"""Maximum number of query points, sampled at random."""
 OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Return spacing, density and outliers of points (n, 3), from k = 16 nearest neighbours.
+    """Return spacing, density and outliers of points (n, 3) from k = 16 nearest neighbours.
 
-    At most 100,000 distinct points are used.
+    At most 100,000 random distinct points are query points.
 
     Returns
     -------
     dict
-        * ``duplicates``: share of points with the position of another point.
+        * ``duplicates``: share of points that repeat an earlier position.
         * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest neighbour.
-        * ``density_median``, ``density_q05``, ``density_q95``: k / (pi r^2), with the distance r
-          to the k-th neighbour.
-        * ``outliers``: share of points whose mean distance to the k neighbours exceeds its mean
-          by two standard deviations (Rusu et al. 2008).
+        * ``density_median``, ``density_q05``, ``density_q95``: k / (pi r^2), with the distance r to
+          the k-th neighbour.
+        * ``outliers``: share of points whose mean distance to k neighbours exceeds the average by
+          two standard deviations (Rusu et al. 2008).
     """
     check_points(points, "density")
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -63,7 +63,10 @@ def _shares(name: str, values: Floats) -> dict[str, float]:
 
 
 def density_in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
-    """Convert `density` by `scale` units per metre; names get the suffix ``_m`` or ``_m2``."""
+    """Convert results of `density`, with `scale` units per metre.
+
+    Spacings get the suffix ``_m``, densities ``_m2``.
+    """
     converted = {}
     for name, value in values.items():
         if name.startswith("spacing"):

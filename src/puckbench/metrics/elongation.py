@@ -6,7 +6,7 @@ from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Return shortest / longest side of a cloud's bounding box; 0 for a single point."""
+    """Return the ratio of shortest to longest side of the bounding box; 0 for a single point."""
     check_points(points, "elongation")
     return _ratio(np.ptp(points, axis=0))
 
@@ -14,7 +14,7 @@ def elongation(points: Floats) -> float:
 def oriented_elongation(points: Floats) -> float:
     """Return the `elongation` of Open3D's oriented bounding box, as in the thesis.
 
-    Its axes are the principal axes of the convex hull's vertices.
+    The box's axes are the principal axes of the convex hull's vertices.
     """
     from scipy.spatial import ConvexHull, QhullError
 

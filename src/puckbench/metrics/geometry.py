@@ -25,8 +25,8 @@ from puckbench.metrics.lossless import rounding
 class SquaredErrors:
     """Squared point-to-point and point-to-plane errors between two clouds.
 
-    They are (n,) from the distinct points of the reference A to the decoded cloud B, and (m,) from
-    those of B (m, 3) to A.
+    ``ab_...`` (n,) are from the distinct points of the reference A to the decoded cloud B,
+    ``ba_...`` (m,) from the distinct points of B, `decoded` (m, 3), to A.
     """
 
     decoded: Floats
@@ -37,7 +37,7 @@ class SquaredErrors:
 
 
 class DistinctPoints:
-    """The distinct points of a cloud (n, 3) with a search index, for several comparisons."""
+    """The distinct points of a cloud (n, 3) with a reusable search index."""
 
     def __init__(self, points: Floats, what: str = "decoded cloud") -> None:
         check_points(points, what)
@@ -50,7 +50,7 @@ class DistinctPoints:
 
 
 class ReferenceCloud:
-    """A reference cloud with search index and checked normals, for several comparisons."""
+    """A reference cloud with reusable search index and checked normals."""
 
     def __init__(self, cloud: PointCloud) -> None:
         self.cloud = cloud
@@ -78,9 +78,9 @@ def distortion(
 ) -> dict[str, float]:
     """Return D1, D2, Chamfer and Hausdorff distances, as in MPEG's pc_error.
 
-    Duplicate points count once, with the first normal. Decoded points get normals by
-    `transfer_normals`. Point-to-plane errors are projected onto the nearest neighbour's normal and
-    averaged over equidistant neighbours.
+    Duplicate points count once, with the normal of the first. Decoded points get normals by
+    `transfer_normals`. Point-to-plane errors are projected onto the nearest neighbour's normal;
+    squared errors are averaged over equidistant neighbours.
 
     Parameters
     ----------
@@ -92,14 +92,14 @@ def distortion(
     Returns
     -------
     dict
-        In squared units of the clouds, except for Hausdorff distances (units):
+        In squared units of the clouds, except ``hausdorff_point`` and ``hausdorff_plane`` (units):
 
         * ``acd_ab_point``, ``acd_ba_point``: asymmetric Chamfer distances (eq. 2.3); ``cd_point``:
           their mean (eq. 2.4); ``d1_mse``: their maximum (pc_error's mseF).
         * ``hausdorff_point``: Hausdorff distance (eq. 2.5); ``hausdorff_sq_point``: its square
           (pc_error's "h.").
-        * The same point to plane (eq. 2.6), if the reference has normals: ``_plane`` for ``_point``
-          and ``d2_mse`` for ``d1_mse``.
+        * ``..._plane`` and ``d2_mse``: the point-to-plane versions (eq. 2.6), if the reference has
+          normals.
         * ``points_a``, ``points_b``: numbers of distinct points.
     """
     return summarise_errors(squared_errors(reference, decoded))
@@ -108,7 +108,7 @@ def distortion(
 def squared_errors(
     reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> SquaredErrors:
-    """Return the squared errors of the distinct points of both clouds (see `distortion`)."""
+    """Return the squared errors that `distortion` summarises."""
     reference = ReferenceCloud.of(reference)
     from_a, from_b = reference.points, DistinctPoints.of(decoded)
     a, b = from_a.xyz, from_b.xyz
@@ -162,9 +162,9 @@ def _checked_normals(reference: PointCloud) -> Floats:
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
     """Return normals (size, 3) of the decoded cloud B from those of the reference A (n, 3).
 
-    As in pc_error, a point of B gets the mean, not normalised, of the normals of the points of A
-    whose nearest neighbour it is or, without any, of its nearest neighbours in A. `ab` are the
-    neighbours in B of points of A, `ba` the reverse.
+    As in pc_error, the normal of a point b in B is the mean, not normalised, over all points of A
+    whose nearest neighbour is b or, without such points, over b's nearest neighbours in A. `ab` are
+    the neighbours in B of points of A, `ba` the reverse.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)

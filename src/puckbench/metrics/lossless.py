@@ -1,4 +1,4 @@
-"""Detection of losslessly coded clouds, whose errors come only from rounding of coordinates."""
+"""Detection of losslessly coded clouds, whose errors come only from rounding."""
 
 from __future__ import annotations
 
@@ -14,17 +14,16 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LOSSLESS = "lossless"
-"""Column of result rows: whether all errors are rounding errors."""
+"""Column of results: whether all errors are rounding errors."""
 _ROUNDING = 2.0**-21
-"""Four units in the last place of single precision: a coordinate is rounded when it is read, by two
-operations of a decoder and when it is written, along three axes."""
+"""Relative tolerance of four units in the last place of single precision, for roundings at reading,
+in two operations of a decoder and at writing, along three axes."""
 _MOST = 1e-4
-"""Metres; larger errors are never attributed to rounding."""
+"""Largest error attributed to rounding, metres."""
 _OF_THE_SHAPE = ("d1_", "d2_", "cd_", "acd_", "hausdorff_", "view_")
-"""Prefixes of columns that compare the decoded with the coded cloud."""
+"""Prefixes of columns that compare the decoded cloud with the original."""
 _BEST_DB, MOST_DB = 1e9, 1e4
-"""Value of a lossless cloud's PSNR when quantiles are computed, and a limit that no lossy cloud
-reaches."""
+"""PSNR of lossless clouds in quantiles, and a limit above all PSNRs of lossy clouds, dB."""
 _COUNTS = ("points_a", "points_b")
 
 
@@ -42,7 +41,7 @@ def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, flo
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return a mask (n,) of lossless rows: the column `LOSSLESS` or, without it, errors of 0."""
+    """Return a mask (n,) of lossless rows, from column `LOSSLESS` or, if missing, from errors."""
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)
     if {"hausdorff_point", "diameter"} <= set(metrics):
@@ -55,14 +54,14 @@ def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Replace infinite PSNRs (lossless) by a finite value above all others, for quantiles."""
+    """Set PSNRs of lossless rows to a finite value above all others, so that quantiles exist."""
     psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_shape_metric(name)]
     rows = lossless_rows(metrics)
     return metrics.assign(**{name: metrics[name].mask(rows, _BEST_DB) for name in psnrs})
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
-    """Remove the values of `with_lossless_best` from quantiles."""
+    """Set quantiles of PSNRs to nan where they contain the value of `with_lossless_best`."""
     psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 

@@ -8,7 +8,7 @@ A metric is a registered function::
         offset = reference.xyz.mean(axis=0) - decoded.xyz.mean(axis=0)
         return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
-Each key becomes a column of the results and should end in its unit; `columns` explains them. Both
+Each key becomes a column of the results and should end in the unit; `columns` explains them. Both
 clouds are in one coordinate frame, with ``reference.about["scale"]`` units per metre.
 """
 
@@ -47,8 +47,8 @@ def further_metrics(
 ) -> dict[str, float]:
     """Return the values of optional metrics of a decoded cloud.
 
-    A name is a registered metric's, or ``path/to/file.py:function``. Raises InputError if the name
-    of a result is in `columns`.
+    `names` are registered metrics or ``path/to/file.py:function``. Raises InputError if a result's
+    name is in `columns` or occurs twice.
     """
     results: dict[str, float] = {}
     for name in names:

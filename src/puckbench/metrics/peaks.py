@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 PEAK = "peak"
 """Column of result rows: peak of ``d1_psnr`` and ``d2_psnr`` in the cloud's units."""
 WITH_PEAK = ("d1_psnr", "d2_psnr")
-"""Columns that depend on the peak."""
 _DIGITS = 4
 """Significant digits of a peak derived from rounded errors and PSNRs."""
 _ALIKE = 1.001
@@ -23,7 +22,7 @@ _ALIKE = 1.001
 
 
 def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Add the column `PEAK` (peak of the PSNRs) to older results, from their errors and PSNRs."""
+    """Add the column `PEAK` to older results, computed from their errors and PSNRs."""
     if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
         return metrics
     peaks = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
@@ -32,7 +31,7 @@ def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Raise InputError if PSNRs in `columns` have several peaks in the results of a cloud."""
+    """Raise InputError if the PSNRs of a cloud, in `columns`, have several peaks."""
     if PEAK not in metrics or not set(WITH_PEAK) & set(columns):
         return
     for (dataset, cloud), part in metrics.groupby(["dataset", "cloud"])[PEAK]:

@@ -17,13 +17,13 @@ def distances_to_primitive(primitive: Primitive, points: Floats) -> Floats:
 
 
 def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -> dict[str, float]:
-    """Return the differences of parameters of two primitives of a kind.
+    """Return parameter differences of two primitives of one kind.
 
     Returns
     -------
     dict
-        ``angle_deg`` between normals or axes; ``position_m``, distance of planes or axes near
-        `centre` (3,), of sphere centres or cone apexes; ``radius_m``; ``half_angle_deg``.
+        ``angle_deg`` between normals or axes; ``position_m``, distance between planes or axes near
+        `centre` (3,), between sphere centres or cone apexes; ``radius_m``; ``half_angle_deg``.
     """
     return _DIFFERENCES[true.kind](true.parameters, decoded.parameters, centre)
 
@@ -43,7 +43,7 @@ def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
 
 
 def _to_cone(cone: Parameters, points: Floats) -> Floats:
-    """Return signed distances to a cone's surface; behind its apex, distances to the apex."""
+    """Return signed distances to a cone's surface; behind the apex, distances to the apex."""
     along, across = _along_and_across(cone["apex"], cone["axis"], points)
     cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
     past = along * cosine + across * sine < 0

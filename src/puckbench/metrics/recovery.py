@@ -20,11 +20,11 @@ Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 MIN_SHARE = 0.001
-"""Smallest share of all points on a primitive that counts."""
+"""Minimum share of all points that a primitive must have to count."""
 MIN_OVERLAP = 0.5
 """Intersection over union above which two primitives match."""
 FREEFORM = "freeform"
-"""Kind of surfaces that are not primitives; decoded primitives on them do not count."""
+"""Kind of surfaces that are not primitives."""
 ALL = "all"
 
 
@@ -41,9 +41,9 @@ class Segmentation:
 
 
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
-    """Assign the points of a cloud on the true surface to primitives of a decoded surface.
+    """Assign points on the true surface to primitives of a decoded surface.
 
-    Both have the same coordinates; the result (see `decoded_segmentation`) is in metres.
+    Both have the same coordinates; the `decoded_segmentation` is in metres.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -52,7 +52,7 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
-    """Assign `points` (n, 3) to the largest primitive of the closest object of a decoded mesh."""
+    """Assign each of `points` (n, 3) to the largest primitive of the closest object in `mesh`."""
     triangles = closest_surface_points(mesh, points).triangles
     primitive_ids = _largest_primitives(mesh.areas(), labels)
     primitives = [labels.primitives[number] for number in primitive_ids]
@@ -71,17 +71,18 @@ def _largest_primitives(areas: Floats, labels: Labels) -> Ints:
 def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[dict[str, Any]]:
     """Compare decoded with true primitives of `points` (n, 3), in metres.
 
-    Two primitives of a kind match if their points' intersection exceeds half of the union.
-    Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and decoded primitives
-    on them do not count.
+    Two primitives of one kind match if the intersection of their point sets exceeds half of the
+    union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces, and decoded
+    primitives mostly on freeform surfaces do not count.
 
     Returns
     -------
     list of dict
-        For all kinds ("all") and each ``kind``: ``true``, ``found`` (decoded) and ``matched``, the
-        numbers of primitives; ``precision``; ``recall``; ``label_accuracy``, share of the points on
-        true primitives that lie on the match. Medians over matches: ``residual_m``, root mean
-        square distance of a true primitive's points to the match, and `parameter_differences`.
+        For all kinds ("all") and for each ``kind``: ``true``, ``found``, ``matched``, numbers of
+        true, decoded and matched primitives; ``precision``; ``recall``; ``label_accuracy``, share
+        of the points on true primitives that lie on the match. Medians over matches:
+        ``residual_m``, RMS distance of a true primitive's points to the match, and
+        `parameter_differences`.
     """
     table = _Overlaps.of(true, decoded)
     pairs = [_pair(true, decoded, points, *pair) for pair in table.matches]

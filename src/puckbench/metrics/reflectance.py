@@ -14,7 +14,7 @@ Reflectances = tuple[Floats, Floats]
 def reflectance_distortion(
     reference: Reflectances, decoded: Reflectances, peak: float | None = None
 ) -> dict[str, float]:
-    """Return the errors of reflectances between nearest neighbours (`paired_values`).
+    """Return the errors of reflectances between nearest neighbours (see `paired_values`).
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def reflectance_distortion(
     Raises
     ------
     InputError
-        There is not one finite value for each point.
+        A cloud is empty, or a point has no finite value.
     """
     a, b = _checked(reference, "reference cloud"), _checked(decoded, "decoded cloud")
     peak = peak or (255.0 if a[1].max() <= 255 else 65535.0)

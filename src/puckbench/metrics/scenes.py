@@ -1,4 +1,4 @@
-"""Scenes of clouds: clouds of one scene are not independent samples."""
+"""Statistics over scenes, since clouds of one scene are not independent samples."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 SCENE = "scene"
 RESAMPLES = 2000
 MIN_CLOUDS = 3
-"""Fewest clouds, or scenes, for a bootstrap interval."""
+"""Fewest clouds or scenes for a bootstrap interval."""
 
 
 def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
@@ -28,7 +28,7 @@ def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
 def means_over_seeds(
     table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str]
 ) -> pd.DataFrame:
-    """Return means of columns over the clouds of each scene, by `keys` and ``scene``."""
+    """Return means of `columns` over the clouds of each scene, by `keys` and ``scene``."""
     groups = with_scenes(table).groupby([*keys, SCENE], sort=False)
     return groups[list(columns)].mean().reset_index()
 
@@ -41,7 +41,7 @@ def bootstrap_interval(
 ) -> tuple[float, float]:
     """Return the 95 % percentile bootstrap interval of a statistic of `values` (n,).
 
-    It is nan for n < `MIN_CLOUDS`.
+    Bounds are nan for n < `MIN_CLOUDS`.
     """
     if len(values) < MIN_CLOUDS:
         return np.nan, np.nan

@@ -13,7 +13,7 @@ _K1, _K2 = 0.01, 0.03
 def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
     """Return the mean structural similarity of two images (h, w), without downsampling.
 
-    Reference: Wang, Bovik, Sheikh and Simoncelli 2004.
+    Reference: Wang et al. 2004.
     """
     if a.shape != b.shape or min(a.shape) < WINDOW:
         raise InputError(

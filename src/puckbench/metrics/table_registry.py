@@ -6,10 +6,10 @@ A table is a function; its docstring up to the first section is the caption::
     def machines(metrics: pd.DataFrame) -> pd.DataFrame:
         \"\"\"Machines on which times were measured.\"\"\"
 
-DataFrame parameters are inputs: "metrics" (all results), "clouds", "residuals" and "scans" (of all
-error models), "compared" (real walls and error models on the same rays), or another table; optional
-with a default. Other parameters are options. Planning imports these modules: import pandas in
-functions.
+DataFrame parameters are inputs, optional if they have a default: "metrics" (all results), "clouds",
+"residuals" and "scans" (of all error models), "compared" (real walls and error models on the same
+rays), or another table. Other parameters are options. Import pandas in functions, since planning
+imports modules of tables.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from puckbench.core.registry import Registry
 SENSOR = "Sensor, tables"
 """Category of tables of the sensor study (thesis chapter 5)."""
 STUDY = "sensor_study"
-"""Requirement: the configuration has a sensor study."""
+"""Requirement: a sensor study."""
 SEVERAL_CODECS = "codecs"
 """Requirement: a codec besides the anchor of Bjontegaard deltas."""
 SPINS_OR_RECORDINGS = "metric"
 """Requirement: clouds in metres with a sensor's returns."""
 TRUTH = "truth"
-"""Requirement: scans of scenes whose true surface is available."""
+"""Requirement: scans of scenes with a true surface."""
 SEVERAL_NOISES = "noises"
 """Requirement: virtual scans of the same scenes under several error models."""
 ODOMETRY = "odometry"
-"""Requirement: drives with the task of this name."""
+"""Requirement: drives with the task ``odometry``."""
 ATTRIBUTES = "attributes"
 """Requirement: a codec that codes attributes."""
 OCTREE_AND_OTHERS = "octree"
@@ -42,7 +42,7 @@ OCTREE_AND_OTHERS = "octree"
 
 
 UNDECODED = "undecoded"
-"""Name in the column of codecs for a drive that is not coded."""
+"""Value of ``codec`` for drives that were not coded."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ class TableEntry:
     Parameters
     ----------
     make
-        Function from inputs and options, passed by keyword, to a DataFrame.
+        Function that returns a DataFrame from inputs and options, passed by keyword.
     number
         Number of the table in a publication, or empty.
     needs
-        Conditions of a plan besides the inputs (`puckbench.planning.needs`).
+        Requirements on a plan besides the inputs (`puckbench.planning.needs`).
     gathered
         Whether the workflow collects the table from files of many jobs.
     """

@@ -1,4 +1,4 @@
-"""The registry of tasks: measures of decoded drives, which a drive names under `tasks`.
+"""The registry of tasks, which measure decoded drives; drives name them under `tasks`.
 
 A task is a registered function::
 
@@ -6,7 +6,7 @@ A task is a registered function::
     def nearest(drive: Drive, decoded: Sequence[PointCloud]) -> dict[str, float]:
         \"\"\"Return the smallest distance of a point.\"\"\"
 
-Each key becomes a column of the results and should end in its unit. Decoded turns have ``returns``
+Each key becomes a column of the results and should end in the unit. Decoded turns have ``returns``
 if the codec keeps the order and times of firings. Further parameters are options. With
 ``needs=("package",)``, runs without the package omit the task.
 """
@@ -46,9 +46,9 @@ def task_results(
     decoded: Sequence[PointCloud],
     columns: Collection[str],
 ) -> dict[str, Any]:
-    """Return the values of tasks, by name with their options, for a drive's decoded turns.
+    """Return the results of tasks on a drive's decoded turns; `tasks` maps names to options.
 
-    Raises InputError if a result's name is in `columns`.
+    Raises InputError if a result's name is in `columns` or occurs twice.
     """
     results: dict[str, Any] = {}
     for name, options in tasks.items():
@@ -60,7 +60,7 @@ def task_results(
 
 
 def checked_task(name: str, options: Mapping[str, Any]) -> Task:
-    """Return a task; raise InputError if it is unknown or an option is missing."""
+    """Return a task; raise InputError if it is unknown, or an option is missing or unknown."""
     task = TASKS.get(name)
     try:
         signature(task.measure).bind(None, (), **options)

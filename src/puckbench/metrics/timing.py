@@ -1,4 +1,4 @@
-"""Which measured times can be ranked."""
+"""Selection of measured times that can be ranked."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MIN_REPEATS = 3
 
 
 def ranked_rows(metrics: pd.DataFrame) -> pd.Series[bool]:
-    """Return which results were timed `MIN_REPEATS` times while no other job ran."""
+    """Return a mask of results that were timed `MIN_REPEATS` times while no other job ran."""
     rows = metrics.reindex(columns=["timed_alone", "repeats"])
     return rows["timed_alone"].eq(True) & (rows["repeats"].fillna(1) >= MIN_REPEATS)
 

@@ -22,9 +22,9 @@ from puckbench.metrics.units import distortion_in_metres
 class Truth:
     """The true surface of a cloud, with search indices.
 
-    It is a mesh in metres, or points in the reference's coordinates. `seen` are points on its
-    visible part, by default sampled on the mesh or, if set, `clean`: noise-free points along the
-    scan's rays.
+    `surface` is a mesh in metres, or points in the reference's coordinates. Visible points are
+    `clean`, the noise-free points of the scan's rays, else `seen`, else `surface`, sampled if it is
+    a mesh.
     """
 
     def __init__(
@@ -63,11 +63,11 @@ def truth_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `distortion` from the true surface (A) to a decoded cloud (B), as ``truth_...``.
+    """Return the `distortion` between true surface (A) and decoded cloud (B), as ``truth_...``.
 
     * A to B: from `visible`, points with true normals on the part that the sensor saw.
-    * B to A: to the closest point of the mesh and, to plane, along its normal; without a mesh, to
-      the visible points.
+    * B to A: to the closest point of the mesh or, to plane, along the mesh's normal there; without
+      a mesh, to the visible points.
     """
     errors = squared_errors(visible, decoded)
     return _to_truth(errors, mesh)
@@ -78,10 +78,10 @@ def scan_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `truth_distortion` of a decoded scan, and its `distortion` from the clean scan.
+    """Return `truth_distortion` of a decoded scan and, as ``clean_...``, `distortion` from the
+    clean scan.
 
-    The latter's names begin with ``clean_``. The clean scan is the intersections (n, 3) of rays and
-    surface, with true normals.
+    The clean scan is the intersections (n, 3) of rays and surface, with true normals.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}

@@ -5,9 +5,10 @@ from collections.abc import Mapping
 
 
 def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
-    """Return root mean square errors and Hausdorff distances in metres.
+    """Return RMS errors and Hausdorff distances in metres.
 
-    `values` come from `distortion`, `scale` units per metre; ``d1_mse`` becomes ``d1_rms_m``.
+    `values` are results of `distortion`, with `scale` units per metre; ``d1_mse`` becomes
+    ``d1_rms_m``.
     """
     roots = {
         name.removesuffix("_mse") + "_rms_m": math.sqrt(value) / scale

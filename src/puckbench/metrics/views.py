@@ -13,10 +13,10 @@ from puckbench.metrics.psnr import psnr
 from puckbench.metrics.ssim import WINDOW, ssim
 
 PIXELS = 1920
-"""Width and height in PCC Arena."""
+"""Width and height of images in PCC Arena."""
 _FAR = 200.0
-"""Grey value at the far side of the bounding box of a cloud without colours; near is 0, background
-255."""
+"""Grey value at the far side of the bounding box of a cloud without colours; the near side is 0,
+the background 255."""
 _AXES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -24,7 +24,7 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722])
 def view_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
 ) -> dict[str, float]:
-    """Return PSNR (dB) and SSIM of six views of a decoded cloud against its reference's.
+    """Return PSNR (dB) and SSIM of six views of a decoded cloud against views of the reference.
 
     Points are discs of `radius` pixels, by default `closing_radius`. Views show luma (BT.709) if
     both clouds have colours, else depth from the near side of the reference's bounding box. The
@@ -54,8 +54,8 @@ def view(
 ) -> Image:
     """Render a grey image (pixels, pixels) of a cloud along an axis.
 
-    `axis` 0 to 5 means from +x, -x, +y, -y, +z, -z. The longest side of `bounds` (2, 3) fills the
-    image except for 2 % margins.
+    `axis` 0 to 5 is a view from +x, -x, +y, -y, +z or -z. The longest side of `bounds` (2, 3) fills
+    the image except for 2 % margins.
     """
     direction = np.array(_AXES[axis], dtype=np.float64)
     centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
@@ -70,7 +70,7 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return the disc radius, pixels, that closes most gaps.
+    """Return the disc radius, in pixels, that closes most gaps between points.
 
     It is twice the median distance to the nearest neighbour, at least 1.
     """

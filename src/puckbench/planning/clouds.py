@@ -16,7 +16,7 @@ from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import scan_record
 
 _BYTES_PER_POINT = 1_000
-"""Estimated memory of a job for each point."""
+"""Estimated memory of a job per point, bytes."""
 _FOLDERS = {"sample": ("samples", "ply"), "scan": ("scans", "parquet")}
 
 

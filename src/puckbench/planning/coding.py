@@ -27,14 +27,14 @@ from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.report_contents import shown_rates
 
 _BYTES_PER_PIXEL = 100
-"""Memory of a square picture for each pixel (measured: 305 MB for a width of 1920)."""
+"""Memory per pixel of a square view, bytes (measured: 305 MB for a width of 1920)."""
 _MOST_SECONDS = 600
 """Maximum estimated time of one job; longer curves are split into parts."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Rates of a codec, all or some, that one job encodes for a coordinate frame."""
+    """Rates of a codec, all or some, that one job encodes for clouds in a coordinate frame."""
 
     codec: str
     frame: CoordinateFrame
@@ -54,7 +54,7 @@ class CodingJobs:
 
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
-        """Curves of all codecs in all coordinate frames; long ones are split."""
+        """Curves of all codecs in all coordinate frames; slow curves are split."""
         return tuple(
             Curve(codec, frame, rates)
             for frame in self.plan.frames
@@ -95,7 +95,7 @@ class CodingJobs:
         return named[part]
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
-        """Return the files of ``metrics`` or ``recovery`` rows of a codec, by default of all."""
+        """Return the files of a codec's ``metrics`` or ``recovery`` rows, by default of all."""
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
         return tuple(
             f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
@@ -230,7 +230,7 @@ class CodingJobs:
         return thread_environment(self.timing.threads)
 
     def cores(self, cores: int | None) -> int:
-        """Return the cores that a timed job reserves: all if no other job may run."""
+        """Return the number of cores that a timed job reserves: all if no other job may run."""
         threads = self.timing.threads
         return max(threads, cores or 0) if self.timing.exclusive else threads
 

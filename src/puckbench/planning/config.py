@@ -69,7 +69,7 @@ class SceneSource(Model):
 
 
 class SceneSetConfig(SceneSource):
-    """Scenes: the source of the geometry."""
+    """A set of scenes, from which clouds are made."""
 
     stand_in: SceneSource | None = Field(
         None, description="Scene set that replaces this one with `stand_in: true`."
@@ -238,7 +238,7 @@ class DriveConfig(Sensing):
 
 
 class CodecConfig(Model):
-    """Changes to the codec of this name, a variant of another codec, or your own codec."""
+    """Your own codec, a variant of another, or changes to the codec of this name."""
 
     class_: str | None = Field(
         None,
@@ -275,7 +275,7 @@ class CodecConfig(Model):
 
 
 class TrainingConfig(Model):
-    """Weights of a learned codec to train (`snakemake train`)."""
+    """A training of a learned codec's weights (`snakemake train`)."""
 
     codec: str = Field(description="Codec whose weights are trained.")
     datasets: tuple[str, ...] = Field(min_length=1, description="Data sets of the training.")
@@ -375,7 +375,7 @@ class TimingConfig(Model):
 
 
 class RateDeltaConfig(Model):
-    """The Bjontegaard deltas of every codec against one of them."""
+    """Bjontegaard deltas of every codec against an anchor codec."""
 
     anchor: str | None = Field(
         None, description="Codec with which the others are compared; by default the first."
@@ -569,7 +569,7 @@ class Config(Model):
 
 
 def checked(config: Mapping[str, Any]) -> Config:
-    """Check a configuration, after replacing data by stand-ins if it requests them.
+    """Check a configuration, after replacing data by any stand-ins that it requests.
 
     `puckbench.planning.plan` checks names of loaders, codecs, rates and clouds. Raises InputError
     with the key, its value and the allowed values.
@@ -587,8 +587,8 @@ def trusted(config: Mapping[str, Any]) -> Config:
 def with_stand_ins(config: Mapping[str, Any]) -> Options:
     """Replace data from files by generated data if `stand_in` is true.
 
-    The `stand_in` of a scene set replaces it; that of a data set or of the figures changes some
-    keys. Results go to another folder.
+    The `stand_in` of a scene set replaces the set; the `stand_in` of a data set or of the figures
+    replaces some keys. Results go to another folder.
     """
     changed: Options = copy.deepcopy(dict(config))
     for key in ("stand_in", "strict"):

@@ -25,15 +25,15 @@ from puckbench.planning.planned_job import PlannedJob, planned
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
 _CODING_S, _TASK_S = 0.25, 0.06
-"""Estimated time to code a turn at a rate, and to measure it."""
+"""Estimated times (s) to code a turn at a rate, and to measure the tasks on it."""
 
 
 @dataclass(frozen=True)
 class DrivePlan:
     """Drives of one entry of the configuration.
 
-    `scans` has scene and seed of each virtual drive, `clouds` the names of the clouds of each other
-    drive, by the drive's name; `rates` are those of each codec.
+    By the drive's name, `scans` contains the scene and seed of a virtual drive, and `clouds` the
+    clouds of a recorded drive. `rates` contains rates by codec.
     """
 
     name: str
@@ -76,7 +76,7 @@ class DriveJobs:
 
     @cached_property
     def rows(self) -> tuple[str, ...]:
-        """Files of result rows; those of the uncoded drives first."""
+        """Files of result rows; undecoded drives come first."""
         drives = [(n, drive, UNDECODED) for n, e in self.entries.items() for drive in e.drives]
         return tuple(f"drive_tasks/{'/'.join(each)}.parquet" for each in (*drives, *self.curves))
 
@@ -88,13 +88,13 @@ class DriveJobs:
             yield RowsTable(kind="drives", names=self.rows)
 
     def source(self, name: str, drive: str) -> dict[str, str]:
-        """Return the scene file from which a virtual drive is scanned, and its description."""
+        """Return the scene file of a virtual drive, and the scene's description."""
         entry = self.entries[name]
         file = f"{self.plan.results}/scenes/{entry.scenes.name}/{entry.scans[drive][0]}"
         return {"scene": f"{file}.ply", "about": f"{file}.json"}
 
     def files(self, name: str, drive: str) -> dict[str, list[str]]:
-        """Return the files of a drive's clouds, and that of its poses."""
+        """Return the files of a drive's clouds and poses."""
         entry = self.entries[name]
         files = (file for cloud in entry.clouds[drive] for file in entry.scenes.files(cloud))
         poses = [entry.settings.poses] if entry.settings.poses else []
@@ -143,7 +143,7 @@ class DriveJobs:
         return self._planned(record, codec, *modules)
 
     def minutes(self, name: str) -> int:
-        """Return an upper bound of the estimated time of a job for a drive, in minutes."""
+        """Return an upper bound of the estimated time of a drive's job, in minutes."""
         rates = max(map(len, self.entries[name].rates.values()), default=1)
         return 10 + int(5 * rates)
 
@@ -204,9 +204,9 @@ def _check_sweep(value: DriveConfig) -> None:
 
 
 def consecutive(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Group names of clouds into drives: equal names but for a number that grows evenly.
+    """Group clouds into drives, in which names differ only in a number with equal steps.
 
-    Raises InputError if there is a gap, a single cloud, or a name without a number.
+    Raises InputError if a drive has a gap or a single cloud, or a name ends in no number.
     """
     drives: dict[str, list[str]] = {}
     for name in names:

@@ -61,8 +61,8 @@ def write_failures(
 ) -> Path | None:
     """Write a configuration file that excludes the clouds and curves whose jobs failed.
 
-    It also contains `before`, the clouds and curves that this run excluded. Without failures, or if
-    one belongs to no cloud, so that excluding clouds would not help, write no file and return None.
+    The file also excludes `before`, the clouds and curves that this run excluded. If there is no
+    failure, or a failure belongs to no cloud, write no file and return None.
     """
     if not failures or not all(failure.cloud for failure in failures):
         if not before:
@@ -77,7 +77,7 @@ def write_failures(
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line with one log for each codec and reason, up to a maximum number of lines."""
+    """Yield a line with one log for each codec and reason, up to a maximum number."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         key = failure.codec or failure.what, failure.reason

@@ -46,7 +46,7 @@ _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 _OF_CURVES = {"metrics", "recovery"}
 """Tables with rows for coded clouds only."""
 Inputs = dict[str, str]
-"""Name of an input -> its file."""
+"""Files of inputs by name."""
 
 
 class OutputJobs:
@@ -87,9 +87,7 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Tables whose input tables the plan makes and whose needs it meets, except the sensor
-        study's.
-        """
+        """Tables, except the sensor study's, whose inputs and needs the plan meets."""
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= {"scan_errors"} if self.plan.scanned else set()
         there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
@@ -139,7 +137,7 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
-        """Figures with available inputs and needs, with the files of their inputs."""
+        """Figures whose inputs are available and needs met, with the files of the inputs."""
         inputs = self._cloud_inputs() | self._study_inputs()
         return {
             name: {needed: inputs[needed] for needed in entry.inputs}
@@ -178,7 +176,7 @@ class OutputJobs:
         return entry.category, entry.title
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
-        """Return the layers of a figure's style: for data sets, all figures, and this figure."""
+        """Return a figure's style as layers: for data sets, for all figures, for this figure."""
         changes = self.config.figures.style, self.config.figures.options.get(figure, {})
         if self._shows_codecs(figure):
             return self._style(*changes)

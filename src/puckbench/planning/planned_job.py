@@ -14,8 +14,9 @@ RECORDS = Path(".snakemake", "records")
 
 
 class PlannedJob(NamedTuple):
-    """A job's settings (`record`) as JSON, and the fingerprint of its code; Snakemake repeats it if
-    either changes.
+    """A job's settings (`record`) as JSON, and the fingerprint of its code.
+
+    Snakemake repeats the job if either changes.
     """
 
     name: str

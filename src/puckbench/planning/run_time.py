@@ -8,19 +8,19 @@ from puckbench.core.environment import loops_folder
 from puckbench.planning.workflow import Workflow
 
 SAMPLE_S = 0.05
-"""Seconds of `machine_sample` on the machine where the numbers below were measured."""
+"""Seconds of `machine_sample` on the machine where the times below were measured."""
 _START_S = 0.15
 """Seconds to start the process of a job."""
 _OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 6.0}
-"""Seconds per million points of jobs that make clouds, or measure scans."""
+"""Seconds per million points, by rule, of jobs that make clouds or measure scans."""
 _METRICS = {False: 1.0, True: 2.0}
 """Seconds per million points to measure one rate, without and with the true surface."""
 _OTHERS = {"residuals": 2.5, "wall_points": 0.8, "report_page": 10.0, "first_look": 2.0}
-"""Seconds of other jobs, by rule."""
+"""Seconds, by rule, of jobs whose time does not depend on the clouds."""
 _OTHER_S = 1.0
 """Seconds of any other job, such as a figure or table."""
 _COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
-"""Seconds to compile the loops of all jobs, and those of each codec."""
+"""Seconds to compile the loops of all jobs, and further loops of each codec."""
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
@@ -84,6 +84,6 @@ def run_seconds(
     sample_s: float,
     compiling_s: float = 0.0,
 ) -> float:
-    """Estimate the seconds that jobs (numbers by rule) take on this machine with `cores` cores."""
+    """Estimate the seconds that jobs (counts by rule) take on `cores` cores of this machine."""
     work = sum(count * seconds(rule) for rule, count in jobs.items()) + compiling_s
     return work * sample_s / SAMPLE_S / max(1, cores)

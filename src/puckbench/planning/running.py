@@ -55,7 +55,5 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def held_since() -> float:
-    """Return the time stamp, in s by the file system's clock, at which this process locked its
-    results; else infinity.
-    """
+    """Return when this process locked its results (s, file system's clock), else infinity."""
     return os.fstat(_held[-1]).st_mtime if _held else math.inf

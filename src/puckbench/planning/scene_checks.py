@@ -72,7 +72,7 @@ class SceneCheck(Model):
     attributes: tuple[str, ...] = ()
     """Names of the points' attributes besides coordinates."""
     dropped_points: int = 0
-    """Number of points that the scene's files have and its cloud does not."""
+    """Number of points in the scene's files that the cloud lacks."""
 
 
 def read_checks(results_file: Path) -> dict[str, SceneCheck]:

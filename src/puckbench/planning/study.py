@@ -13,7 +13,7 @@ from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 
 WALL_POINTS = 40_000
-"""Number of points of each surface and distance in figures of scans."""
+"""Number of points per surface and distance in figures of scans."""
 
 
 class StudyJobs:

@@ -23,8 +23,8 @@ def study_configuration(
 ) -> Options:
     """Return the configuration that runs the user's codecs on the clouds of a reference study.
 
-    Raises InputError if the study has no such data set, its data are missing, a codec cannot encode
-    any of its clouds, or its configuration is invalid or names code.
+    Raises InputError if the study lacks a data set, data are missing, a codec cannot encode any
+    cloud, or the study's configuration is invalid or names code.
     """
     study = _stored(reference)
     offered: Mapping[str, Options] = study["datasets"]
@@ -64,7 +64,7 @@ def study_configuration(
 def _stored(reference: ReferenceResults) -> Options:
     """Return the keys of a study's configuration that define clouds and metrics.
 
-    Raises InputError if they name code, which would come from an untrusted file.
+    Raises InputError if the values name code, which would come from an untrusted file.
     """
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):

@@ -9,7 +9,7 @@ from puckbench.planning.plan import Plan, TrainingPlan
 from puckbench.planning.planned_job import PlannedJob, planned
 
 _BYTES_PER_POINT = 50
-"""Memory of a training for the coordinates of each point."""
+"""Memory of a training per point of the clouds, bytes."""
 
 
 class TrainingJobs:

@@ -34,16 +34,16 @@ CONFIG = "config.yaml"
 """File name of the configuration in the results folder."""
 _CUBE = 1024
 _TURNS = 10
-"""Number of turns, evenly spaced, that are used of a recording."""
+"""Default number of turns, evenly spaced, of a recording."""
 _BUDGET_S = 480.0
-"""Estimated seconds of a run with all rates on one core above which fewer rates are used."""
+"""Estimated time (s) of all rates on one core above which a run uses fewer rates."""
 _FEW_RATES = 4
 """Number of rates that a BD-rate needs."""
 _MEASURING_S = 3.5
 """Estimated seconds to measure a million decoded points."""
 CODECS = ("draco", "gpcc")
 CODECS_OF_RECORDINGS = ("gpcc", "gpcc_predictive", "puck")
-"""Default codecs of clouds and meshes, and of recordings."""
+"""Default codecs for clouds and meshes, and for recordings."""
 _LOADERS: dict[Kind, str] = {
     "clouds": "point_clouds",
     "meshes": "mesh_files",
@@ -64,7 +64,7 @@ _EXAMPLES: dict[str, str] = {
 }
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
 _KEYS: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
-"""Keys of a codec's entry with the names of its rates, by frame."""
+"""Keys of a codec's entry that list names of rates, by coordinate frame."""
 NOTHING_THERE = "no cloud, mesh or recording"
 _MARK = "# Made by puckbench run"
 
@@ -78,12 +78,12 @@ class UserRun:
     paths
         Files, folders and patterns of clouds, meshes and recordings.
     codecs
-        Names or places (``file.py:Class``); the first is the anchor.
+        Names or places (``file.py:Class``) of codecs; the first is the anchor.
     frame
         Coordinate frame of clouds and meshes; by default metres if all formats are in
         `puckbench.io.clouds.IN_METRES`.
     rates
-        Names of rates, or ``("all",)``; by default all, or four if all take long.
+        Names of rates, or ``("all",)``; by default all, or four if all would take long.
     points
         Number of points sampled on a mesh that is not scanned.
     limit
@@ -94,8 +94,6 @@ class UserRun:
         Peak of the PSNRs of clouds in metres, m; by default `puckbench.metrics.psnr.PEAK_M`.
     timeout_s
         Seconds after which a job fails.
-    options
-        Options for the loaders.
     """
 
     paths: tuple[str, ...]
@@ -113,9 +111,9 @@ class UserRun:
     timeout_s: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
-    """Notes on turns, rates and units that the run does not use by default, by subject."""
+    """Notes, by subject, on turns, rates and units that the run leaves out by default."""
     _bags: dict[Path, bool] = field(default_factory=dict, init=False, repr=False)
-    """Whether bags have clouds instead of data packets."""
+    """Whether each bag contains clouds, not data packets."""
 
     def configuration(self) -> Options:
         paths_by_kind = self._sorted_paths()

@@ -30,7 +30,7 @@ class Workflow:
 
 
 def run_jobs_with(source: str) -> None:
-    """Set the environment of jobs: this Python, the folder `source` of sources, their commit."""
+    """Set the environment of jobs: this Python, the source folder `source`, and its commit."""
     for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
         paths = [first, *os.environ.get(name, "").split(os.pathsep)]
         os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))

@@ -19,9 +19,7 @@ class CellGroups(NamedTuple):
     cell_of: Ints  # (n,) index of each point's cell
 
     def sorted_rows(self) -> tuple[Ints, Ints]:
-        """Return the indices (n,) of the points sorted by cell, and each cell's first position
-        (m,).
-        """
+        """Return the point indices (n,) sorted by cell, and each cell's start (m,) among them."""
         counts = self.counts.astype(np.int64)
         starts = np.cumsum(counts) - counts
         return _counting_sort(self.cell_of, starts), starts
@@ -33,7 +31,7 @@ def group_by_cell(
     """Group points (n, 3), n > 0, by cells of a grid.
 
     The points must span fewer than 2^21 cells per axis. `origin` (3,), by default zeros, is the
-    centre of cell (0, 0, 0) if `centred`, otherwise its least corner.
+    centre (if `centred`) or the lowest corner of cell (0, 0, 0).
     """
     origin = np.zeros(3) if origin is None else origin
     low, _ = bounds(points)
@@ -49,7 +47,7 @@ def group_by_cell(
 
 
 def cell_keys(cells: Ints) -> Ints:
-    """Return integer keys (n,) in the same order as cells (n, 3) with coordinates in [0, 2^21)."""
+    """Pack cells (n, 3) in [0, 2^21) into integers (n,) that sort by x, then y, then z."""
     return (cells[:, 0] << 2 * _BITS) | (cells[:, 1] << _BITS) | cells[:, 2]
 
 
@@ -61,7 +59,7 @@ def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
 def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Return cells' keys (m,), their sums of x, y, z and 1 (m, 4), and each point's cell (n,)."""
+    """Return cell keys (m,), cell sums of x, y, z, 1 (m, 4), and each point's cell index (n,)."""
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
     slots = np.full(4096, -1)
@@ -124,10 +122,10 @@ def measure_centre_distances(
     cell_bounds: tuple[Ints, Ints],
     centre_distances: Floats,
 ) -> None:
-    """Write each point's Chebyshev distance from the centre of its cell, in sides of a cell.
+    """Write each point's Chebyshev distance from its cell's centre, in cell sides.
 
-    It is infinite for points outside all occupied cells. `keys` are the keys of the occupied cells
-    relative to the lower of `cell_bounds`.
+    The distance is infinite outside occupied cells. `keys` are the keys of the occupied cells minus
+    the lower of `cell_bounds`.
     """
     low, high = cell_bounds
     size = 4

@@ -41,7 +41,7 @@ from puckbench.primitives.stream import (
 from puckbench.primitives.traversal import code_octree
 
 _PLANE_STEP_EXPONENT = 0.5
-"""A plane's quantisation step is divided by (its leaf's side / the least side) to this power."""
+"""A plane's quantisation step is divided by (leaf side / smallest leaf side) to this power."""
 
 
 class DecodedSurface(NamedTuple):
@@ -50,11 +50,11 @@ class DecodedSurface(NamedTuple):
     Attributes
     ----------
     xyz
-        (m, 3) points in the coordinates of the encoded cloud.
+        (m, 3) points in the cloud's coordinates.
     normals
         (m, 3) unit normals with arbitrary sign.
     primitive_index
-        (m,) index of each point's primitive; planes come first, then surfaces of revolution.
+        (m,) indices of the points' primitives; planes come before surfaces of revolution.
     """
 
     xyz: Floats
@@ -63,7 +63,7 @@ class DecodedSurface(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Decoded primitives with their occupancy maps."""
+    """Decoded primitives and their occupancy maps."""
 
     header: SurfaceHeader
     octree: PlaneOctree
@@ -76,7 +76,7 @@ def decode(stream: bytes) -> Floats:
     Returns
     -------
     ndarray
-        (m, 3) points in the coordinates of the encoded cloud.
+        (m, 3) points in the cloud's coordinates.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def decode(stream: bytes) -> Floats:
 
 
 def decode_surface(stream: bytes) -> DecodedSurface:
-    """Decode the primitives of a stream, without a hybrid's voxels.
+    """Decode the surface of a stream, without a hybrid's voxels.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def read_patches(stream: bytes) -> Patches:
 
 
 def reconstruct_surface(patches: Patches) -> DecodedSurface:
-    """Return points on all primitives; raise InputError if none or more than `MAX_POINTS`."""
+    """Return points on all primitives; raise InputError unless there are 1 to `MAX_POINTS`."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     leaves = patches.octree.leaves
     planes = leaves.plane_index[leaf_of_point]
@@ -137,7 +137,7 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 
 
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
-    """Return points (m, 3) on all planes, in the cloud's coordinates, and their leaves (m,)."""
+    """Return points (m, 3) on all planes, in cloud coordinates, and their leaf indices (m,)."""
     header, octree = patches.header, patches.octree
     count = count_points(octree, header.point_spacing)
     if count > MAX_POINTS:

@@ -1,8 +1,8 @@
-"""Displacement of voxels along the normals of planes fitted to the voxels around them.
+"""Displacement of voxels along the normals of local planes.
 
-If a voxel's centre is off this local plane, its points lie mostly on the side of the plane. The
-encoder sends displacement factors, one for each class of voxels with similar distance and surface
-thickness: the fractions of the distance that minimise the squared error.
+A voxel's local plane is fitted to the voxels around it; the voxel's points lie mostly on the
+plane's side of its centre. The encoder sends a displacement factor, the fraction of the distance
+that minimises the squared error, for each class of distance and surface thickness.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from puckbench.primitives.octree_arrays import Ints
 from puckbench.primitives.stream import BLOCK_SIZES, CLASSES, DisplacementTable
 
 _DISTANCE_BOUNDS = np.array([0.25, 0.5, 0.75, 1.0, 1.5])
-"""Bounds of the classes of distances, in voxels."""
+"""Class bounds of the distance from the plane, in voxels."""
 _THICKNESS_BOUNDS = np.array([0.3, 0.5, 0.9])
-"""Bounds of the classes of thickness, in voxels."""
+"""Class bounds of the surface thickness, in voxels."""
 FACTOR_ONE = 64
 """Factor that moves a voxel onto its local plane."""
 
@@ -35,7 +35,7 @@ class LocalPlanes(NamedTuple):
     def displace(
         self, points: Floats | Ints, factors: NDArray[np.int8], side: float = 1.0
     ) -> Floats:
-        """Move points (m, 3) towards their local planes by their class's factor times the distance.
+        """Move points (m, 3) towards their planes by ``factors[class] / FACTOR_ONE * distance``.
 
         `side` is the side of a voxel.
         """
@@ -43,9 +43,9 @@ class LocalPlanes(NamedTuple):
         return np.asarray(points - displacement[:, None] * self.normals)
 
     def fit_factors(self, offsets: Floats, weights: Floats) -> tuple[NDArray[np.int8], float]:
-        """Return the factors (CLASSES,) of least squared error, and the reduction of the error.
+        """Return the least-squares factors (CLASSES,), and the reduction of the squared error.
 
-        `offsets` (m, 3) are the voxels minus the means of their points.
+        `offsets` (m, 3) are voxels minus the means of their points.
         """
         residuals = (offsets * self.normals).sum(axis=1)
         products = np.bincount(self.classes, weights * residuals * self.distances, CLASSES)
@@ -70,7 +70,7 @@ class FittedTable(NamedTuple):
 
 
 def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
-    """Fit by least squares how far to displace voxels towards the means of their points."""
+    """Fit the factors and the block size to the means of the voxels' points by least squares."""
     offsets = voxels - means
 
     def fit(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:

@@ -1,6 +1,6 @@
-"""The encoder's estimate of distortion, against the cloud and against its smoothed samples.
+"""The encoder's estimate of the distortion of decoded points.
 
-The smoothed samples represent the surface without noise.
+References are the cloud, and its smoothed samples, which represent the surface without noise.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MAX_QUERIES, _MAX_FAST_QUERIES = 20_000, 8_000
 
 
 class Distortion(NamedTuple):
-    """Mean squared errors in squared units, each averaged over both directions."""
+    """Mean squared errors in squared units of 1/1023 of the extent, means of both directions."""
 
     point: float  # point to point, against the cloud
     plane: float  # point to plane, against the cloud
@@ -28,7 +28,7 @@ class Distortion(NamedTuple):
 
 
 class NearestOffsets(NamedTuple):
-    """Vectors from the nearest decoded points to the cloud's points and the smoothed samples."""
+    """Vectors from the nearest decoded points to the cloud's points and to the smoothed samples."""
 
     of_points: Floats  # (a, 3)
     of_samples: Floats  # (b, 3)
@@ -63,8 +63,7 @@ class DistortionEstimator:
     def measure(self, decoded: Floats, offsets: NearestOffsets | None = None) -> Distortion:
         """Estimate the distortion of decoded points (k, 3).
 
-        `offsets` is the result of `nearest_offsets` for these points; with it, a `subsample` of the
-        points suffices.
+        If `offsets` is `nearest_offsets` of all points, a `subsample` of the points suffices.
         """
         queries = subsample(decoded)
         of_points, of_samples = offsets or self.nearest_offsets(decoded)
@@ -78,7 +77,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate `Distortion.surface` from fewer points."""
+        """Estimate `Distortion.surface` from at most `_MAX_FAST_QUERIES` queries per direction."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]

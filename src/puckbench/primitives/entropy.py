@@ -1,8 +1,8 @@
 """Binary arithmetic coding with a probability mixed from three contexts.
 
 Adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005, "Adaptive
-weighing of context models for lossless data compression"), in integers, so that all machines decode
-identically. The ``code_...`` functions encode the argument, or decode and return it.
+weighing of context models for lossless data compression"). The arithmetic is in integers, so that
+all machines decode identically. The ``code_...`` functions encode a value, or decode and return it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from puckbench.primitives.octree_arrays import Ints
 _LEARNING_RATE = 14
 _MAX_UNARY = 12
 CONTEXTS_PER_NUMBER = 40
-"""Number of consecutive contexts that `code_number` uses from `first_a` and from `first_b` on."""
+"""Number of contexts that `code_number` uses from each of `first_a` and `first_b` on."""
 
 
 class ContextCoder(NamedTuple):
@@ -69,7 +69,7 @@ def is_writing(coder: ContextCoder) -> bool:
 
 @compiled_in_place
 def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
-    """Encode or decode a bit with three contexts and a mixer, given by index; return the bit."""
+    """Encode or decode a bit with a mixer and three contexts, given by index; return the bit."""
     a, b, c = contexts
     weights, stretch = coder.weights[mixer], coder.stretch
     a_logit = stretch[coder.probabilities[a] >> 4]
@@ -98,11 +98,11 @@ def _update(coder: ContextCoder, context: int, bit: int) -> None:
 
 @compiled_in_place
 def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first_b: int) -> int:
-    """Encode or decode a signed integer: zero flag, sign, magnitude (unary up to 12, then Elias
-    gamma).
+    """Encode or decode a signed integer.
 
-    It uses `CONTEXTS_PER_NUMBER` contexts from each of the indices `first_a` and `first_b`, and
-    three mixers from index `mixer`.
+    The code is a zero flag, a sign, and a magnitude (unary to 12, then Elias gamma), with
+    `CONTEXTS_PER_NUMBER` contexts from each of `first_a` and `first_b` on, and three mixers from
+    `mixer` on.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

@@ -1,7 +1,7 @@
 """Grid alignment: candidate axes and offsets of the octree's grid relative to the walls.
 
-A wall between octree nodes, or through many corners, costs more bits and error than one through the
-middle of nodes.
+Walls between octree nodes, or through many node corners, cost more bits and error than walls
+through the middle of nodes.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from puckbench.primitives.preparation import PreparedCloud, axis_aligned_column_
 from puckbench.primitives.surface_mode import SurfaceMode, point_corner_offset
 
 _DIAGONAL_OFFSETS = (0.25, 0.75, 1.25, 1.75)
-"""Grid offsets in columns, equal along all axes. A smallest leaf has at least two columns."""
+"""Grid offsets in columns, equal along all axes. Leaves are at least two columns wide."""
 _AXIS_OFFSETS = (-0.5, 0.5)
 _MIN_ALIGNED_LEAF_SIZE = 12.0
-"""Side in units of the smallest leaves below which alignment makes no difference."""
+"""Side of the smallest leaves, in units, below which alignment makes no difference."""
 
 
 def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
-    """Return candidates with grids along the cloud's axes, from the points' or the surface's
-    corner, and along its Manhattan frame.
+    """Return candidates with grids along the cloud's axes and along its Manhattan frame.
+
+    Grids along the cloud's axes begin at the points' or the surface's lowest corner.
     """
     rotation = estimate_manhattan_frame(cloud.surface.normals)
     modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]
@@ -29,7 +30,7 @@ def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
 
 
 def diagonal_offset_candidates(cloud: PreparedCloud, mode: SurfaceMode) -> list[SurfaceMode]:
-    """Return copies of the candidate with other grid offsets, or none if the leaves are small."""
+    """Return candidates with `_DIAGONAL_OFFSETS`, or none if the leaves are small."""
     offsets = _DIAGONAL_OFFSETS if _has_large_leaves(cloud) else ()
     return [mode._replace(grid_offset=(offset, offset, offset)) for offset in offsets]
 

@@ -1,10 +1,9 @@
-"""Hybrid mode: combines a surface with voxels, which locate the input points on and near it.
+"""Hybrid mode: a surface, and voxels that locate the input points on and near the surface.
 
-A surface alone reproduces neither the positions nor the noise of its points. Voxels alone reproduce
-both, but locate the surface less precisely. A hybrid moves each voxel along the normal of the
-nearest surface point, by a transmitted fraction of the distance for each class of distances. The
-decoder also keeps surface points in occupied voxels, so that the decoded cloud is as dense as the
-input.
+A surface reproduces neither the positions nor the noise of its points. Voxels reproduce both, but
+locate the surface less precisely. A hybrid moves each voxel along the normal of the nearest surface
+point, by a transmitted fraction for each class of distances. The decoder also keeps surface points
+in occupied voxels, so that the decoded cloud is as dense as the input.
 """
 
 from __future__ import annotations
@@ -40,17 +39,16 @@ if TYPE_CHECKING:
     from puckbench.primitives.surface_mode import CodedSurface
 
 _DISTANCE_BOUNDS = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
-"""Bounds in voxels of the classes of distances along the normal."""
+"""Class bounds of the distance along the normal, in voxels."""
 _MAX_TANGENTIAL_DISTANCE = 1.0
-"""Distance in voxels within the tangent plane beyond which the surface point belongs to another
-class."""
+"""Distance within the tangent plane, in voxels, beyond which voxels form separate classes."""
 _KEEP_DISTANCES = (0, 6, 7, 8)
 """Candidate keep distances in 1/16 voxels (see `HybridHeader`)."""
 _MIN_VOXEL_SHARE = 0.1
 """Fraction of the budget below which voxels are not worth their header."""
 
 _MAX_SEARCH_STEPS = 1 << 28
-"""Largest number of points and boxes that a decoder compares with voxels, in a second or two."""
+"""Largest number of points and boxes that a decoder compares with voxels (one or two seconds)."""
 
 
 class HybridCriterion(NamedTuple):
@@ -68,10 +66,9 @@ class HybridCandidate(NamedTuple):
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points of a hybrid stream, given its decoded surface: points `xyz` (m, 3) and unit
-    normals.
+    """Return the points of a hybrid stream; raise InputError if the stream is damaged.
 
-    Raises InputError if the stream is damaged.
+    `xyz` and `normals` (m, 3) are the decoded surface's points and unit normals.
     """
     grid, voxels, points = voxel_mode.read_voxels(header.voxels)
     if len(voxels) and len(xyz):
@@ -93,10 +90,10 @@ def encode(
     max_voxel_size: float,
     criterion: HybridCriterion,
 ) -> HybridCandidate | None:
-    """Encode a cloud as a surface and the finest voxels with which both fit into `max_bytes`.
+    """Encode a cloud as a surface and the finest voxels such that both fit into `max_bytes`.
 
-    Returns None if the surface leaves too few bytes for voxels, or voxels are too many or too far
-    from the surface.
+    Returns None if too few bytes are left for voxels, or voxels are too many or too far from the
+    surface.
     """
     if not has_voxel_budget(surface.stream, max_bytes):
         return None
@@ -124,9 +121,7 @@ def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
 def _best_candidate(
     coded_surface: CodedSurface, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the hybrid of least cost among all keep distances (see `HybridHeader`), with and
-    without displaced voxels.
-    """
+    """Return the hybrid of least cost over all keep distances, with or without displaced voxels."""
     grid, groups, surface = coded.grid, coded.groups, coded_surface.decoded()
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
     centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)
@@ -160,8 +155,8 @@ def _nearest_planes(
 ) -> LocalPlanes:
     """Return the tangent planes at the surface points nearest to the voxels' points.
 
-    Raises InputError if the search takes too long, as near the centre of a sphere, where all its
-    points are about equally far.
+    Raises InputError if the search takes too long, as at the centre of a sphere, where all surface
+    points are equally near.
     """
     nearest = nearest_within(points, tree, _MAX_SEARCH_STEPS)
     if nearest is None:

@@ -1,4 +1,4 @@
-"""Manhattan frame: the three orthogonal axes that a scene's walls and floors are aligned with."""
+"""Manhattan frame: the three orthogonal axes of a scene's walls and floors."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ RotationVector = tuple[int, int, int]
 """Rotation vector (axis times angle) in steps of `ROTATION_STEP` radians."""
 ROTATION_STEP = np.pi / 32767
 _MAX_NORMALS = 4000
-"""Largest number of normals used."""
 _INITIAL_STEP_DEG = 7.5
 _TOLERANCE = radians(2.0)
 _MIN_COSINES = tuple(cos(radians(degrees)) for degrees in (20.0, 10.0, 5.0, 4.0, 3.0))
 _PRIOR_WEIGHT = 1e-7
-"""Weight of the current rotation, which decides what the normals do not determine, for example the
-rotation around the normal of a single wall."""
+"""Weight of the current rotation, which decides angles that the normals leave open, for example
+around a single wall's normal."""
 _MAX_ITERATIONS = 60
 _MIN_GAIN, _MIN_IMPROVEMENT = 0.02, 1e-6
-"""Least gain in the share of aligned normals over no rotation, and over another rotation."""
+"""Least gain in the share of aligned normals over no rotation, and over the best previous
+rotation."""
 
 
 def rotation_matrix(rotation_vector: RotationVector) -> Floats:
@@ -58,9 +58,9 @@ def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
 
 
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
-    """Return the rotation after which most unit normals (n, 3) are parallel to the axes.
+    """Return the rotation that aligns most unit normals (n, 3) with the coordinate axes.
 
-    It is zero if no rotation aligns many more normals than the cloud's own axes.
+    The rotation is zero if none aligns many more normals than are aligned already.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN
@@ -88,9 +88,9 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 
 @compiled
 def _refine(normals: Floats, rotation: Floats) -> Floats:
-    """Refine a rotation by aligning normals with the axes that they are close to (Kabsch 1976).
+    """Refine a rotation by aligning normals with their nearest axes (Kabsch 1976).
 
-    Iterations use normals within ever smaller angles of an axis.
+    Each iteration uses normals within a smaller angle of an axis than the previous one.
     """
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:
@@ -132,9 +132,7 @@ def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
 
 
 def _quantise(rotation: Floats) -> RotationVector:
-    """Quantise the rotation of least angle among those that differ by exchanged or reversed
-    axes.
-    """
+    """Exchange and reverse axes so that a rotation's angle is least, and quantise the rotation."""
     order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:
         rows = np.argsort(order)

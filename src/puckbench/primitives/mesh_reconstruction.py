@@ -1,4 +1,4 @@
-"""Mesh reconstruction: covers the occupied columns of each leaf's plane with few rectangles."""
+"""Mesh reconstruction: few rectangles cover the occupied columns of each leaf's plane."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from puckbench.primitives.segmentation import segment_leaves
 from puckbench.primitives.stream import SurfaceHeader
 
 _MAX_LEAVES, _MAX_RECTANGLES = 1 << 16, 1 << 20
-"""Limits of a mesh's work and memory."""
+"""Limits of work and memory."""
 _MIN_CONE_ANGLE = 0.02
 """Angle in radians below which a cone is labelled as a cylinder."""
 
@@ -31,8 +31,8 @@ _MIN_CONE_ANGLE = 0.02
 def decode_mesh(stream: bytes) -> Mesh:
     """Decode the surface of a stream to labelled triangles in the cloud's coordinates.
 
-    Labels name a triangle's primitive, a plane (unit normal and offset, ``normal . p = offset``),
-    cylinder, cone or sphere, and its object, a segment of merged leaves or a surface of revolution.
+    A triangle's primitive is a plane (unit normal and offset, ``normal . p = offset``), cylinder,
+    cone or sphere; its object is a segment of merged leaves or a surface of revolution.
 
     Raises
     ------
@@ -108,9 +108,9 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 
 @compiled
 def _cover_with_rectangles(octree: PlaneOctree, quads: Floats, leaf_of_quad: Ints) -> int:
-    """Write corners of rectangles (m, 4, 3) that cover all occupied columns, and their leaves (m,).
+    """Write corners (m, 4, 3) and leaf indices (m,) of rectangles that cover all occupied columns.
 
-    Returns the number needed, which may exceed the arrays.
+    Returns the number of rectangles, which may exceed m.
     """
     leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)
@@ -137,9 +137,7 @@ def _cover_with_rectangles(octree: PlaneOctree, quads: Floats, leaf_of_quad: Int
 
 @compiled
 def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
-    """Zero a rectangle of nonzero values with first corner (a, b); return the corner after its
-    last.
-    """
+    """Zero a rectangle of nonzero values from corner (a, b) on; return its exclusive end."""
     end_b = b
     while end_b < columns.shape[1] and columns[a, end_b]:
         end_b += 1

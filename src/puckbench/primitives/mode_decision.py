@@ -1,8 +1,8 @@
-"""Mode decision: encodes a cloud in candidate modes and keeps the one of least cost.
+"""Mode decision: encodes a cloud in candidate modes and keeps the mode of least cost.
 
 Surfaces are encoded on grids along the cloud's axes and its Manhattan frame, with or without each
-detected surface of revolution. The one of least distortion + lambda * rate is then compared with
-voxels of equal size in bytes.
+detected surface of revolution. The surface of least distortion + lambda * rate is compared with
+voxels of equally many bytes.
 """
 
 from __future__ import annotations
@@ -43,25 +43,25 @@ from puckbench.primitives.surface_mode import (
 from puckbench.primitives.voxel_mode import CodedVoxels, VoxelSearch
 
 _LAMBDA_FACTORS = (2.0, 4.0)
-"""Multiples of the rate's lambda for coarser surfaces, tried if voxels are better than the surface.
+"""Factors of lambda for coarser surfaces, tried if voxels are better than the surface.
 
-With many bytes, voxels reproduce noise and scattered points, which surfaces do not. With fewer
-bytes, a surface may still be better than voxels of the same size."""
+With many bytes, voxels reproduce noise and scattered points; with fewer, a surface may be
+better."""
 _HYBRID_LAMBDA_FACTORS = (8.0, 16.0, 32.0)
-"""Further multiples, for surfaces in hybrids."""
+"""Factors of lambda for still coarser surfaces in hybrids."""
 _SPARSENESS = 2
-"""Factor of the spacing of points for the comparison of surfaces."""
+"""Factor by which the spacing of points is increased to compare surfaces."""
 _MAX_REJECTED = 3
-"""Number of surfaces of revolution, rejected one after another, that ends the search."""
+"""Number of consecutively rejected surfaces of revolution that ends the search."""
 _MIN_COST_RATIO = 0.98
-"""Ratio of costs below which a grid offset replaces another; smaller gains may be due to chance."""
+"""Cost ratio below which a grid offset replaces the current one; smaller gains may be chance."""
 _REFINEMENT_DEFAULTS = {
     name: PrimitiveSettings.model_fields[name].default
     for name in ("refinement", "refined_bpp", "max_voxel_size")
 }
 _POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
-"""Largest point-to-point errors of a surface, relative to voxels without displacements, in two
-comparisons. The error is never zero, because a surface does not code where on it the points lie."""
+"""Largest ratios of a surface's to undisplaced voxels' point-to-point error in two comparisons. A
+surface's error is never zero, because the positions of points on it are not coded."""
 
 
 def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | None = None) -> bytes:
@@ -72,7 +72,7 @@ def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | No
     points
         (n, 3), finite, in any unit, n > 0.
     cache
-        Saves repeated searches for the surface at several rates of a cloud.
+        Saves repeated searches for the surface of a cloud at several rates.
 
     Returns
     -------
@@ -112,9 +112,9 @@ class _SearchResult(NamedTuple):
 
 
 class SurfaceCache(CostlyResult[_SearchResult]):
-    """Keeps the encoded surface of a cloud for rates that differ only in their refinement.
+    """Cache of a cloud's encoded surface, for rates that differ only in refinement.
 
-    A rate without refinement repeats the search, so that calls can be timed.
+    A rate without refinement repeats the search, so that encoding can be timed.
     """
 
     def search(self, points: Floats, settings: PrimitiveSettings) -> _SearchResult:
@@ -134,10 +134,10 @@ def _search(points: Floats, settings: PrimitiveSettings) -> _SearchResult:
 def _select_mode(
     cloud: PreparedCloud, best: _Candidate, max_bytes: int, search: VoxelSearch
 ) -> _Selection:
-    """Select the finest surface that is better than voxels of equal size in bytes.
+    """Select the finest surface that is better than voxels of equally many bytes.
 
-    If none is, the product of the errors (see `Distortion`) decides between the coarsest surface
-    and voxels, then between voxels and a hybrid with that surface.
+    If none is, the product of the errors (see `Distortion`) decides between voxels and the coarsest
+    surface, then between voxels and a hybrid.
     """
     if best.coded is None:
         return _Selection(search.encode_to_budget(max_bytes).stream, None)
@@ -165,7 +165,7 @@ def _encode_coarse_hybrid(
     voxels: CodedVoxels,
     search: VoxelSearch,
 ) -> bytes | None:
-    """Return the best hybrid no larger than the voxels in bytes, or None if these are better.
+    """Return the best hybrid of at most as many bytes as `voxels`, or None if `voxels` is better.
 
     Surfaces coarser than `coded` are tried while they improve the hybrid.
     """
@@ -186,9 +186,7 @@ def _encode_coarse_hybrid(
 
 
 def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.HybridCriterion:
-    """Return a criterion: the product of the errors, with the surface's to the power 1 -
-    refinement.
-    """
+    """Return the criterion with the cost ``point * plane * surface ** (1 - refinement)``."""
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:
         return cloud.estimator.nearest_offsets(cloud.in_units(decoded))
@@ -203,10 +201,10 @@ def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.Hy
 
 
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
-    """Encode a hybrid, or voxels of equal size in bytes if these are better.
+    """Encode a hybrid, or voxels if voxels of equally many bytes are better.
 
-    The product of the errors decides, or `_voxels_lose_surface` for a surface selected without
-    refinement.
+    `_voxels_lose_surface` decides if a surface was selected without refinement, otherwise the cost
+    does.
     """
     cloud, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)

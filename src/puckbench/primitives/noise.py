@@ -10,11 +10,10 @@ _MIN_POINTS = 8
 
 
 def estimate_noise(points: Floats, cell_size: float) -> float:
-    """Return the noise's standard deviation: the lower quartile of the cells' deviations from their
-    planes.
+    """Estimate the standard deviation of the noise; 0 if no cell has enough points.
 
-    The quartile is weighted by points; curved and crossing surfaces raise only some cells'
-    deviations. It is 0 if no cell has enough points.
+    The estimate is the lower quartile, weighted by points, of the cells' deviations from their
+    planes. Curved and crossing surfaces raise only some deviations.
     """
     rows, starts = group_by_cell(points, cell_size).sorted_rows()
     centred = points[rows] - points.mean(axis=0)

@@ -14,7 +14,7 @@ _MAX_ITERATIONS = 4
 
 
 class OccupancyCriterion(NamedTuple):
-    """Smoothed samples with which decoded points are compared, and costs; lengths are in cells."""
+    """Smoothed samples, with which decoded points are compared, and costs. Lengths are in cells."""
 
     xyz: Floats  # (n, 3) samples
     normals: Floats  # (n, 3) unit normals
@@ -40,8 +40,9 @@ NO_CRITERION = OccupancyCriterion(
 
 @compiled_in_place
 def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
-    """Return how much decoded points at `point` (3,), on the area of a sampling cell, reduce the
-    distortion.
+    """Return the reduction of the distortion by decoded points at `point` (3,).
+
+    These points cover the area of a sampling cell.
     """
     row, squared = _nearest_sample(criterion, point)
     if row < 0:
@@ -90,12 +91,12 @@ def _nearest_within(
 
 @compiled
 def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, bits: Bytes) -> None:
-    """Write to `bits` the map (n, n) that maximises its total gain minus the cost of its edges.
+    """Write to `bits` the map (n, n) of largest total gain minus edge cost.
 
-    Iterated conditional modes (Besag, "On the statistical analysis of dirty pictures", 1986).
-    `gains` (n, n) are the reductions of the distortion by occupied columns. An edge is between an
-    occupied and an empty column. `surrounding` (n + 2, n + 2) holds the states of columns around
-    the map.
+    The method is iterated conditional modes (Besag, "On the statistical analysis of dirty
+    pictures", 1986). `gains` (n, n) are the reductions of the distortion by occupied columns. An
+    edge is between an occupied and an empty column. `surrounding` (n + 2, n + 2) holds the states
+    of columns around the map.
     """
     side = len(gains)
     for a in range(side):

@@ -1,7 +1,8 @@
 """Occupancy maps of planes: one bit per column of cells, coded with contexts.
 
 As in V-PCC, a map marks the part of a plane that the surface covers. Columns run along the plane's
-dominant axis. One grid of cells stores all states, so that contexts include neighbouring leaves.
+dominant axis. One grid stores the states of all columns, so that contexts include neighbouring
+leaves.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ MIXERS = TREE_MIXERS + 1
 def code_occupancy_maps(
     coder: ContextCoder, octree: PlaneOctree, criterion: OccupancyCriterion
 ) -> None:
-    """Encode or decode the occupancy maps of all leaves, or fewer if the stream ends early.
+    """Encode or decode the occupancy maps of all leaves, or of fewer if the stream ends early.
 
-    The state of a column is written to the cell where it crosses the plane. A leaf of one cell is
+    A column's state is stored in the cell where the column crosses the plane. A leaf of one cell is
     always occupied and takes no bit.
     """
     leaves = octree.leaves
@@ -71,7 +72,7 @@ def code_occupancy_maps(
 def find_plane_cell(
     geometry: OctreeGeometry, plane: Floats, axis: int, a: int, b: int, cell: Ints
 ) -> bool:
-    """Write the cell (3,) where a plane crosses column (a, b); return whether it is in the grid."""
+    """Write the cell (3,) where a plane crosses column (a, b); return False outside the grid."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     if a < 0 or b < 0 or a >= geometry.shape[u] or b >= geometry.shape[v]:
         return False
@@ -84,7 +85,7 @@ def find_plane_cell(
 
 @compiled_in_place
 def find_leaf_cell(octree: PlaneOctree, i: int, axis: int, a: int, b: int, cell: Ints) -> bool:
-    """Write the cell where a leaf's plane crosses a column; return whether it is in the leaf."""
+    """Write the cell where a leaf's plane crosses a column; return False outside the leaf."""
     leaves = octree.leaves
     if not find_plane_cell(octree.geometry, leaves.planes[leaves.plane_index[i]], axis, a, b, cell):
         return False
@@ -118,9 +119,7 @@ def _decide_columns(
 def _column_gain(
     plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Return a column's reduction of the distortion, sampled at four points; `p` (3,) is
-    scratch.
-    """
+    """Return a column's reduction of the distortion, a mean of four points; `p` (3,) is scratch."""
     gain = 0.0
     for k in range(4):
         p_u, p_v = a + 0.25 + 0.5 * (k & 1), b + 0.25 + 0.5 * (k >> 1)

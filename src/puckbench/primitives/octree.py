@@ -28,7 +28,7 @@ def build_octree(
 ) -> list[PlaneOctreeLevel]:
     """Build an octree of samples; return its levels from the root (0) to the cells (`depth`).
 
-    Each sample represents a disc of the given radius, in cells.
+    Each sample represents a disc of `radius` cells.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
     keys = morton_codes(cells, np.arange(3))
@@ -96,9 +96,9 @@ def moments_of(
     normals: Floats | None = None,
     radius: float = 0.0,
 ) -> Floats:
-    """Return the moments (n, 10), for least-squares planes, of points or of discs around them.
+    """Return the moments (n, 10), for least-squares planes, of points or of discs around points.
 
-    They are 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight. `normals` and `radius` describe
+    A row is 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight. `normals` and `radius` describe
     the discs.
     """
     normals = np.zeros((1, 3)) if normals is None else normals
@@ -125,7 +125,7 @@ def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) 
 
 @compiled
 def plane_errors(moments: Floats) -> Floats:
-    """Return the weighted squared distances (n,) to the least-squares planes of moments (n, 10)."""
+    """Return weighted sums (n,) of squared distances to least-squares planes of moments (n, 10)."""
     costs: Floats = np.empty(len(moments))
     for i in range(len(moments)):
         costs[i] = distance_to_fit(moments[i])

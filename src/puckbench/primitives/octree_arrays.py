@@ -15,7 +15,7 @@ from puckbench.geometry.cloud import Floats
 
 Ints = NDArray[np.int64]
 IndexGrid = NDArray[np.int32]
-"""Grid of cells that holds 1 + an index, or 0 for none."""
+"""Grid whose cells hold 1 + an index, or 0 for no index."""
 Bytes = NDArray[np.uint8]
 
 UNKNOWN, EMPTY, OCCUPIED = 0, 1, 2
@@ -42,7 +42,7 @@ class Leaves(NamedTuple):
 
 
 class PlaneOctree(NamedTuple):
-    """An octree of planes, as far as it is coded."""
+    """An octree of planes, filled in while it is coded."""
 
     geometry: OctreeGeometry
     leaves: Leaves
@@ -51,7 +51,7 @@ class PlaneOctree(NamedTuple):
 
 
 class EncoderNodes(NamedTuple):
-    """Octree nodes of all levels, one level after the other, known to the encoder only."""
+    """Octree nodes, level by level, known to the encoder only."""
 
     moments: Floats  # (n, 10) of the samples in the node
     first_child: Ints  # (n + 1,) index of the first child
@@ -69,7 +69,7 @@ def leaf_at(octree: PlaneOctree, x: int, y: int, z: int) -> int:
 
 @compiled_in_place
 def dominant_axis(plane: Floats) -> int:
-    """Return the axis nearest to a plane's normal; columns of occupancy maps run along it."""
+    """Return the axis nearest to a plane's normal, along which columns of occupancy maps run."""
     axis = 0
     for k in range(1, 3):
         if abs(plane[k]) > abs(plane[axis]):
@@ -79,6 +79,6 @@ def dominant_axis(plane: Floats) -> int:
 
 @compiled_in_place
 def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
-    """Return a plane's coordinate along `axis` where the next two axes (cyclic) are at u and v."""
+    """Return a plane's coordinate along `axis` at coordinates u and v along the next two axes."""
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v
     return float((plane[3] - across) / plane[axis])

@@ -1,8 +1,7 @@
-"""Coding of a leaf's plane: a neighbouring leaf's plane, or a new one predicted from it.
+"""Coding of a leaf's plane: a neighbouring leaf's plane, or a new one predicted from a neighbour's.
 
-The encoder signals a neighbour's plane by its index, as in the merge mode of video codecs, or a new
-plane, fitted to the leaf's whole region (see `region_merging`) and quantised more finely for larger
-regions.
+An index signals a neighbour's plane, as in the merge mode of video codecs. A new plane is fitted to
+the leaf's region (see `region_merging`), and quantised more finely for larger regions.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ Cube = tuple[Floats, float, float]
 """Centre (3,), half the side, and quantisation step of planes, in cells."""
 _MAX_CANDIDATES = 4
 _MAX_EXTENT_LOG2 = 4
-"""Largest log2 of a region's extent, in sides of the leaf."""
+"""Largest log2 of (region extent / leaf side)."""
 _MAX_CONTACTS = 64
 
 # Index of the first context and of the first mixer of each kind of bit.
@@ -43,7 +42,7 @@ MIXERS = 19
 def code_plane(
     coder: ContextCoder, octree: PlaneOctree, level: int, node: Ints, nodes: EncoderNodes
 ) -> None:
-    """Encode or decode the plane of a leaf, and append the leaf to `leaves`.
+    """Encode or decode the plane of a leaf, and append the leaf to `octree.leaves`.
 
     The encoder minimises squared distance + lmbda * estimated bits. `node` (4,) holds the leaf's
     coordinates at its level and its index in `nodes`.
@@ -102,9 +101,7 @@ def _add_leaf(octree: PlaneOctree, corner: Ints, side: int, plane: int) -> None:
 
 @compiled
 def _merge_candidates(octree: PlaneOctree, corner: Ints, side: int, candidates: Ints) -> int:
-    """Write adjacent leaves' planes that pass near a cube, longest contact first; return their
-    number.
-    """
+    """Write adjacent leaves' planes near a cube, longest contact first; return their number."""
     contacts, planes = np.zeros(_MAX_CONTACTS, np.int64), np.zeros(_MAX_CONTACTS, np.int64)
     count = _count_contacts(octree, corner, side, contacts, planes)
     kept = 0

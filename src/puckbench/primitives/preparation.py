@@ -15,11 +15,11 @@ from puckbench.primitives.stream import MAX_CELLS
 
 _NOISE_CELL_SIZE = 16.0
 _DEFAULT_SPACING = 6.0 / 2**0.5
-"""Side of a sampling cell, in units, if there are enough points."""
+"""Default side of a sampling cell, in units."""
 _SPACING_PER_NOISE = 3.0
-"""Target spacing in standard deviations of the noise."""
+"""Target sample spacing, in standard deviations of the noise."""
 _SPACING_PER_COLUMN = 1.5
-"""Target spacing in columns."""
+"""Target sample spacing, in columns."""
 _MIN_POINTS_PER_SAMPLE = 2.5
 _OUTLIER_DISTANCE_PER_NOISE = 6.5
 """Outlier distance of smoothing, in standard deviations of the noise."""
@@ -51,14 +51,12 @@ class PreparedCloud(NamedTuple):
         return np.asarray((points - self.corner) / self.unit)
 
     def distortion(self, decoded: Floats) -> Distortion:
-        """Estimate the distortion of decoded points (k, 3) in the input's coordinates."""
+        """Estimate the distortion of decoded points (k, 3), given in the input's coordinates."""
         return self.estimator.measure(self.in_units(decoded))
 
 
 def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
-    """Scale points (n, 3), not all equal, to units of 1/1023 of their extent, and smooth their
-    surface.
-    """
+    """Scale points (n, 3), not all equal, to units of 1/1023 of the extent; smooth the surface."""
     source = points[morton_order(points)]
     corner, high = bounds(source)
     unit = float((high - corner).max()) / UNITS

@@ -25,7 +25,7 @@ def count_points(octree: PlaneOctree, spacing: int) -> int:
 
 @compiled
 def first_point(column: Any, spacing: int) -> Any:
-    """Return the index of the first point of a row in or after a column, or of each column.
+    """Return the index of a row's first point in or after `column`, which may be an array.
 
     Point i lies at (i + 1/2) * spacing / `SPACING_UNIT` columns.
     """
@@ -34,10 +34,10 @@ def first_point(column: Any, spacing: int) -> Any:
 
 @compiled
 def reconstruct_points(octree: PlaneOctree, spacing: int, xyz: Floats, leaf_of_point: Ints) -> int:
-    """Write points of occupied columns, on a square grid `spacing` / `SPACING_UNIT` columns apart.
+    """Write points of a square grid on the occupied columns; return their number.
 
-    Returns their number, which may exceed the outputs `xyz` (m, 3) and `leaf_of_point` (m,), the
-    leaves' indices.
+    Points are `spacing` / `SPACING_UNIT` columns apart. Their number may exceed the length m of
+    `xyz` (m, 3) and of the leaf indices `leaf_of_point` (m,).
     """
     leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)

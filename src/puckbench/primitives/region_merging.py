@@ -59,7 +59,7 @@ def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLi
 
 @compiled
 def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
-    """Merge pieces of surface into regions, from their moments (n, 10) and adjacent pairs (m, 2).
+    """Merge pieces of a surface, with moments (n, 10) and adjacent pairs (m, 2), into regions.
 
     Return each piece's region (n,), as the index of one of the region's pieces.
     """
@@ -182,9 +182,7 @@ def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None
 
 @inlined
 def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
-    """Remove and return the first pair, and whether its regions are unchanged since it was
-    queued.
-    """
+    """Remove the first pair; return whether both regions are as when queued, and the pair."""
     pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
     queue.size[0] -= 1
     last, hole = queue.size[0], 0

@@ -1,7 +1,7 @@
 """Surfaces of revolution (cylinders, cones, spheres) with unrolled occupancy maps.
 
-A row of a map is a ring around the axis, one cell high along the profile, with as many columns of
-one cell as fit around it. All lengths are in cells.
+A map's row is a ring around the axis, one cell high along the profile, with as many columns of one
+cell as fit around the ring. All lengths are in cells.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from puckbench.primitives.stream import REVOLUTION_BYTES, SPACING_UNIT
 
 CONE, SPHERE = 0, 1
 MAX_COLUMNS = 1 << 22
-"""Largest number of columns of all surfaces of revolution of a stream."""
+"""Largest total number of columns of a stream's surfaces of revolution."""
 
 _ADJACENT = MAP_CONTEXTS
 _ABOVE = _ADJACENT + 64
@@ -73,9 +73,7 @@ class RevolutionSurface(NamedTuple):
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points (n,
-        3).
-        """
+        """Return points' arc lengths, azimuths, signed distances (n,), surface normals (n, 3)."""
         return _coordinates(self, xyz)
 
 
@@ -84,7 +82,7 @@ class UnrolledMap(NamedTuple):
     bits: Bytes  # (columns,) row after row
 
     def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
-        """Return row, position in the row, and length of the row of each occupied column."""
+        """Return each occupied column's row, position in the row, and the row's length."""
         columns = self.surface.columns_per_row()
         row = np.repeat(np.arange(self.surface.row_count), columns)
         column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)
@@ -180,9 +178,7 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal at the nearest surface point; `radial` is the point minus the
-    origin.
-    """
+    """Return the unit normal at the surface point nearest to origin + `radial`."""
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)
@@ -215,7 +211,7 @@ def pack_parameters(surface: RevolutionSurface) -> bytes:
 
 
 def is_representable(surface: RevolutionSurface) -> bool:
-    """Return whether `pack_parameters` can represent a surface; its parameters may be infinite."""
+    """Return whether `pack_parameters` can represent a surface, which may be infinite."""
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
         return False
     representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)
@@ -283,8 +279,7 @@ def code_unrolled_map(coder: ContextCoder, columns: Ints, bits: Bytes) -> None:
 def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
     """Return the bits of the three columns of another row that are nearest to column j.
 
-    `start` and `count` are the other row's first column and length, `columns` the length of j's
-    row.
+    `start` and `count` are that row's first column and length, `columns` the length of j's row.
     """
     if count == 0 or start < 0:
         return 0

@@ -1,6 +1,7 @@
 """Robust least-squares fit of a surface of revolution to samples.
 
-Levenberg-Marquardt steps minimise the loss sqrt(1 + z) - 1, where z is (distance / `loss_scale`)^2.
+Levenberg-Marquardt steps minimise the sum of losses sqrt(1 + z) - 1, where z is (distance /
+`loss_scale`)^2.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ _UNKNOWN_COUNT = 6
 def fit_revolution(surface: RevolutionSurface, xyz: Floats, loss_scale: float) -> RevolutionSurface:
     """Fit a surface to points (n, 3).
 
-    The initial origin should be beside the points: the fit moves it only perpendicularly to the
-    axis (for a sphere, in all directions).
+    The initial origin should be beside the points: the fit moves the origin only perpendicularly to
+    the axis (of a sphere, in all directions).
     """
     current = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
     trial = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
@@ -71,8 +72,8 @@ def _linearise(
 ) -> float:
     """Write the weighted normal equations (6, 6) and (6,) of a step; return the loss.
 
-    Unknowns: displacement of the origin along both perpendicular axes, tilt of the axis towards
-    them, radius, and angle. A sphere has only a displacement along three axes and a radius.
+    Unknowns are the origin's displacements along both perpendicular axes, the axis's tilts towards
+    them, radius, and angle; for a sphere, three displacements and the radius.
     """
     matrix[:], gradient[:] = 0.0, 0.0
     jacobian = np.empty(_UNKNOWN_COUNT)

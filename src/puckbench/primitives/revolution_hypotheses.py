@@ -12,15 +12,15 @@ from puckbench.primitives.revolution import CONE, SPHERE, RevolutionSurface
 from puckbench.primitives.smoothing import BlockedSamples, CellSamples, blocks_of, ranges_near
 
 SPANS = (3.0, 6.0, 12.0)
-"""Distances between the samples of a hypothesis, in sampling cells."""
+"""Largest distances of a hypothesis's samples, in sampling cells."""
 _MIN_DISTANCE = 0.6
-"""Least distance between samples, as a fraction of the span."""
+"""Least distance of samples, as a fraction of the largest."""
 _PRIMES = (7919, 104729)
-"""Multipliers that select the two other samples pseudo-randomly from a seed's row."""
+"""Multipliers that select two samples pseudo-randomly from the row of a seed."""
 _MIN_BEND = 1e-4
-"""Least squared difference between two normals."""
+"""Smallest squared length of the difference of two normals."""
 _MIN_AXIS_LENGTH, _MIN_VOLUME = 0.02, 1e-3
-"""Limits for a well-conditioned cone: length of its unnormalised axis, determinant of three
+"""Limits for a well-conditioned cone: length of the unnormalised axis, determinant of three
 normals."""
 _ANGLES = (0.02, 1.3)
 _FIELDS = 9
@@ -41,12 +41,11 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return unbounded spheres, cylinders and cones (m, 9) through samples (see
-    `surface_of_hypothesis`).
+    """Return hypotheses (m, 9), unbounded spheres, cylinders and cones, through samples.
 
     Each seed, the index of a sample, is combined with two samples at each of three distances.
-    `spacing` is that of the samples, `tolerance` the least radius; a sphere or cylinder may miss
-    the second sample by twice this.
+    `spacing` is the samples' spacing, `tolerance` the least radius; a sphere or cylinder may miss
+    the second sample by twice `tolerance`. Rows are as in `surface_of_hypothesis`.
     """
     fields = np.empty((3 * len(SPANS) * len(seeds), _FIELDS))
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2
@@ -70,7 +69,7 @@ def surface_of_hypothesis(fields: Floats) -> RevolutionSurface:
 def _sample_hypotheses(
     blocks: BlockedSamples, normals: Floats, seeds: Ints, radius: float, hypotheses: _Hypotheses
 ) -> None:
-    """Write hypotheses of each seed and two samples at 0.6 to 1 times `radius`."""
+    """Write hypotheses through each seed and two samples at 0.6 to 1 times `radius`."""
     ranges = np.empty((9, 2), np.int64)
     for seed in seeds:
         block = np.searchsorted(blocks.starts, seed, side="right") - 1
@@ -86,8 +85,9 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count samples at 0.6 to 1 times `radius` from a seed; also return those numbered
-    `selection`.
+    """Count samples at 0.6 to 1 times `radius` from a seed.
+
+    Also return the indices of the two samples at positions `selection` in this count.
     """
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1

@@ -55,10 +55,10 @@ def fit_revolutions(
     weights: Floats,
     costs: RevolutionCosts,
 ) -> tuple[list[UnrolledMap], Mask]:
-    """Bound surfaces by their inliers and choose their occupancy maps, one after the other.
+    """Bound each surface by its inliers on no earlier map, and decide its map.
 
-    The samples' `weights` (n,) average 1. Returns the surfaces whose maps contain samples, and the
-    mask (n,) of the other samples.
+    The samples' `weights` (n,) average 1. Returns the maps that contain samples, and the mask (n,)
+    of samples on no map.
     """
     unexplained = np.ones(len(xyz), bool)
     maps: list[UnrolledMap] = []

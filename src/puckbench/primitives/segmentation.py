@@ -10,13 +10,14 @@ from puckbench.primitives.region_merging import MergeLimits, adjacent_leaves, me
 
 _MIN_COSINE = float(np.cos(np.radians(20)))
 _CHUNK = 1 << 18
-"""Number of points whose moments are computed at a time."""
+"""Number of points whose moments are computed at once."""
 _MAX_ADDED_ERROR = 0.2
-"""Squared error in squared columns that a merge may add, per point of the smaller segment."""
+"""Largest squared error that a merge may add per point of the smaller segment, in squared
+columns."""
 
 
 def segment_points(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the points (m, 3) of all primitives, and their segments (m,)."""
+    """Return the points (m, 3) of all primitives, and their segment indices (m,)."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     leaf_segments = _merge_leaves(patches, xyz, leaf_of_point)
     plane_segments, segments = np.unique(leaf_segments[leaf_of_point], return_inverse=True)

@@ -11,7 +11,7 @@ UNITS = 1023.0
 """Units along the longest side of a cloud."""
 
 _REFERENCE_NOISE = 1.3
-"""Noise in units for which the rates are tuned: a VLP-16 in a room of six metres."""
+"""Noise, in units, for which the rates are tuned: a VLP-16 in a six-metre room."""
 
 
 class PrimitiveSettings(Model):
@@ -62,9 +62,9 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return settings coarser in proportion to noise, in units, beyond a reference value.
+        """Return settings that are coarser in proportion to noise above `_REFERENCE_NOISE`.
 
-        Otherwise small leaves and fine planes would reproduce the noise.
+        `noise` is in units. Finer leaves and planes would reproduce the noise.
         """
         factor = max(noise / _REFERENCE_NOISE, 1.0)
         length_names = ("min_leaf_size", "column_size", "plane_step")
@@ -73,5 +73,5 @@ class PrimitiveSettings(Model):
 
 
 def parse_settings(parameters: Mapping[str, Any]) -> PrimitiveSettings:
-    """Return validated settings. Raises InputError for an unknown name or an invalid value."""
+    """Return validated settings; raise InputError for unknown names or invalid values."""
     return parsed(PrimitiveSettings, parameters, "codec primitives: rate")

@@ -1,7 +1,7 @@
 """Detection of cylinders, cones and spheres in the smoothed samples of a surface.
 
-Hypotheses from two or three samples with normals are scored by their inliers, as in the RANSAC of
-Schnabel, Wahl and Klein (2007), but from equally spaced instead of random samples.
+As in the RANSAC of Schnabel, Wahl and Klein (2007), hypotheses from two or three samples with
+normals are scored by their inliers; seeds are every k-th sample, not random ones.
 """
 
 from __future__ import annotations
@@ -31,21 +31,19 @@ _MAX_FITTED = 400
 _MAX_SURFACES = 16
 _MAX_TRIALS = 24
 _MIN_CURVED_SHARE = 0.03
-"""Fraction of curved samples below which there is no detection."""
+"""Fraction of curved samples below which detection is skipped."""
 _MIN_NEW_INLIERS = 5
-"""Least number of inliers of a hypothesis that no earlier one has."""
+"""Least number of a hypothesis's inliers that no earlier hypothesis has."""
 _MIN_INLIERS = 48
-"""Least number of samples that a surface explains."""
 _MIN_COVERAGE = 0.35
-"""Least fraction of the area between a surface's ends that samples cover."""
+"""Least fraction of a bounded surface's area that samples cover."""
 _CURVED_COSINES = (0.8, 0.985)
 """Range of cosines between neighbours' normals on a curved surface; smaller cosines are edges."""
 _MIN_INLIER_COSINE = 0.96
 _MIN_TOLERANCE = 0.35
-"""Least tolerance of a hypothesis in sampling cells, since three normals are noisy."""
+"""Least inlier tolerance of a hypothesis, in sampling cells, because normals are noisy."""
 _NEIGHBOURS = 24
-"""Number of nearest samples, the sample itself included, whose normals decide whether it is
-curved."""
+"""Number of a sample's neighbours, itself included, whose normals decide if it is curved."""
 
 Mask = NDArray[np.bool_]
 
@@ -55,7 +53,7 @@ def detect_revolutions(
 ) -> list[RevolutionSurface]:
     """Return fitted and bounded surfaces of revolution, those with most inliers first.
 
-    `spacing` is that of the samples (n, 3), `tolerance` the largest distance of an inlier.
+    `spacing` is the samples' spacing, `tolerance` the largest distance of an inlier.
     """
     curved = _curved_samples(xyz, normals, spacing)
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):
@@ -111,8 +109,9 @@ def _find_curved(blocked: BlockedSamples, normals: Floats, radius: float, curved
 
 @compiled_in_place
 def _nearest_bend(xyz: Floats, normals: Floats, i: int, ranges: Ints, radius: float) -> float:
-    """Return the squared distance to the nearest normal that differs by 10 to 37 degrees, or
-    radius^2.
+    """Return the squared distance to the nearest sample whose normal differs by 10 to 37 degrees.
+
+    Without such a sample, return radius^2.
     """
     squared_bend = radius * radius
     for k in range(len(ranges)):
@@ -176,8 +175,9 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Repeatedly select the hypothesis with most inliers, without those of earlier ones, and refine
-    it.
+    """Repeatedly select and refine the hypothesis with most new inliers.
+
+    New inliers are not inliers of earlier hypotheses.
     """
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
@@ -251,8 +251,9 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the covered fraction of a bounded surface, in patches of two sample spacings a
-    side.
+    """Return the fraction of a bounded surface that samples cover.
+
+    It is measured in patches of two sample spacings a side.
     """
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)

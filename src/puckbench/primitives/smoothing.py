@@ -33,10 +33,10 @@ def smooth_samples(
 ) -> tuple[Floats, Floats]:
     """Project samples onto robust planes of their neighbours; return points and normals (n, 3).
 
-    A neighbour's weight, the square root of its number of points because noise is correlated within
-    a cell, decreases with the distance from the sample (0 at `radius`) and from the plane (0 at
-    `outlier_distance`); in the second pass also with the angle between the normals, which preserves
-    edges. `spacing` is the side of a sampling cell.
+    A neighbour's weight is the square root of its number of points, because noise is correlated
+    within a cell. The weight decreases with the distance from the sample (0 at `radius`) and from
+    the plane (0 at `outlier_distance`); in the second pass also with the angle between normals, to
+    preserve edges. `spacing` is the side of a sampling cell.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))
@@ -54,13 +54,12 @@ def smooth_samples(
 
 _PASSES = 2
 _REWEIGHTINGS = 2
-"""Number of plane fits per pass; each uses weights from the distances to the previous plane."""
+"""Number of plane fits per pass; weights come from the distances to the previous plane."""
 _MIN_COSINE = float(np.cos(np.radians(35)))
 """Cosine between normals below which a neighbour has no weight."""
 _MIN_BLOCK_SIZE = 3
 """Least number of cells along a block's side."""
 _SAMPLES_PER_TASK = 8192
-"""Approximate number of samples that a thread smooths at a time."""
 
 
 class BlockedSamples(NamedTuple):
@@ -102,8 +101,8 @@ def _smooth(
 ) -> None:
     """Smooth the samples of a range of blocks.
 
-    `radii` are the radius and the outlier distance; `previous` is the previous pass's samples and
-    normals, which are 0 in the first pass.
+    `radii` are the radius and the outlier distance; `previous` are the previous pass's samples and
+    normals (normals are initially 0).
     """
     xyz, previous_normals = blocks.xyz, previous[1]
     block_radius = -(-cell_radius // blocks.size)
@@ -139,8 +138,9 @@ def _smooth(
 
 @compiled
 def ranges_near(blocks: BlockedSamples, block: int, block_radius: int, ranges: Ints) -> Ints:
-    """Return ranges (k, 2) of the samples within `block_radius` blocks of a block, one per row
-    along z.
+    """Return index ranges (k, 2) of samples near a block, one range per row of blocks along z.
+
+    Near means within `block_radius` blocks.
     """
     _, across, up = blocks.shape
     x, y, z = block // (across * up), block // up % across, block % up
@@ -221,9 +221,9 @@ def _list_neighbours(
 
 @compiled
 def _robust_plane(neighbours: Floats, count: int, outlier_distance: float, plane: Floats) -> None:
-    """Fit a plane to neighbours (4, count), reweighted by their distances from it.
+    """Fit a plane to neighbours (4, count), reweighted by their distances from the previous plane.
 
-    `plane` (4,) is the initial plane or zeros; it is unchanged if no neighbour has weight.
+    `plane` (4,), initially a plane or zeros, is unchanged if no neighbour has weight.
     """
     x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
     robust_weights = neighbours[4]

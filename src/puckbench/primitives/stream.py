@@ -28,11 +28,11 @@ from puckbench.primitives.manhattan_frame import (
 
 MAGIC = b"PBPR"
 VERSION, HYBRID_VERSION = 5, 6
-"""Versions of streams with one kind of content, and of hybrids."""
+"""Versions of surface and voxel streams, and of hybrids."""
 SURFACE, VOXELS, HYBRID, ROTATED, WITH_REVOLUTIONS = 1, 2, 3, 4, 8
-"""Kinds of streams, and flags that are added to the kind of a surface."""
+"""Kinds of streams, and flags added to the kind of a surface."""
 REVOLUTION_BYTES = 19
-"""Bytes of the parameters of a surface of revolution."""
+"""Bytes of the parameters of one surface of revolution."""
 _START = struct.Struct("<4sBB")
 _SURFACE = struct.Struct("<4f3HBBBBHI")
 _ROTATION = struct.Struct("<3h")
@@ -40,12 +40,12 @@ _VOXELS = struct.Struct("<4fB")
 _HYBRID = struct.Struct("<BI")
 _CHECKSUM = struct.Struct("<H")
 VOXEL_HEADER_BYTES = _START.size + _VOXELS.size + _CHECKSUM.size
-"""Bytes of a stream of voxels besides the G-PCC octree and the displacement factors."""
+"""Bytes of a voxel stream besides the G-PCC octree and the displacement factors."""
 MAX_CELLS = 1 << 26
-"""Largest number of cells of the grid. This limit and the next ones bound a decoder's work and
-memory; the encoder codes voxels instead of a surface that would exceed them."""
+"""Largest number of cells of the grid. This and the next limits bound a decoder's work and memory;
+the encoder codes voxels instead of surfaces that exceed them."""
 MAX_NODES = 1 << 20
-"""Largest number of coded nodes of the octree, leaves included."""
+"""Largest number of coded octree nodes, leaves included."""
 MAX_LEAF_COLUMNS = 256
 """Largest number of columns across a leaf."""
 MAX_COLUMNS = 1 << 22
@@ -53,19 +53,18 @@ MAX_COLUMNS = 1 << 22
 MAX_POINTS = 1 << 22
 MAX_REVOLUTION_POINTS = 1 << 22
 SPACING_UNIT = 2048
-"""Steps of the spacing of points per column."""
+"""Number of steps of point spacing per column."""
 MIN_POINT_SPACING, MAX_POINT_SPACING = SPACING_UNIT // 16, (1 << 16) - 1
 MAX_DISPLACED = 1 << 22
-"""Largest number of voxels that may be displaced."""
 MAX_HYBRID_VOXELS = 1 << 20
-"""Largest number of voxels of a hybrid. The nearest surface point of each takes microseconds."""
+"""Largest number of voxels of a hybrid; finding a voxel's surface point takes microseconds."""
 BLOCK_SIZES = (1, 2, 4)
-"""Possible sides of a block in voxels. The voxels of 3 x 3 x 3 blocks determine a local plane."""
+"""Possible sides of a block in voxels. A local plane is fitted to 3 x 3 x 3 blocks."""
 CLASSES = 24
-"""Number of classes of voxels; the voxels of a class have the same displacement factor."""
+"""Number of classes of voxels, each with one displacement factor."""
 
 MAX_KEEP_DISTANCE = 8
-"""Largest keep distance: half the side of a voxel, in 1/16 voxels."""
+"""Largest keep distance, in 1/16 voxels: half the side of a voxel."""
 
 
 class VoxelGrid(NamedTuple):
@@ -93,8 +92,7 @@ class VoxelHeader(NamedTuple):
 class HybridHeader(NamedTuple):
     """Contents of a hybrid stream.
 
-    A surface point is kept if it lies within keep_distance of an occupied voxel's centre along each
-    axis.
+    Surface points within keep_distance of an occupied voxel's centre along each axis are kept.
     """
 
     keep_distance: int  # in 1/16 voxels
@@ -234,7 +232,7 @@ def _voxel_header(grid: VoxelGrid, block_size: int, payload: bytes) -> tuple[Vox
 
 
 def is_decodable(header: SurfaceHeader) -> bool:
-    """Return whether a header is consistent and within the limits of work and memory."""
+    """Return whether a header is consistent and within the decoder's limits."""
     shape = np.array(header.shape, dtype=np.int64)
     depth, finest, coarsest = header.depth, header.finest_leaf_level, header.coarsest_leaf_level
     return bool(

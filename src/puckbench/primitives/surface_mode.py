@@ -65,26 +65,26 @@ _DISC_RADIUS = 0.6
 _LEAF_BITS, _SPLIT_BITS = 6.0, 5.0
 _EDGE_BITS = 3.0
 _REGION_BITS = 25.0
-"""Estimated bits saved when leaves share one plane instead of two."""
+"""Estimated bits saved if two leaves share a plane."""
 _REGION_ERROR_PER_NOISE = 1.0
 """Largest squared error that a merge may add per point, in variances of the noise."""
 _MIN_REGION_COSINE = 0.5
 _MIN_LAMBDA_PER_NOISE = 3.0
-"""Least lambda (squared error per bit) for edges and regions, in variances of the noise. With a
-smaller lambda they would reproduce the noise that remains after smoothing."""
+"""Least lambda for map edges and region merging, in variances of the noise. A smaller lambda would
+reproduce noise that remains after smoothing."""
 _OMISSION_ERROR, _TANGENTIAL_WEIGHT, _MAX_ERROR = 20.0, 0.1, 100.0
 _MIN_OMISSION_ERROR = 0.3
-"""Least squared error of an omitted sample, in squared columns."""
+"""Smallest squared error of an omitted sample, in squared columns."""
 _BYTES_PER_NODE = 64
 _TOLERANCE_PER_COLUMN, _TOLERANCE_PER_NOISE = 0.3, 0.5
 """Tolerance of inliers of a surface of revolution, in columns plus standard deviations of the
 noise."""
 _MIN_PLANE_SAMPLES = 16
-"""Approximate number of samples kept for planes if all are inliers of surfaces of revolution."""
+"""Approximate number of samples kept for planes if all lie on surfaces of revolution."""
 
 
 class SurfaceMode(NamedTuple):
-    """A candidate: placement of the octree's grid, and surfaces of revolution."""
+    """Candidate mode: placement of the octree's grid, and surfaces of revolution."""
 
     rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
     grid_offset: tuple[float, float, float] = (0.5, 0.5, 0.5)  # columns from grid to surface
@@ -96,7 +96,7 @@ class CodedSurface(NamedTuple):
     patches: Patches
 
     def with_points(self, count: int) -> CodedSurface:
-        """Return the surface with at most `count` points, or itself if none would remain."""
+        """Return the surface with at most `count` points, or unchanged if none would remain."""
         spacing = _point_spacing(self.patches, count)
         if spacing is None:
             return self
@@ -118,7 +118,7 @@ def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]
 
 
 def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
-    """Return the offset of a grid that begins at the points' least corner, not the surface's."""
+    """Return the offset of a grid that begins at the points' lowest corner, not the surface's."""
     corner = np.maximum(cloud.surface.xyz.min(axis=0), 0)
     x, y, z = (0.5 + corner / axis_aligned_column_size(cloud)).tolist()
     return (x, y, z)
@@ -127,7 +127,8 @@ def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
     """Encode a cloud as a surface.
 
-    Return None beyond a decoder's limits, or if decoding gives no points or more than the input.
+    Return None if the stream exceeds a decoder's limits, or decodes to no points or more than the
+    input has.
     """
     surface, corner = _rotate_surface(cloud, mode.rotation)
     column_side = column_size(surface, cloud.settings)

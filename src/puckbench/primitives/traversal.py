@@ -1,7 +1,7 @@
-"""Encodes or decodes the octree of planes level by level, from the root down.
+"""Encoding or decoding of the octree of planes level by level, from the root down.
 
-A node is a leaf with a plane, or is split. Planes, which are predicted from neighbouring ones, are
-chosen during the traversal.
+A node is a leaf with a plane, or is split. Planes are predicted from neighbouring planes, and
+therefore chosen during the traversal.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ MIXERS = _OCTANT_MIXER + 8
 
 @compiled
 def code_octree(coder: ContextCoder, octree: PlaneOctree, nodes: EncoderNodes) -> bool:
-    """Encode or decode all levels of the octree, and write the leaves and their grid.
+    """Encode or decode all levels of the octree; write the leaves and their grid.
 
-    Return False if there are more leaves than allocated, more nodes than `MAX_NODES`, or the stream
-    ends early.
+    Return False if leaves exceed the allocation, nodes exceed `MAX_NODES`, or the stream ends
+    early.
     """
     geometry, capacity = octree.geometry, len(octree.leaves.side)
     # A row is a node: its coordinates at its level, and its index in `nodes`.
@@ -71,8 +71,9 @@ def _code_leaves(
     coder: ContextCoder, octree: PlaneOctree, level: int, level_nodes: Ints, states: Bytes,
     nodes: EncoderNodes,
 ) -> bool:  # fmt: skip
-    """Encode or decode which nodes are leaves, whose index in `level_nodes` becomes -1, and their
-    planes.
+    """Encode or decode which nodes are leaves, and the leaves' planes.
+
+    A leaf's index in `level_nodes` becomes -1.
     """
     leaves = octree.leaves
     for i in range(len(level_nodes)):
@@ -97,8 +98,9 @@ def _code_splits(
     nodes: EncoderNodes,
     children: Ints,
 ) -> int:
-    """Encode or decode the occupied children of split nodes; return their number, -1 if too
-    many.
+    """Encode or decode the occupied children of split nodes.
+
+    Return their number, or -1 if they are too many or the stream ends early.
     """
     count = 0
     for i in range(len(level_nodes)):
@@ -205,7 +207,7 @@ def _code_occupancy(
 ) -> int:
     """Encode or decode a child's occupancy.
 
-    `child` holds its octant, the pattern of previous occupied siblings, and log2 of its side.
+    `child` holds the octant, the bits of earlier siblings' occupancy, and log2 of the side.
     """
     faces = occupied_count = 0
     for dx in range(-1, 2):
@@ -225,9 +227,7 @@ def _code_occupancy(
 
 @compiled_in_place
 def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
-    """Return the state of a finer node: 0 empty, 1 unknown (its parent is coded later), 2
-    occupied.
-    """
+    """Return a child node's state: 0 empty, 1 unknown (parent is coded later), 2 occupied."""
     states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:
         return 0

@@ -32,7 +32,7 @@ _MAX_TRIALS_PER_BUDGET = 6
 _BUDGET_SLACK = 0.04
 """Fraction of the byte budget that the search may leave unused."""
 _MIN_ERROR_PER_BYTE = 0.5
-"""Least relative reduction of the squared error by a table, per relative increase of the bytes."""
+"""Least relative reduction of the squared error by displacement, per relative increase in bytes."""
 _TYPICAL_SLOPE = 2.2
 """Typical exponent b of the relation bytes ~ voxel size ** -b."""
 
@@ -86,14 +86,14 @@ def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
 
 
 class VoxelSearch:
-    """Searches for the voxel size that fits a byte budget, starting from earlier sizes."""
+    """Search for the voxel size that fits a byte budget, starting from earlier trials."""
 
     def __init__(self, points: Floats, trials: Iterable[Trial] = ()) -> None:
         self.points, self.trials = points, list(trials)
         self._coded: dict[float, CodedVoxels] = {}
 
     def byte_count_at(self, voxel_size: float) -> int:
-        """Return the largest possible length of a stream of voxels of a given size."""
+        """Return the largest possible byte count of a stream of a given voxel size."""
         trial = Trial(voxel_size, _CodedOctree.of(self.points, voxel_size).byte_count())
         self.trials.append(trial)
         return trial.byte_count
@@ -101,7 +101,7 @@ class VoxelSearch:
     def encode_to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
         """Encode the finest voxels that take at most about `max_bytes` bytes.
 
-        `max_voxel_size` limits their side, whatever the budget, in 1/1023 of the extent.
+        `max_voxel_size`, in 1/1023 of the extent, bounds their side whatever the budget.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())
@@ -168,7 +168,7 @@ class DecodedVoxels(NamedTuple):
 
 
 def read_voxels(stream: bytes) -> DecodedVoxels:
-    """Decode a stream of voxels; raise InputError if it has none or over `MAX_HYBRID_VOXELS`."""
+    """Decode a voxel stream; raise InputError for another kind or over `MAX_HYBRID_VOXELS`."""
     header, payload = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
@@ -187,7 +187,7 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 
 
 def voxel_weights(groups: CellGroups) -> Floats:
-    """Return weights (m,): half of the total in proportion to numbers of points, half equal."""
+    """Return voxel weights (m,): half in proportion to numbers of points, half equal."""
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 

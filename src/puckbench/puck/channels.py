@@ -1,8 +1,8 @@
-"""Coding of further images of a turn, of up to 16 bits: signal, reflectivity, near infrared, flags.
+"""Coding of a turn's images of up to 16 bits: signal, reflectivity, near infrared, flags.
 
-A pixel is coded as binary decisions around a prediction by least squares, as ranges are. A return's
-reflectivity is nearly a function of its range and signal; the sum of five learnt logarithms
-estimates it. Variables are named as in `ranges`.
+Like ranges, pixels are coded as binary decisions around least squares predictions. A return's
+reflectivity is nearly a function of the range and signal, and is estimated by learnt tables
+(`gains`). Variables are named as in `ranges`.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from puckbench.puck.ranges import PAD
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
 _FEATURES_OF_NORMAL, _FEATURES_OF_THOROUGH = 13, 20
 _LEVELS = 20
-"""Levels of the prediction errors around a pixel (its activity)."""
+"""Number of levels of activity, the prediction errors around a pixel."""
 _SIZES = 36
-"""Levels of predictions."""
+"""Number of levels of predicted values."""
 _CLIP = 480
-"""Limit of features: larger differences are clipped."""
+"""Limit of features, to which larger differences are clipped."""
 _MOST_ERROR = 1 << 20
 
 
@@ -96,9 +96,9 @@ def new_channel_model(
 def code_channel(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, nearest: Ints
 ) -> bool:
-    """Encode or decode the values of a turn; return False if the decoded stream ended early.
+    """Encode or decode the values of a turn; return False if the stream ends early.
 
-    A writer reads `image.values` from row PAD on, a reader writes them; both fill `errors` and
+    An encoder reads `image.values` from row PAD on, a decoder writes them; both fill `errors` and
     `estimates`. For `before` and `nearest` see `ranges.code_ranges`.
     """
     values = image.values
@@ -187,7 +187,7 @@ def _base(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
     estimate: int,
 ) -> int:  # fmt: skip
-    """Return the value, in 1 / FINE, that is subtracted from others in the features."""
+    """Return the base, in 1 / FINE, which features subtract from other values."""
     base = FINE * int(model.last[laser])
     if estimate > 0:
         return estimate

@@ -1,7 +1,7 @@
 """Experts, each of which predicts a number by a probability distribution.
 
-Its mean is the expert's estimate, its scale the mean absolute error of earlier estimates in the
-same situation (context). It gives the probabilities of binary decisions.
+The mean is the expert's estimate, the scale the mean absolute error of earlier estimates in the
+same situation (context). The distribution gives probabilities of binary decisions.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from puckbench.core.compiling import inlined
 FINE = 16
 """Means and errors are in units of 1 / FINE."""
 _ONE = 4096
-"""Probability 1 of the distributions."""
+"""Integer for probability 1."""
 _REACH = 1024
-"""Entries of the table of the distribution on each side of its mean."""
+"""Number of entries of the distribution's table on each side of the mean."""
 _PER_ERROR = 128
-"""Entries of that table per mean absolute error."""
+"""Number of entries of that table per mean absolute error."""
 _LEAST_SCALE = 2 * 256
 _INVERSE = _PER_ERROR * 256 << 13
 _MOST_ERROR = 4000
@@ -65,7 +65,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Prepare to code a number: load the scales of its context, and allow all values."""
+    """Prepare to code a number: load the situation's scales, and allow all values."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)
@@ -75,7 +75,7 @@ def begin(experts: Experts, situation: int) -> None:
 
 @inlined
 def write_logits(experts: Experts, edge: int, answers: Words) -> None:
-    """Write to `answers` each expert's log odds that the number is at least `edge` (1 / FINE)."""
+    """Write to `answers` each expert's log odds that the number is at least `edge` / FINE."""
     shares, logits = experts.edge, experts.logits
     for k in range(len(experts.every)):
         place = ((edge - experts.means[k]) * experts.inverse[k]) >> 13

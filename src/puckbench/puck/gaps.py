@@ -1,6 +1,6 @@
 """Compression of the bytes between the packets of a recording (gaps) by LZMA.
 
-Gaps of equal length, mostly headers, are stored together as differences between successive ones.
+Gaps of equal length, mostly headers, are stored together as differences between successive gaps.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ Bytes = NDArray[np.uint8]
 MOST_RAW_BYTES = 1 << 26
 """Limit of the bytes of a batch before compression."""
 _GROUPS = 32
-"""At most this number of frequent lengths of gaps is coded by differences."""
+"""Maximum number of frequent lengths; only gaps of these lengths are coded as differences."""
 _HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
-"""LZMA options for differences of headers, in which neighbouring bytes are nearly independent: the
-output is no larger than with the preset, in a fifth of the time."""
+"""LZMA options for differences of headers, whose neighbouring bytes are nearly independent: the
+output is no larger than by the preset, in a fifth of the time."""
 _CHUNK = 1 << 16
 """Limit of the bytes of an LZMA2 chunk that is stored uncompressed."""
 _DAMAGED = "the stream is damaged"
@@ -43,7 +43,7 @@ def store_gaps(gaps: list[bytes]) -> bytes:
 def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
     """Decode `count` gaps, after a call of `admit` with their size in bytes.
 
-    `admit` raises an error if it is too large.
+    `admit` raises an error if the size is too large.
     """
     body = Reader(decompress_bytes(reader, admit))
     size = len(body.body)

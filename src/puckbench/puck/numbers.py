@@ -1,7 +1,7 @@
 """Coding of a number as binary decisions around an expected value, the centre.
 
-First comes the side of the centre, then steps away from it by growing distances until the number is
-passed; then the interval is halved.
+The first decision is the side of the centre. Next, thresholds at growing distances from the centre
+bound the number; then the interval between thresholds is halved.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from puckbench.core.compiling import inlined
 from puckbench.puck.experts import FINE, Experts, narrow, write_logits
 
 NODES = 64
-"""Number of kinds of decisions, each with its contexts and weights."""
+"""Number of kinds of decisions, each with separate contexts and weights."""
 _STEPS = 11
 _LATER_HALVINGS = 62
 
@@ -44,7 +44,7 @@ def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int,
     farthest: int,
 ) -> int:  # fmt: skip
-    """Code a number like `code_number`, with a counter per decision; they begin at `start`."""
+    """Code a number like `code_number`, with one counter per kind of decision, from `start` on."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step, farthest)
 
 

@@ -1,11 +1,11 @@
 """Segmentation of a range image into planes.
 
-Rows of the image are cut into short pieces. Neighbouring sets of pieces are merged while one plane
+Rows of the image are cut into short pieces; neighbouring sets of pieces are merged while one plane
 fits both.
 
 A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
-set of points p with m . p = 1. Multiplied by r, this becomes r = (r p) . m, which is linear in m. A
-least squares fit of m needs 11 sums over the returns of a set; those of merged sets are added.
+set of points p with m . p = 1; multiplied by r, this is r = (r p) . m. A least squares fit of m
+needs 11 sums over a set's returns; a merger adds the sums of two sets.
 
 References
 ----------
@@ -34,28 +34,29 @@ _LONGEST_PIECE = 8
 _GAP = 3
 """Returns in a row are neighbours if at most this number of columns apart."""
 _STEEPEST = 6.0
-"""Tangent of the incidence angle above which two neighbours are taken for an edge."""
+"""Neighbours with a larger tangent of the incidence angle are taken for an edge."""
 _JUMP = 4.0
 """Neighbours may differ by this number of standard deviations more than `_STEEPEST` allows."""
 _SLOPE = 2.0
-"""Tangent of a typical incidence angle: the prior of slopes that the returns do not determine."""
+"""Tangent of a typical incidence angle, the prior for slopes that returns do not determine."""
 _GAINS = (2.0, 8.0, 25.0)
-"""A merger may increase the sum of squares by these numbers of variances, in successive rounds."""
+"""In successive rounds, a merger may add these multiples of the noise variance to the squared
+errors."""
 _ROUNDS = 3
 _BORDER = 6
 """A border between planes moves by at most this number of returns."""
 _FULL_WEIGHT, _ANY_WEIGHT, _MOST_COST = 4.0, 25.0, 9.0
-"""Squared errors, in variances: up to the first a return has weight 1, above the second weight 0;
-the third limits the cost of a return when a border is moved."""
+"""Squared errors, in noise variances: a return has weight 1 up to the first, and weight 0 above the
+second; the third limits a return's cost when borders move."""
 
 _loop = partial(compiled_in_place, error_model="numpy")
 
 
 class RangeRows(NamedTuple):
-    """A range image; lasers from lowest to highest.
+    """A range image, with lasers from lowest to highest.
 
     `ranges` (lasers, columns), in metres, are 0 for no return; `rows` (lasers, columns, 3) are
-    ranges times points, as in the equation ``range = row . m`` of a plane m.
+    points times their ranges, as in the equation ``range = row . m`` of a plane m.
     """
 
     ranges: Floats
@@ -63,7 +64,7 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """Each return's plane (lasers, columns), -1 for none, and m (n, 3) of planes m . p = 1."""
+    """Index of each return's plane (lasers, columns), or -1, and vectors m (n, 3) of planes."""
 
     labels: Labels
     vectors: Floats
@@ -74,9 +75,10 @@ def fitted_planes(
 ) -> LabelledPlanes:
     """Assign each return to a plane, and fit the planes.
 
-    Adjacent columns are `column` rad apart; in a full turn (`closes`), the last is next to the
-    first. `std` is the standard deviation of a range, m. Two sets of returns are merged if their
-    mean squared distance exceeds that due to noise by at most `tolerance` noise variances.
+    Adjacent columns are `column` rad apart; in a full turn (`closes`), the last column is next to
+    the first. `std` is the standard deviation of a range, m. Two sets of returns are merged if
+    their mean squared distance, beyond the part due to noise, is at most `tolerance` noise
+    variances.
     """
     ranges, rows = image
     variance = std * std
@@ -161,9 +163,9 @@ def _cut(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Cut rows into pieces and return their number; write the piece of each return to `labels`.
+    """Cut rows into pieces, write each return's piece to `labels`, and return the number of pieces.
 
-    A piece ends at a jump or gap, or where two lines fit its returns far better than one.
+    A piece ends at a jump or gap, or where two lines fit far better than one.
     """
     count = 0
     for laser in range(ranges.shape[0]):
@@ -207,7 +209,7 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return the length of the first of two lines if they fit far better, else `length`."""
+    """Return the length of the first line if two lines fit far better than one, else `length`."""
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0
@@ -336,7 +338,7 @@ def _fit(
     variance: float,
     weighted: bool,
 ) -> None:
-    """Fit a plane to each set; if `weighted`, returns far from its current plane count less."""
+    """Fit a plane to each set; if `weighted`, returns far from the current plane count less."""
     sums[:] = 0
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):

@@ -1,13 +1,13 @@
 """Coding of the ranges of a turn: whether each firing has a return, and its range.
 
-Firings are coded column by column, each from the lowest laser to the highest. Adaptive least
-squares predict a range, which is coded as binary decisions around the prediction. Lossy coding
-quantises a range to the nearest multiple of the step, or to the adjacent multiple towards the
-prediction if lambda times the saved rate exceeds the increase of the squared error.
+Firings are coded column by column, from the lowest laser to the highest. Ranges are predicted by
+adaptive least squares, and coded as binary decisions around the predictions. Lossy coding quantises
+a range to the nearest multiple of the step, or to the adjacent multiple towards the prediction if
+lambda times the saved rate exceeds the increase of the squared error.
 
-c is the index of the current column in the arrays, t that of the nearest column of the previous
-turn (0: none). "West" is the same laser one column earlier; "below" and "above" are the
-neighbouring lasers.
+c is the index of the current column in arrays, t that of the nearest column in the previous turn
+(0: none). "West" is the same laser one column earlier; "below" and "above" are the neighbouring
+lasers.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ from puckbench.puck.numbers import (
 from puckbench.puck.options import Effort
 
 PAD = 8
-"""Rows of an image before its first column; they hold the last columns of the previous turn."""
+"""Array rows before an image's first column, for the last columns of the previous turn."""
 _LEVELS = 16
-"""Levels of the prediction errors around a firing (its activity)."""
+"""Number of levels of activity, the prediction errors around a firing."""
 _SITUATIONS = 4 * _LEVELS
 _JUMP = 24
-"""A larger difference between columns, in quanta, is taken for a change to another surface."""
+"""A larger difference between columns, in range quanta, is taken for a change of surface."""
 _FIRST_ERROR = 3 * FINE
 _ALL_LEARNT = 1000
-"""Returns after which `fast` adapts its prediction by every fourth return only."""
+"""Number of returns after which effort `fast` learns from every fourth return only."""
 
 
 class RangeContext(NamedTuple):
@@ -82,7 +82,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of models, which use the first of all features, experts and contexts."""
+    """Sizes of a model, which uses only the first features, experts and contexts."""
 
     features: int
     experts: int
@@ -101,9 +101,9 @@ MODEL_SIZES: dict[Effort, ModelSize] = {
 _EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.16, 0.16, 0.1, 0.15, 0.2, 0.22)
 _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
 _MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
-"""Initial weights, close to the final ones of a recording of an HDL-32E."""
+"""Initial weights, close to those after coding a recording of an HDL-32E."""
 _COMMON_FEATURES = 10
-"""Features of `normal`; `fast` has fewer."""
+"""Number of features of effort `normal`; `fast` has fewer."""
 
 
 def new_range_model(
@@ -146,9 +146,9 @@ def _first_scales(experts: int) -> Words:
 def code_ranges(
     model: RangeModel, image: RangeContext, before: RangeContext, nearest: Ints, source: Words
 ) -> bool:
-    """Encode or decode the ranges of a turn; return False if the decoded stream ended early.
+    """Encode or decode the ranges of a turn; return False if the stream ends early.
 
-    When encoding, `source` (PAD + columns, lasers) has the ranges; otherwise it is ignored. Both
+    The encoder reads ranges from `source` (PAD + columns, lasers), which the decoder ignores; both
     fill the rows of `image` from PAD on. `before` is the previous turn followed by PAD empty rows.
     `nearest` (columns,) is the row in `before` of the column with the nearest azimuth, or 0.
     """
@@ -297,9 +297,9 @@ def _predict(
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
     """Predict a range, and return five values.
 
-    They are a base range, the predicted difference from it in quarter quanta, the level of recent
-    errors (activity), whether the previous turn has a return here (1 or 0), and the index of the
-    experts' scales (situation).
+    The values are a base range, the predicted difference from it in quarter quanta, the level of
+    recent errors (activity), whether the previous turn has a return here (1 or 0), and the index of
+    the experts' scales (situation).
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -312,7 +312,7 @@ def _predict(
 
 @inlined
 def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """Return a range in steps, and `centre` and `unit` of `code_number` for it."""
+    """Return a quantised range in steps, and `centre` and `unit` for `code_number`."""
     step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
@@ -324,7 +324,7 @@ def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple
 
 @inlined
 def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
-    """Return `index`, or its neighbour towards the predicted `mean` if that has a lower total cost.
+    """Return `index`, or its neighbour towards the predicted `mean` if that costs less in total.
 
     One step towards the prediction saves about step / scale nats.
     """
@@ -354,7 +354,7 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return a difference in quarter quanta; 0 if a range is missing or over 60 quanta off."""
+    """Return a change of range in quarter quanta; 0 if a range is missing or over 60 quanta off."""
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 

@@ -1,8 +1,8 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-Some values are guessed, and coded only if a flag says that the guess is wrong: for a second return
-equal to the first, the first's value; for a firing without a return, that of the laser's last
-firing without a return.
+Some values are guessed, and coded only if a flag marks the guess as wrong. The guess for a second
+return equal to the first is the first's value; for a firing without a return, the value of the
+laser's last such firing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from puckbench.puck.ranges import PAD
 _EXPERTS = 4
 _CONTEXTS = 9
 _LEAN_CONTEXTS = 5
-"""A lean model has these contexts and no experts."""
+"""Number of contexts of a lean model, which has no experts."""
 _LEVELS = 12
 _FEATURES = 14
 _TREE = 256
@@ -85,7 +85,7 @@ def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> R
 
 @compiled_in_place
 def code_reflectivities(model: ReflectivityModel, turn: ReflectivityContext, nearest: Ints) -> bool:
-    """Encode or decode reflectivities of a turn; return False if the decoded stream ended early."""
+    """Encode or decode reflectivities of a turn; return False if the stream ends early."""
     values, held = turn.values, turn.held
     for c in range(PAD, len(values)):
         for laser in range(values.shape[1]):

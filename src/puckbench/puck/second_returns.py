@@ -16,7 +16,7 @@ _FIRST_SCALE = 60 * FINE * 256
 
 
 class SecondReturnModel(NamedTuple):
-    """Adaptive state; `other` holds each laser's last second range that differed from the first."""
+    """Adaptive state; `other` has each laser's last second range unequal to the first range."""
 
     same: Mixer
     value: Mixer
@@ -53,11 +53,11 @@ def code_second_returns(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words,
     nearest: Ints, source: Words, source_first: Words,
 ) -> bool:  # fmt: skip
-    """Encode or decode a turn's second ranges; return False if the decoded stream ended early.
+    """Encode or decode a turn's second ranges; return False if the stream ends early.
 
-    They fill `ranges` (PAD + columns, lasers) from row PAD on; `first` are the first ranges. `then`
-    and `then_first` are the previous turn's second and first ranges, `nearest` as in
-    `ranges.code_ranges`. When encoding, `source` and `source_first` are the original ranges.
+    Second ranges fill `ranges` (PAD + columns, lasers) from row PAD on; `first` are first ranges.
+    `then` and `then_first` are those of the previous turn; for `nearest` see `ranges.code_ranges`.
+    When encoding, `source` and `source_first` are the original ranges.
     """
     step = model.step
     for c in range(PAD, len(ranges)):
@@ -112,7 +112,7 @@ def _code_other(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
     laser: int, t: int, number: int,
 ) -> int:  # fmt: skip
-    """Code a second range that differs from the first: 1 + its steps, or 0 for no return."""
+    """Code a second range that differs from the first, as 1 + its number of steps; 0: no return."""
     means, step = model.experts.means, model.step
     means[0] = FINE * (first[c, laser] + step) if first[c, laser] > 0 else 0
     means[1] = FINE * (model.other[laser] + step) if model.other[laser] > 0 else 0

@@ -11,7 +11,7 @@ from puckbench.core.compiling import compiled_in_place, inlined
 _CONTEXTS = 5
 _NODES = 64
 _FARTHEST = 24
-"""Numbers farther than this from their prediction are coded without it."""
+"""Numbers farther than this from their predictions are coded without predictions."""
 _FINE = 8
 """Fractional bits of predictions."""
 _RAW_BITS = 32
@@ -38,7 +38,7 @@ def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
 
 @compiled_in_place
 def code_sequence(model: SequenceModel, numbers: Ints) -> bool:
-    """Encode or decode 32-bit numbers in place; return False if the decoded stream ended early."""
+    """Encode or decode 32-bit numbers in place; return False if the stream ends early."""
     for i in range(len(numbers)):
         numbers[i] = _code_next(model, numbers[i])
         if exhausted(model.mixer.bits):

@@ -1,9 +1,9 @@
 """Smoothing of decoded ranges: returns are moved along their rays to fitted planes.
 
-Biases of lasers, estimated from planes that several lasers hit, are subtracted. A return leaves its
-quantisation interval by at most three standard deviations. Returns of a plane that scatter by more
-than the noise (as on leaves) are moved less. The last bits of results depend on how a machine
-rounds sines and square roots.
+Biases of lasers, estimated from planes that several lasers hit, are subtracted. A return moves out
+of its quantisation interval by at most three standard deviations of the noise. Returns that scatter
+around a plane by more than the noise (leaves) are moved less. The last bits of results depend on
+how a machine rounds sines and square roots.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ from puckbench.puck.planes import (
 )
 
 _TOLERANCE = 0.5
-"""Tolerance of `fitted_planes` once biases are subtracted."""
+"""Tolerance of `fitted_planes` after biases are subtracted."""
 _FIRST_TOLERANCE = 3.0
-"""The least tolerance before that; it is larger if biases exceed the noise."""
+"""Minimum tolerance before biases are subtracted; biases above the noise increase it."""
 _PASSES = 3
 _WIDEN = 3.0
-"""A return may leave its quantisation interval by this number of standard deviations..."""
+"""A return may leave its quantisation interval by this number of standard deviations of the noise.
+"""
 _WIDEN_STEPS = 0.1
-"""... or by this number of steps, which hide the noise if they are larger."""
+"""A return may always leave the interval by this number of steps: large steps hide the noise."""
 _MOST_NOISE_M = 0.05
-"""Limit of a sensor's noise; a larger estimate comes from leaves."""
+"""Limit of the estimated noise: larger estimates come from leaves."""
 _SCATTER = 5.0
 """A return farther from its plane than this number of standard deviations is not moved."""
 _SUPPORT = 5
@@ -54,7 +55,7 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
-    """Return the points (n, 3) of decoded returns, m, moved along their rays to smooth surfaces.
+    """Return the points (n, 3), m, of decoded returns, moved along their rays to smooth surfaces.
 
     `steps_m` are the turns' quantisation steps, m (see `returns.range_steps`).
     """
@@ -66,7 +67,7 @@ def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
 
 
 def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
-    """Return the smoothed distances of a turn, (kinds, columns, lasers), m, 0 for no return.
+    """Return smoothed distances of a turn, (returns per beam, columns, lasers), m; 0: no return.
 
     Second returns, from edges, leaves and glass, are not changed.
     """
@@ -113,10 +114,10 @@ def smoothed_ranges(
     closes: bool,
     step_m: float,
 ) -> Floats:
-    """Return smoothed ranges of an image, m, from decoded ones (lasers, columns), 0 for no return.
+    """Smooth the decoded ranges of an image, (lasers, columns), m; 0: no return.
 
-    `directions` and `origins` of beams are (lasers, columns, 3), `step_m` is the quantisation step;
-    for `column` and `closes` see `planes.fitted_planes`.
+    Beams have `directions` and `origins` (lasers, columns, 3); `step_m` is the quantisation step.
+    For `column` and `closes` see `planes.fitted_planes`.
     """
     noise = _noise(coded)
     std = max(noise, step_m / np.sqrt(12))
@@ -138,7 +139,7 @@ def smoothed_ranges(
 
 
 def _noise(ranges: Floats) -> float:
-    """Estimate the standard deviation of ranges from second differences within rows."""
+    """Estimate the standard deviation of range noise from second differences within rows."""
     parts = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
     is_complete = (parts[0] > 0) & (parts[1] > 0) & (parts[2] > 0)
     if not is_complete.any():

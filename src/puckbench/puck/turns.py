@@ -1,6 +1,6 @@
 """Coding of one turn in separate parts: azimuths, ranges, second returns, times, reflectivities.
 
-A key turn can be decoded alone; others continue with their predecessor's adaptive models.
+A key turn can be decoded alone; other turns continue with the previous turn's adaptive models.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ _QUICK = 128
 """Flag: ranges and reflectivities are coded by `quick_images`."""
 _CLOCK = 1 << 32
 _FARTHEST_COLUMN = 180
-"""A column of the previous turn is a context up to 1 / 180 of a revolution away."""
+"""A column of the previous turn is a context within 1 / 180 of a revolution."""
 _FIRST_ERROR = 48
 _DECISIONS, _WIDE_DECISIONS = 48, 80
-"""Decisions for a range of 16 or 32 bits, at most about as many."""
+"""Approximate maximum number of decisions for a range of 16 or 32 bits."""
 _BYTES_PER_DECISION = 2
-"""The most that a decision costs: its bit has a probability of at least 2**-11."""
+"""Maximum cost of a decision: a bit has a probability of at least 2**-11."""
 
 Values = Ranges | NDArray[np.uint8] | Words
 _Model = TypeVar(
@@ -97,7 +97,7 @@ class _State:
 
 @dataclass
 class _CodedTurn:
-    """A coded turn, as context of the next; lists have an item for each return of a beam."""
+    """A coded turn, the context of the next; lists have an item for each return of a beam."""
 
     azimuths: Ints
     strongest: RangeContext
@@ -162,7 +162,7 @@ class TurnDecoder:
         self._state: _State | None = None
 
     def decode(self, body: bytes) -> Turn:
-        """Decode a turn; raise InputError if it is damaged, or its predecessor is missing."""
+        """Decode a turn; raise InputError if damaged or if the previous turn is missing."""
         reader = Reader(body)
         flags, step, blocks = reader.take(1)[0], reader.number(), reader.number()
         effort = flags >> _EFFORT & 3
@@ -193,7 +193,7 @@ def is_key(body: bytes) -> bool:
 
 
 def turn_step(body: bytes) -> int:
-    """Return the step of a coded turn's ranges, in quanta."""
+    """Return the quantisation step of a coded turn's ranges, in range quanta."""
     reader = Reader(body)
     reader.take(1)
     return reader.number()
@@ -262,7 +262,7 @@ class PartWriter:
 
 
 class PartReader:
-    """Reads parts of a `PartWriter`, each after its length in bytes."""
+    """Reads parts of a `PartWriter`, each preceded by a length in bytes."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
@@ -433,9 +433,9 @@ def extended(values: Words) -> Words:
 
 
 def nearest_columns(azimuths: Ints, previous: Ints | None, layout: Layout) -> Ints:
-    """For each column, return the row of the nearest column in the previous turn, or 0.
+    """Return, for each column, the row of the nearest column in the previous turn; 0: none is near.
 
-    The arguments are azimuths of blocks of both turns; None without a previous turn.
+    `azimuths` and `previous` (or None) are the azimuths of both turns' blocks.
     """
     per_block, steps = layout.columns_per_block, layout.azimuth_steps
     if previous is None:

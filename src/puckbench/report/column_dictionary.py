@@ -22,14 +22,12 @@ _EMPTY = (
     (r".*_m|.*_mm2?", "the size of the cloud in metres is not known"),
     (r"(encode|decode)_.*", "not timed"),
 )
-"""Pattern of a column, and why its values are missing."""
+"""Pattern of a column's name, and the reason for missing values."""
 _OTHERWISE = "does not apply"
 
 
 def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each column of a table: meaning, unit, number of missing values and
-    reason.
-    """
+    """Describe each column of a table: meaning, unit, number of missing values, and reason."""
     import pandas as pd
 
     names, registered = [str(name) for name in table], metric_columns()

@@ -44,7 +44,7 @@ _ENDINGS = {
     "_db": "dB",
     "_s": "s",
 }
-"""Unit by ending of a column without a label."""
+"""Unit of a column without a label, by the name's ending."""
 _OF_TABLES = {
     "bd_rate_percent": ("BD-rate", "%"),
     "bd_quality_db": ("BD-PSNR", "dB"),
@@ -85,7 +85,6 @@ _WORDS = {
     "v": "chroma, V",
     "y": "luma",
 }
-"""Words for parts of columns' names."""
 _KIND, _CALL, _MPEG = "(point|plane)", "(encode|decode)", "(d1|d2)"
 _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     ("bpp", "Bits per point", "bpp", _COST),
@@ -132,14 +131,14 @@ _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     (f"hausdorff_{_KIND}_m", "Hausdorff distance, {}", "m", None),
     (f"hausdorff_sq_{_KIND}", "Squared Hausdorff distance, {}", SQUARED, None),
 )
-"""Pattern of a column, its words (with those of the pattern's groups), unit and group; without a
-group, the column may have a prefix in `_REFERENCES`."""
+"""Pattern of column names; label, with `_WORDS` for the pattern's groups; unit; group of columns.
+If the group is None, names may have a prefix in `_REFERENCES`."""
 _REFERENCES = {
     "truth_": (_TRUTH, ", to the true surface"),
     "clean_": (_CLEAN, ", to the clean scan"),
     "": (_CODED, ""),
 }
-"""Prefix of a column -> group, and reference of the distance."""
+"""Group, and words for the distance's reference, by prefix of the column's name."""
 
 
 _TIME = re.compile(r"(en|de)code_(s|ms_per_turn|real_time)(_\w+)?")
@@ -172,7 +171,7 @@ def unit_in_frames(unit: str, frames: Collection[str]) -> str:
 def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Return words and unit for a column in a table's heading.
 
-    A suffix such as ``_low`` marks a statistic of one of the table's columns `others`.
+    A suffix such as ``_low`` marks a statistic of another column; `others` are the table's columns.
     """
     if column in _OF_TABLES:
         return _OF_TABLES[column]

@@ -28,9 +28,9 @@ class Comparison:
     Parameters
     ----------
     deltas
-        As from `bd_rate`, with ``codec`` from the run and ``anchor`` from the reference.
+        Result of `bd_rate`, with ``codec`` from the run and ``anchor`` from the reference.
     same_streams
-        For each common codec, numbers of streams of equal size and of all.
+        Numbers of equally large streams and of all streams, by common codec.
     """
 
     run_rows: pd.DataFrame

@@ -35,7 +35,7 @@ class Contents(Model):
     own_figures, own_tables
         Places of the user's figures and tables (see `puckbench.core.registry`), loaded if trusted.
     style
-        Layers of `puckbench.figures.style.FigureStyle`; later ones take precedence.
+        Layers of `puckbench.figures.style.FigureStyle`; later layers take precedence.
     most_mb
         Maximum total size of the clouds in the page, MB.
     """
@@ -58,7 +58,7 @@ class Contents(Model):
         return parsed(cls, value, "contents of the report")
 
     def under(self, folder: Path) -> Contents:
-        """Return the contents with paths changed to a copy of the results in another folder."""
+        """Return the contents with paths below `folder`, which holds a copy of the results."""
 
         def moved(files: Mapping[str, str]) -> dict[str, str]:
             return {name: str(folder / file) for name, file in files.items()}

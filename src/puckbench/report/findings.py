@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NEAREST = ("truth_d2_rms_m", "truth_cd_plane")
-"""Distances to the true surface; the first one in a table is used."""
+"""Metrics of distance to the true surface; the first that a table contains is used."""
 FASTEST = "Fastest"
 """Group of the columns with times."""
 _REFERENCE = "reference"
@@ -40,10 +40,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class FindingsColumn:
-    """The values of all codecs in a metric, of which lower values are better.
+    """The values of all codecs in a metric; lower values are better.
 
     `group` and `purpose` are words for the statement on the best codec; `ties` are codecs that are
-    not significantly worse.
+    not significantly worse than the best.
     """
 
     head: str
@@ -64,7 +64,7 @@ class FindingsColumn:
         return self.ranking[0] if self.ranking and not self.ties else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> FindingsColumn:
-        """Return the column with its `ties`, the codecs that the best codec is not better than."""
+        """Return the column with `ties`: codecs that the best one does not beat, by `is_better`."""
         best, *others = self.ranking or ("",)
         return replace(self, ties=tuple(c for c in others if not is_better(best, c)))
 

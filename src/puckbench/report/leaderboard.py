@@ -1,6 +1,6 @@
 """The leaderboard: a page and findings for each study with reference results.
 
-``python -m puckbench.report.leaderboard FOLDER`` writes every shipped study's page.
+``python -m puckbench.report.leaderboard FOLDER`` writes the pages of all shipped studies.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Pixels
 
 WIDTHS = (1600, 1200, 800)
-"""Widths in pixels; the first whose file is small enough is used, else the last."""
+"""Widths in pixels; the first that gives a small enough file is used, else the last."""
 MOST_BYTES = 400_000
 _COLOURS = 256
 
@@ -31,7 +31,7 @@ def embedded(png: bytes, what: str) -> Picture:
     """Return a picture with at most 256 colours, in the largest of `WIDTHS` that gives at most
     `MOST_BYTES`.
 
-    Raises InputError, with `what`, if the picture is unreadable.
+    Raises InputError, naming `what`, if the picture is unreadable.
     """
     from PIL import Image, UnidentifiedImageError
 

@@ -62,7 +62,7 @@ def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
 
 
 def _shown(metrics: pd.DataFrame) -> list[ColumnLabel]:
-    """Return the numeric columns that depend on the codec and have a value.
+    """Return labels of the numeric columns that depend on the codec and have a value.
 
     A column without a label is shown if it differs between codecs or rates.
     """

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parent / "reference"
 OF_DRIVES = Path(__file__).parent / "reference_drives"
-"""Folder of tables of drives, `drives`."""
+"""Folder of tables of drives."""
 DIGEST = "digest"
-"""Column of tables of clouds: digest of the coordinates."""
+"""Column with the digest of a cloud's coordinates."""
 KEY = "puckbench.reference"
 FORMAT = 1
 _TITLES = {
@@ -49,11 +49,11 @@ _CLOUD = ["dataset", "cloud"]
 _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
 """Columns of every file."""
 _TIMED = ("encode_curve", "evaluate_curve", "encode_drive")
-"""Jobs with timed codec calls: encoding, and decoding."""
+"""Jobs that time codecs."""
 MIN_PROCESSOR_SHARE = 0.95
-"""Ratio of processor time to wall time of these jobs, with one thread each, below which the machine
-counts as busy. It was 0.97 for encoding and 0.99 for decoding with evaluation on an idle machine,
-0.83 and 0.88 beside other work (docs/notes/times.md)."""
+"""Minimum ratio of processor time to wall time of these jobs (one thread each) on an idle machine.
+Measured: 0.97 (encoding) and 0.99 (decoding, evaluation) on an idle machine, 0.83 and 0.88 on a
+busy one (docs/notes/times.md)."""
 
 
 class _BdRate(Model, extra="ignore"):
@@ -134,9 +134,9 @@ def shipped_studies() -> list[str]:
 
 
 def read_reference(name: str) -> ReferenceResults:
-    """Read reference results: a study in puckbench, by name, or a ``.parquet`` file.
+    """Read reference results: a study of puckbench, by name, or a ``.parquet`` file.
 
-    Raises InputError if there is no such study, or the file is not valid.
+    An unknown study or invalid file raises InputError.
     """
     if name.endswith(".parquet"):
         return _read(Path(name))
@@ -198,7 +198,7 @@ def _write(path: Path, rows: pd.DataFrame, about: Mapping[str, Any]) -> None:
 
 
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
-    """Write an Arrow table to a small file: dictionary encoded text, floats split by byte."""
+    """Write an Arrow table to a small file with dictionary-encoded text and byte-split floats."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -221,7 +221,7 @@ def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
 
 
 def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
-    """Return why a run's times cannot be compared, from its jobs' costs, or an empty string."""
+    """Return why a run's times are not comparable, by the costs of jobs; empty if they are."""
     timed = [cost for cost in costs if cost["job"] in _TIMED]
     if not timed:
         return "no log tells whether the machine was idle"

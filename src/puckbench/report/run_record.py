@@ -24,7 +24,7 @@ class RunRecord(Model):
     processor_s
         Processor time of all jobs, s.
     busy_s
-        Time in which at least one job ran, s; excludes pauses between interrupted runs.
+        Time with at least one running job, s, without pauses between interrupted runs.
     commits
         Commits of the sources, ordered by their first job.
     """

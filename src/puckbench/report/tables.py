@@ -27,12 +27,12 @@ _BOOKKEEPING = re.compile(
     "|little_overlap|anchor_lossless|bd_rate_percent_(least|most)|anchor_points|bd_(rate|quality)_status|log_ratio|bd_rate_percent_arithmetic|truth_points_[ab]"
     "|group|count|scans|weights|digest|(truth_|clean_)?acd_.*"
 )
-"""Columns that tell how values were obtained; like empty columns, they are last and hidden."""
+"""Columns on how values were obtained; like empty columns, they come last and are hidden."""
 
 
 @dataclass(frozen=True)
 class TableColumn:
-    """A column of a table in the page, with words and unit for its heading.
+    """A column of a table in the page, with a label and unit for the heading.
 
     `kind` has CSS classes: ``number``; ``spread`` for a quantile beside a median; ``bookkeeping``
     (`_BOOKKEEPING`).

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 BYTES_PER_POINT = 28 / 3
 """Size of a decoded point: three coordinates of two bytes and an error of one byte, in base64."""
 MOST_DECADES = 3
-"""Maximum range of the errors' colour scale, powers of ten."""
+"""Maximum range of the error colour scale, powers of ten."""
 _LEAST_DECADES = 0.3
 _STEPS = 65535
 _LEAST_POINTS = 100
@@ -166,7 +166,7 @@ def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
 def decoded_for_viewer(
     original: PointCloud, decoded: Iterable[tuple[str, str, Floats]], most: int
 ) -> list[tuple[str, str, ViewerCloud]]:
-    """Return decoded clouds (codec, rate, cloud) with errors; `decoded` is in the original's
+    """Return decoded clouds (codec, rate, cloud) with errors; `decoded` has the original's
     frame.
     """
     from pykdtree.kdtree import KDTree
@@ -200,7 +200,7 @@ def example_payload(
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
     """Return the limits of a codec's colour scale, which leave out outliers.
 
-    They span three powers of ten at most.
+    The limits span at most three powers of ten.
     """
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])
@@ -230,9 +230,7 @@ def cloud_payload(shown: ViewerCloud, limits: tuple[float, float] = (0.0, 0.0)) 
 
 
 def levels(errors: Floats, lowest: float, highest: float) -> Any:
-    """Quantise errors (n,) logarithmically to uint8: 1 is `lowest`, 255 `highest` or more, 0
-    less.
-    """
+    """Quantise errors (n,) logarithmically to uint8: 0 below `lowest`, 255 from `highest` on."""
     if highest == 0:
         return np.zeros(len(errors), np.uint8)
     with np.errstate(divide="ignore"):

@@ -20,7 +20,7 @@ _RIGID = {"auditorium_1"}  # its seats stand on steps of a fixed depth
 
 @cache
 def room_types() -> dict[str, str]:
-    """Return the type of each room ("office") by its name ("Area_1_office_1")."""
+    """Return the rooms' types ("office") by name ("Area_1_office_1")."""
     return {
         f"{area}_{kind}_{number}": kind
         for area, counts in AREAS.items()
@@ -30,7 +30,7 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """Return the specification of a room of the building: a stretched room of the catalogue."""
+    """Return the specification of a building's room, a stretched room of the catalogue."""
     kind = room_types()[name]
     rng = generator(seed, "building", name)
     base = str(rng.choice(ROOM_CHOICES[kind]))

@@ -1,4 +1,4 @@
-"""Scenes for the measurement of range errors: a wall and a floor (thesis section 5.1)."""
+"""Scenes for the measurement of range errors: a wall and a floor (thesis, section 5.1)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
     """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor that extends to the sensor.
 
-    `room` adds the ceiling and the other walls of a room, except behind the sensor, as an object
-    "surroundings".
+    `room` adds a surrounding room of semantic class "surroundings", open behind the sensor.
     """
     distance = _distance(name)
     wall = _upright(_rectangle(WIDTH, HEIGHT))
@@ -35,9 +34,9 @@ def calibration_origin(name: str) -> tuple[float, float, float]:
 
 
 def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
-    """Return a scene with the sensor `distance` metres from the wall, and the sensor's position.
+    """Return a scene with the wall `distance` metres from the sensor, and the sensor's position.
 
-    The scene is turned by 180 degrees: the wall is in direction +y from the sensor.
+    The scene is turned by 180 degrees, so that the wall is in direction +y from the sensor.
     """
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])

@@ -14,10 +14,10 @@ _TOUCH = 0.005
 
 @dataclass
 class FloorPlan:
-    """Floor of a room (m), and the space that objects occupy.
+    """Floor of a room, and the space that objects occupy, in metres.
 
-    `outline` is the counter-clockwise corners (n, 2) of the floor. Each occupied space is above a
-    rectangle (4, 2), in a range of z.
+    `outline` (n, 2) is the floor's corners, counter-clockwise. An occupied space is a rectangle in
+    x and y, (4, 2), and a range of z.
     """
 
     outline: Floats
@@ -29,7 +29,7 @@ class FloorPlan:
         self.heights.append((low, high))
 
     def is_free(self, rectangle: Floats, low: float, high: float) -> bool:
-        """Return whether the space above a rectangle, in a range of z, is in the room and free."""
+        """Return whether a rectangle is on the floor, with free space from `low` to `high`."""
         if not self.contains(rectangle):
             return False
         if not self.rectangles:
@@ -42,7 +42,7 @@ class FloorPlan:
         return not bool(_overlaps(rectangle, others).any())
 
     def contains(self, rectangle: Floats) -> bool:
-        """Return whether a rectangle is on the floor; it may touch the walls."""
+        """Return whether a rectangle is on the floor, where it may touch the walls."""
         rectangle = rectangle + (rectangle.mean(axis=0) - rectangle) * _TOUCH
         between = (rectangle + np.roll(rectangle, -1, axis=0)) / 2
         if not _inside(np.concatenate([rectangle, between]), self.outline).all():
@@ -75,7 +75,7 @@ def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
 
 
 def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
-    """Return which of the rectangles `others` (k, 4, 2) overlap `rectangle` (separating axes)."""
+    """Return the mask (k,) of rectangles `others` (k, 4, 2) that overlap `rectangle`."""
     rectangle_axes = np.broadcast_to(
         np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
     )

@@ -67,8 +67,9 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps of depth and height `step`, rising towards +y; the last is `at_back`
-    deep.
+    """Make `count` steps of depth and height `step`, rising towards +y.
+
+    The last step is `at_back` deep.
     """
     depth, rise = step
     parts: list[Surface] = []

@@ -16,12 +16,12 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Modeller:
-    """Makes solids, tessellated according to their size, and draws random dimensions.
+    """Maker of solids, tessellated according to their size, and of random dimensions.
 
     Parameters
     ----------
     rng
-        Source of all random numbers, in the calls' order.
+        Source of all random numbers, drawn in the order of the calls.
     detail
         Factor of the number of segments (1: 12 mm segments, 16 to 96 per full circle).
     unit
@@ -64,7 +64,7 @@ class Modeller:
         return solids.pipe(points, radius, bend, self.steps(radius))
 
     def legs(self, foot: Point, top: Point, height: float, radius: float) -> list[Surface]:
-        """Make four rods from the corners (+-x, +-y) of `foot`, on z = 0, to those of `top`."""
+        """Make four rods from (+-x, +-y) of `foot`, on z = 0, to (+-x, +-y) of `top`."""
         sides = [(a, b) for a in (-1, 1) for b in (-1, 1)]
         return [
             self.rod((a * foot[0], b * foot[1], 0), (a * top[0], b * top[1], height), radius)

@@ -47,7 +47,7 @@ OBJECTS: tuple[str, ...] = tuple(
 def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
     """Return the labelled mesh of an object such as "chair_03", which stands on z = 0.
 
-    Its longest side is 1; `detail` multiplies the number of segments of curved parts.
+    The longest side is 1; `detail` multiplies the number of segments of curved parts.
     """
     if name not in OBJECTS:
         last = OBJECTS[-1].rpartition("_")[2]

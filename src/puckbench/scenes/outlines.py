@@ -13,7 +13,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Segment:
-    """Points (n, 2) on a line, an arc (which has a centre and a radius) or a curve."""
+    """Points (n, 2) on a line, a curve or an arc; only arcs have a centre and a radius."""
 
     kind: str
     points: Floats
@@ -30,7 +30,7 @@ def line(*points: Point) -> Outline:
 
 
 def ring(*paths: Outline) -> Outline:
-    """Close paths by lines from the end of each to the start of the next."""
+    """Join paths, by lines from the end of each to the start of the next, to a closed outline."""
     following = (*paths[1:], paths[0])
     return tuple(
         segment
@@ -64,7 +64,7 @@ def circle(radius: float, steps: int, centre: Point = (0.0, 0.0)) -> Outline:
 
 
 def curve(points: Sequence[Point], steps: int) -> Outline:
-    """Make a Catmull-Rom curve through points, with `steps` segments between neighbours."""
+    """Make a Catmull-Rom curve through points, with `steps` segments from point to point."""
     smooth = catmull_rom(np.array(points, dtype=np.float64), steps)
     return (Segment("curve", smooth),)
 
@@ -129,7 +129,7 @@ def catmull_rom(points: Floats, steps: int) -> Floats:
 def fill(outer: Floats, holes: Sequence[Floats] = ()) -> tuple[Floats, Ints]:
     """Triangulate a counter-clockwise polygon (n, 2) with holes by ear clipping.
 
-    Returns the vertices, those of `outer` first, and triangles (t, 3).
+    Returns the vertices, beginning with those of `outer`, and triangles (t, 3).
     """
     vertices = np.concatenate([outer, *holes])
     ring = list(range(len(outer)))

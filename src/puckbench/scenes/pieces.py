@@ -13,7 +13,7 @@ from puckbench.scenes.surfaces import Shape, Surface, freeform, join, primitive
 
 @dataclass(frozen=True)
 class Piece:
-    """An object or its part: kind ("mug"), semantic class ("clutter"), surface and pose (4, 4)."""
+    """An object or a part: kind ("mug"), semantic class ("clutter"), surface and pose (4, 4)."""
 
     kind: str
     semantic: str
@@ -48,10 +48,10 @@ def _box_corners(piece: Piece) -> Floats:
 
 
 def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator) -> Item:
-    """Replace generated pieces of furniture by meshes of the same semantic class.
+    """Replace generated furniture by meshes (metres, z up, facing -y) of the same semantic class.
 
-    A random mesh of similar proportions (in metres, z up, facing -y) is stretched to the piece's
-    size. A replaced bookcase loses its content.
+    A random mesh of similar proportions is stretched to the size of a piece. A replaced bookcase
+    loses its content.
     """
     if item[0].semantic == "bookcase" and furniture.get("bookcase"):
         item = item[:1]

@@ -20,16 +20,16 @@ SENSOR_FREE, SENSOR_TOP = 0.45, 2.0
 
 @dataclass(frozen=True)
 class Placement:
-    """An item to place in a room: the function that makes it, and its place.
+    """An item to place in a room: the function that makes the item, and the place.
 
     Parameters
     ----------
     where
-        "wall": on the floor with its back to a wall. "mounted": on a wall. "floor": anywhere on the
-        floor. "ceiling": hanging. "fixed": at `at` without a check of collisions.
+        "wall": on the floor, back to a wall. "mounted": on a wall. "floor": anywhere on the floor.
+        "ceiling": hanging. "fixed": at `at`, without a check of collisions.
     at
-        (x, y) or (x, y, z), m, instead of a random position; for walls (index of wall, share of its
-        length).
+        Position (x, y) or (x, y, z), m, or at walls (wall index, share of the wall's length); by
+        default random.
     turn, turn_range
         Rotation about z and its random deviation, in degrees, if `at` is set.
     """
@@ -133,7 +133,7 @@ class Room:
 
 
 def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
-    """If all space of an item at the pose `place` (4, 4) is free, occupy it and return True."""
+    """Occupy an item's space at the pose `place` (4, 4) if it is free; return whether it is."""
     low, high = item_bounds(item)[:, 2] + place[2, 3]
     grounds = [_ground(piece, place) for piece in _feet(item)]
     if not all(plan.is_free(ground, low, high) for ground in grounds):

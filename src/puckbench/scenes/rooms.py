@@ -18,11 +18,10 @@ SENSOR_HEIGHT = 1.3
 def make_room(
     name: str, seed: int, detail: float = 1.0, furniture: FurnitureMeshes | None = None
 ) -> Mesh:
-    """Return the labelled mesh of a furnished room in `room_catalogue.ROOMS` or
-    `building.room_types`.
+    """Return the labelled mesh of a room in `room_catalogue.ROOMS` or `building.room_types`.
 
-    `detail` multiplies the number of segments of curved parts. Meshes in `furniture` replace the
-    generated furniture of their semantic class.
+    `detail` multiplies the number of segments of curved parts. Meshes in `furniture` replace
+    generated furniture of the same semantic class.
     """
     spec = room_spec(name, seed)
     cad = Modeller(generator(seed, "room", name), detail)

@@ -23,7 +23,7 @@ class Opening:
     Parameters
     ----------
     wall
-        Index of the edge of the room's outline.
+        Index of an edge of the room's outline.
     at
         Centre, as a share of the wall's length from the end of the edge.
     sill
@@ -50,7 +50,7 @@ def window(
 def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
     """Return the pose (4, 4) and the length of wall number `wall` of an outline (n, 2).
 
-    The pose has x along the wall, y outwards, and its origin at the edge's end.
+    The pose's x axis is along the wall, y points outwards, and the origin is the edge's end.
     """
     start, end = outline[wall], outline[(wall + 1) % len(outline)]
     length = float(np.linalg.norm(end - start))
@@ -102,7 +102,7 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
 
 
 def _recess(opening: Opening) -> tuple[Surface, Surface]:
-    """Make the sides and the back of an opening, in which the wall is at y = 0."""
+    """Make the sides and the back of an opening in a wall at y = 0."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
     return whole.select(0, 1, 4, 5), whole.select(3)

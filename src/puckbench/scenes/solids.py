@@ -51,10 +51,10 @@ def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> S
 
 
 def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
-    """Revolve a profile of (r, z) points, which has the solid on its left, about z.
+    """Revolve a profile of (r, z) points, with the solid on its left, about z.
 
-    A closed body starts on the axis below and ends on the axis above. Lines give planes, cylinders
-    and cones, arcs spheres and tori; curves are freeform.
+    A closed body's profile starts on the axis below and ends on the axis above. Lines give planes,
+    cylinders and cones; arcs give spheres and tori; curves are freeform.
     """
     closed = degrees >= 360.0
     angles = np.radians(np.linspace(0, degrees, steps, endpoint=False))
@@ -85,10 +85,10 @@ def torus(major: float, minor: float, steps: int, around: int) -> Surface:
 def superquadric(
     sizes: tuple[float, float, float], exponents: tuple[float, float], steps: int
 ) -> Surface:
-    """Make a superellipsoid with half axes a, b, c (`sizes`) and exponents e1, e2 in
+    """Make a superellipsoid with half axes a, b, c (`sizes`) and exponents e1, e2.
 
-    |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1; exponents (1, 1) give an ellipsoid,
-    smaller ones a rounded box.
+    Its surface is |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1. Exponents (1, 1) give
+    an ellipsoid, smaller exponents a rounded box.
     """
     latitude = np.linspace(-np.pi / 2, np.pi / 2, max(steps // 2, 4) + 1)[:, None]
     longitude = np.linspace(0, 2 * np.pi, steps, endpoint=False)[None, :]
@@ -103,7 +103,7 @@ def superquadric(
 
 
 def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = False) -> Surface:
-    """Sweep a circle along a path (n, 3), with one radius for all points or one for each.
+    """Sweep a circle of one radius, or of one per point, along a path (n, 3).
 
     The result is a freeform surface with flat ends, or without ends if `closed`.
     """
@@ -114,9 +114,9 @@ def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = Fal
 
 
 def loft(sections: Floats) -> Surface:
-    """Connect successive closed sections (k, n, 3) by a surface, and close both ends.
+    """Connect k successive closed sections of n points (k, n, 3) by a surface, and close both ends.
 
-    Seen against the direction of the path, sections are counter-clockwise.
+    Sections are counter-clockwise, seen against the direction of the path.
     """
     skin = grid(sections.swapaxes(0, 1), closed=(True, False))
     return join([skin, _fan(sections[0]).flipped(), _fan(sections[-1])])
@@ -236,7 +236,7 @@ def _cap(centre: Floats, axis: Floats, radius: float, steps: int, first: bool) -
 def _elbow(
     corner: Floats, radius: float, bend: float, steps: int
 ) -> tuple[Surface, Floats, Floats]:
-    """Return a torus section that rounds a pipe's corner, and the points where it starts and ends.
+    """Return a torus section that rounds a pipe's corner, and its start and end points.
 
     `corner` (3, 3) is the point before, the corner and the point after.
     """

@@ -12,11 +12,10 @@ from puckbench.geometry.mesh import Primitive
 
 @dataclass(frozen=True)
 class Shape:
-    """A geometric primitive in a normalised pose: plane z = 0, axis z, centre or apex at the
-    origin.
+    """A geometric primitive in a normalised pose: plane z = 0, axis z, centre or apex at 0.
 
-    `kind` is that of `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
-    the primitive's pose, ``ratios`` (angles, exponents) do not.
+    `kind` is as in `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
+    the pose, ``ratios`` (angles, exponents) do not.
     """
 
     kind: str
@@ -54,7 +53,7 @@ class Surface:
         return join([self, other])
 
     def transformed(self, pose: Floats) -> Surface:
-        """Apply a similarity transform (4, 4); after a reflection normals still point outwards."""
+        """Apply a similarity transform (4, 4); normals still point outwards after a reflection."""
         flip = float(np.linalg.det(pose[:3, :3])) < 0
         return replace(
             self,
@@ -74,11 +73,7 @@ class Surface:
         roll: float = 0.0,
         scale: float = 1.0,
     ) -> Surface:
-        """Scale the surface, rotate it about y (`roll`), x (`tilt`) and z (`turn`), and translate
-        it.
-
-        Angles are in degrees.
-        """
+        """Scale, rotate about y (`roll`), x (`tilt`) and z (`turn`) in degrees, and translate."""
         return self.transformed(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
 
     def at_corners(self, x: float, y: float, z: float = 0.0) -> list[Surface]:
@@ -156,7 +151,7 @@ def rotation(axis: int, degrees: float) -> Floats:
 
 
 def frame_along(axis: Floats, origin: Floats) -> Floats:
-    """Return a frame (4, 4) at an origin with its z axis along `axis`."""
+    """Return a frame (4, 4) at an origin, with the z axis along `axis`."""
     z = axis / np.linalg.norm(axis)
     helper = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = np.cross(helper, z)
@@ -197,8 +192,8 @@ def grid(
 ) -> Surface:
     """Make a surface through a grid of points (m, n, 3).
 
-    Normals are cross products of row and column directions. `closed` connects the last row (column)
-    to the first.
+    Normals are cross products of row and column directions. `closed` connects the last row, or
+    column, to the first.
     """
     rows, columns, _ = points.shape
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -215,7 +210,7 @@ _PARAMETERS = {
     "cone": ("apex", "axis", "half_angle"),
     "torus": ("centre", "axis", "major_radius", "minor_radius"),
 }
-"""Names of position, direction, lengths and ratios."""
+"""Parameter names of position, direction, lengths and ratios."""
 
 
 def primitive(shape: Shape, frame: Floats) -> Primitive:

@@ -17,14 +17,14 @@ from puckbench.planning.stages import Stage, stages_of
 from puckbench.planning.workflow import Workflow
 
 _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5")
-"""Configuration that makes chapter 5 without any downloaded data, and its results folder."""
+"""Configuration that makes chapter 5 without downloads, and its results folder."""
 
 
 @dataclass(frozen=True)
 class Item:
     """A figure or table of the thesis; `state` is done, stale, missing, impossible or unplanned.
 
-    `note` is its file, the command that makes it, or the reason why it cannot be made.
+    `note` is the file, the command that makes it, or the reason why none can be made.
     """
 
     title: str
@@ -38,7 +38,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A configuration file, and the options with which Snakemake runs it."""
+    """A configuration file, `changes` to the configuration, and options of Snakemake."""
 
     path: Path
     snakefile: Path
@@ -54,7 +54,7 @@ class Reproduction:
 
     @cached_property
     def absent(self) -> dict[str, str]:
-        """Scene sets whose data cannot be read, with the error messages."""
+        """Error messages of scene sets whose data cannot be read, by name."""
         faults = {}
         for name, value in self.config.scenes.items():
             try:
@@ -76,9 +76,7 @@ class Reproduction:
         return stages_of(self.bench)
 
     def command(self, *targets: str) -> list[str]:
-        """Return the Snakemake command that makes `targets`, which precede options that take
-        several values.
-        """
+        """Return the Snakemake command for `targets`; options of several values follow them."""
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
         return [*words, *(["--config", *settings] if settings else [])]
@@ -86,7 +84,7 @@ class Reproduction:
     def items(self, pending: Collection[str] | None = None) -> list[Item]:
         """Return every figure and table of the thesis with its state.
 
-        `pending` lists the files that Snakemake would make; by default, file times decide.
+        `pending` lists the files that Snakemake would make; if None, file times decide.
         """
         tables = {n: f"Table {e.number}" for n, e in table_entries().items() if e.number}
         figures = {n: f"Figure {e.number}" for n, e in figure_entries().items() if e.number}

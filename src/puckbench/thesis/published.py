@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 FAR_M = 30.0
-"""Distance of the sensor from the wall in Figure 5.19; elsewhere it is 1 to 5 m."""
+"""Distance of the sensor from the wall in Figure 5.19; in other figures, 1 to 5 m."""
 
 PRINTED_MEAN_M, PRINTED_STD_M = 0.000, 0.014
 """Plane residuals of the real VLP-16, equal for walls and floors (section 5.1.3)."""
@@ -15,7 +15,7 @@ MODEL_STDS_M = {"none": 2.7e-7, "hdl64e": 0.0652, "vlp16": 0.0186, "vlp16_diverg
 """Standard deviations of the error models' residuals, walls and floors, 1 to 5 m (Figure 5.18)."""
 
 MODEL_DISTANCES_M = {"none": 0.0108, "hdl64e": 0.0399, "vlp16": 0.0044, "vlp16_divergence": 0.0050}
-"""Earth mover's distances of these residuals from the real ones."""
+"""Earth mover's distances of the error models' residuals from the real ones (Figure 5.18)."""
 
 FAR_STDS_M = {"vlp16": 0.0163, "vlp16_divergence": 0.0171}
 """Standard deviations of the error models' residuals at 30 m (Figure 5.19)."""
@@ -26,6 +26,6 @@ LARGEST_RAD = 1.315
 to `LARGEST_RAD` (Figure 5.15)."""
 
 FITTED_TO_5_18 = {"vlp16_fig518": "vlp16", "vlp16_divergence_fig518": "vlp16_divergence"}
-"""Models whose parameters reproduce the standard deviations that Figure 5.18 prints for the models
-to which they are mapped: a bias of 0.020 m, and a ray noise of 0.010 m or, with divergence,
-0.014 m. The text states 0.014 m and 0.010 m for both models."""
+"""Fitted model -> the thesis's model. Fitted models reproduce the standard deviations in Figure
+5.18, with a bias of 0.020 m and a ray noise of 0.010 m or, with divergence, 0.014 m. The text
+states a bias of 0.014 m and a ray noise of 0.010 m for both models."""

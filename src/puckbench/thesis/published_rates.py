@@ -11,8 +11,9 @@ _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def median_rows() -> Iterator[dict[str, Any]]:
-    """Yield the medians as result rows, with roles as names; only first and last rates have a
-    ``bpp``.
+    """Yield the thesis's medians as result rows, with roles as names of data sets and codecs.
+
+    Only first and last rates have a ``bpp``.
     """
     import yaml
 

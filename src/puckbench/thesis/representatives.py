@@ -28,11 +28,10 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 
 
 def dataset_roles(plan: Plan) -> dict[str, str]:
-    """Return the thesis's data set (role) that each data set represents; clouds in metres have
-    none.
+    """Return the role of each data set: the thesis's data set that it represents.
 
     Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms. Sampled
-    meshes are sampled rooms if they are also scanned, else objects.
+    meshes are sampled rooms if also scanned, else objects. Clouds in metres have no role.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {
@@ -57,7 +56,7 @@ def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
 
 
 def codec_role(codec: Codec) -> str:
-    """Return the thesis's codec (role) that a codec represents, or an empty string.
+    """Return the role of a codec: the thesis's codec that it represents, or an empty string.
 
     G-PCC's plain octree represents `GPCC_AS_RUN` if it truncates coordinates, otherwise `GPCC`.
     """
@@ -75,7 +74,7 @@ def codec_roles(plan: Plan) -> dict[str, str]:
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return the first codec derived from each codec of the thesis."""
+    """Return, by role, the first codec derived from each codec of the thesis."""
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
 
@@ -89,7 +88,7 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Return the grid's scale by codec and rate, for G-PCC codecs on a data set with a role."""
+    """Return the grid's scale by codec and rate, for G-PCC codecs of data sets with a role."""
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
         for name, codec in plan.opened.items()

@@ -39,8 +39,7 @@ class DecodedCloud(DecodedGeometry):
 def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
     """Decode points and attributes of a stream of one frame.
 
-    `convert_colours`: whether to convert colours to red, green, blue. Raises InputError if the
-    stream is damaged or a tool is unsupported.
+    convert_colours: whether to convert colours to red, green, blue.
     """
     reader = AttributeReader()
     geometry = read_stream(stream, reader)
@@ -48,10 +47,7 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
 
 
 def attribute_bytes(stream: bytes) -> dict[str, int]:
-    """Return the number of bytes of each attribute by name, with parameter sets.
-
-    Raises InputError if the stream is damaged.
-    """
+    """Return, by name, the number of bytes of each attribute and its parameter set."""
     names: list[str] = []
     sizes: dict[str, int] = {}
     sets: dict[int, int] = {}
@@ -89,16 +85,16 @@ def encode_cloud(
     Parameters
     ----------
     attributes
-        Values by name: `color` (n, 3), red, green and blue, and `reflectance` (n,).
+        Values by name: red, green, blue as `color` (n, 3), and `reflectance` (n,).
     options
         Options of the octree, or of prediction trees.
     attribute_options
-        Options of each attribute; by default those of `AttributeOptions`.
+        Options by attribute name; by default `AttributeOptions()`.
     scale, origin, sensor
-        As for `coder.encode_geometry`.
+        See `coder.encode_geometry`.
     source
-        Exact positions (n, 3), in a decoder's coordinates, for the recolouring of merged points; by
-        default `points`.
+        Exact positions (n, 3), in the coordinates of decoded positions, to recolour merged points;
+        by default `points`.
 
     Raises
     ------

@@ -17,7 +17,7 @@ Positions = NDArray[np.int32]
 
 _AXES = np.arange(3)
 _SPARE_BITS = 3
-"""Further bits of radius and azimuth, which Morton codes ignore."""
+"""Number of additional bits of radius and azimuth, which Morton codes ignore."""
 
 
 def laser_coordinates(positions: Positions, origin: Sequence[int], elevation: Ints) -> Positions:

@@ -25,8 +25,7 @@ Ints = NDArray[np.int64]
 class SlicePoints:
     """Points of a slice in coded order, along the coded axes, relative to the slice's origin.
 
-    axes: indices of the coded axes of x, y, z.
-    sensor: position of the sensor.
+    axes: indices of x, y, z among the coded axes.
     codes: Morton codes (n,) of `positions`, or None.
     spherical: radius, azimuth and laser (n, 3) from predictive geometry, or None.
     """
@@ -68,7 +67,7 @@ class SlicePoints:
     def levels(
         self, aps: AttributeParameterSet, header: AttributeHeader, memory: WorkingMemory
     ) -> Levels:
-        """Return an attribute's levels of detail, reusing the last result."""
+        """Return an attribute's levels of detail; equal parameters reuse the last result."""
         # As in TMC13, an attribute also reuses levels from other coordinates than its own.
         key = (
             aps.num_pred_nearest_neighbours_minus1,

@@ -47,7 +47,7 @@ _MOST_RANGE = 1 << 30
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of detail: the coding order (n,) of points, and the end of each level in it."""
+    """Levels of detail: coding order (n,) of the points, and end of each level in this order."""
 
     order: Indices
     ends: Ints
@@ -61,12 +61,11 @@ def levels_of_detail(
     bias: Ints,
     atlases: Atlases,
 ) -> Levels:
-    """Divide points into levels, and find their predictors.
+    """Divide points into levels, and find the points' predictors.
 
-    points: sorted unless `aps.canonical_point_order_flag` is set.
+    points: in Morton order unless `aps.canonical_point_order_flag` is set.
     bias: factors (3,) of distances along the coded axes.
     atlases: working memory.
-    Raises InputError if the search would take too long.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")
@@ -96,7 +95,7 @@ def _build(
     predictors: Predictors,
     atlases: Atlases,
 ) -> tuple[Indices, list[int]]:
-    """Return the points, finest level first, and the number left before each level."""
+    """Return the points, finest level first, and the number of points left before each level."""
     count = len(points.codes)
     order = np.empty(count, dtype=np.int32)
     remaining = np.arange(count, dtype=np.int32)
@@ -179,10 +178,10 @@ def _retain_centroids(
     period: int,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """In successive nodes of at least `period` points together, retain the most central point.
+    """Retain the most central point of each run of nodes with at least `period` points in all.
 
-    size_log2: log2 of half the nodes' side. Of equally central points, the first is retained, or
-        the last if `backward`.
+    size_log2: log2 of half a node's side.
+    backward: whether the last of equally central points is retained, not the first.
     """
     count = len(remaining)
     if count == 1:
@@ -254,7 +253,7 @@ def _retain_distant(
 def _finish_predictors(
     predictors: Predictors, order: Indices, place_of: Indices, positions: Positions, blend: bool
 ) -> None:
-    """Replace points by their places in coding order, and squared distances by weights."""
+    """Replace neighbours by their places in coding order, and squared distances by weights."""
     counts, neighbours, weights = predictors
     for i in range(len(order)):
         place_of[order[i]] = len(order) - 1 - i
@@ -300,7 +299,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Indices, weights: Ints, i: int, positions: Positions) -> None:
-    """Move a part of each neighbour's weight to one near it."""
+    """Move 1/16 of each neighbour's weight to the nearer other neighbour, 5/16 to the farther."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab = _squared_distance(positions, a, b)
     ac = _squared_distance(positions, a, c)

@@ -61,7 +61,8 @@ def dequantise(
 ) -> None:
     """Write transformed values (n, components) with `FRACTION_BITS` fractional bits.
 
-    last_component: (levels,) factors of the second component, in quarters, that predict the third.
+    last_component: (levels,) factors, in units of 1/4, that predict the third component from the
+        second.
     """
     layer, level = integer(0), integer(0)
     components = coefficients.shape[1]
@@ -185,7 +186,7 @@ def quantise(
 def choose_last_component(transformed: Ints, ends: Ints, factors: Ints) -> None:
     """Write the factors (levels,) of `dequantise` for transformed values (n, 3).
 
-    As in TMC13, the factor before the first empty level applies from there on.
+    As in TMC13, the factor before the first empty level also applies to all later levels.
     """
     start = integer(0)
     for level in range(len(ends)):

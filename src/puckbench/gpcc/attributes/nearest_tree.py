@@ -19,16 +19,16 @@ Ints = NDArray[np.int64]
 _LEAF = 10
 _NEARLY_ONE = 1 - 0.00001
 _DEEPEST = 256
-"""Maximum depth; a split divides points or their bounding box in halves."""
+"""Maximum depth; each split halves the points or their bounding box."""
 
 
 class NearestTree(NamedTuple):
     """A tree of points (n, 3).
 
-    rows: (n,) indices of the points; those of a node are adjacent.
-    nodes: (m, 4) first and last + 1 of the node's points in `rows`; index of its second child, or
-        0 for a leaf; axis that it splits. The first child follows the node.
-    gaps: (m, 2) largest coordinate in the first child, smallest in the second.
+    rows: (n,) indices of the points; a node's points are adjacent.
+    nodes: (m, 4) start and end of the node's points in `rows`; index of the second child, or 0 for
+        a leaf; split axis. The first child follows its node.
+    gaps: (m, 2) largest coordinate in the first child, smallest in the second child.
     box: (6,) bounding box of all points.
     """
 
@@ -122,7 +122,7 @@ def _range(tree: NearestTree, first: int, last: int, axis: int) -> tuple[float, 
 
 @kernel
 def _partition(tree: NearestTree, first: int, last: int, axis: int, cut: float) -> int:
-    """Sort points by their side of the plane at `cut`; return where the second child starts."""
+    """Partition points at the plane `cut`; return where the second child starts."""
     below = _move_forward(tree, first, first, last - 1, axis, cut, False)
     not_above = _move_forward(tree, first, below, last - 1, axis, cut, True)
     middle = first + (last - first) // 2
@@ -162,7 +162,7 @@ def search(
 ) -> int:
     """Write the nearest points and their squared distances, nearest first; return their number.
 
-    Of the entries after them, only the last changes.
+    Of the remaining entries, only the last changes.
     """
     capacity, count = len(rows), 0
     squares[capacity - 1] = np.inf

@@ -1,4 +1,4 @@
-"""Options of the encoder of attributes, named as in TMC13, and useful sets of them (profiles)."""
+"""Options of the encoder of attributes, named as in TMC13, and profiles."""
 
 from __future__ import annotations
 
@@ -140,6 +140,6 @@ ATTRIBUTE_PROFILES = {
     ),
     "raht": AttributeOptions(transform="raht", qp=34),
 }
-"""Sets of options: `defaults` as in TMC13, the others as in MPEG's test conditions for a
+"""Sets of options: `defaults` are those of TMC13; other sets are MPEG's test conditions for a
 transform, with `_lidar` for frames of sensors (category 3). Lossy sets have a medium rate, which
 `qp` changes."""

@@ -30,7 +30,7 @@ _SCALE = 1 << 20
 _SCALE_LOG2 = 20
 _WINDOW_LOG2 = 6
 _LAMBDA = 0.14
-"""Weight of bits against the distortion of colours."""
+"""Lagrangian weight of bits against the distortion of colours."""
 
 
 class PredictionTools(NamedTuple):
@@ -38,11 +38,11 @@ class PredictionTools(NamedTuple):
 
     ends: end of each level of detail in coding order.
     most: largest value.
-    direct: number of neighbours whose value may be the prediction; whether the average may not (0
-        or 1).
-    threshold: least difference of neighbours' values at which the prediction is chosen.
-    inter_component: (levels, 2) factors of the first component's residual, in quarters; empty
-        if others do not use it.
+    direct: number of neighbours whose value may be the prediction.
+    average_disabled: 1 if a coded mode cannot be the average, otherwise 0.
+    threshold: least difference of neighbours' values at which a mode is coded.
+    inter_component: (levels, 2) factors, in units of 1/4, that predict the other components from
+        the first component's residual, or empty.
     """
 
     ends: Ints
@@ -54,7 +54,7 @@ class PredictionTools(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Index of a point in coding order, with its level, layer and region."""
+    """A point's index in coding order, layer, region and level."""
 
     point: int
     layer: int
@@ -66,7 +66,7 @@ class Place(NamedTuple):
 def quantisation_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
     """Write weights (n,) of residuals: larger for points that predict many others.
 
-    shares: (3,) of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS.
+    shares: (3,) shares of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS.
     """
     for i in range(len(weights)):
         weights[i] = 1 << FRACTION_BITS
@@ -87,11 +87,7 @@ def reconstruct(
     order: NDArray[np.int32],
     weights: Ints,
 ) -> None:
-    """Write values (n, components) in coding order.
-
-    order: see `levels.Levels`.
-    weights: see `quantisation_weights`.
-    """
+    """Write values (n, components) in coding order."""
     layer, level = integer(0), integer(0)
     components = values.shape[1]
     modes = tools.direct + 1 - tools.average_disabled
@@ -119,7 +115,7 @@ def reconstruct(
 
 @inlined
 def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools, i: int) -> bool:
-    """Return whether the neighbours' values differ so much that the prediction is chosen."""
+    """Return whether the neighbours' values differ so much that a prediction mode is coded."""
     count = integer(predictors.counts[i])
     if count <= 1 or tools.direct == 0:
         return False
@@ -136,7 +132,7 @@ def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools
 
 @inlined
 def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int) -> int:
-    """Return the prediction of a component: the value of neighbour `mode`, or for 0 the average."""
+    """Return a predicted component: the average for mode 0, otherwise one neighbour's value."""
     count = integer(predictors.counts[i])
     if mode > count:
         return 0
@@ -162,7 +158,7 @@ def _signed(magnitude: int, value: int) -> int:
 
 @inlined
 def _take_mode(coefficients: Coefficients, i: int, modes: int) -> int:
-    """Remove the mode from the low bits of a magnitude, and return it."""
+    """Remove the mode from the low bits of a coefficient's magnitude, and return the mode."""
     value = integer(coefficients[i, 0])
     magnitude = abs(value)
     mode = integer(0)
@@ -295,7 +291,7 @@ def _count_residuals(coefficients: Coefficients, i: int, greater: Ints) -> None:
 
 @inlined
 def _with_bits(bits: float, greater: Ints, k: int, size: int) -> float:
-    """Add the estimated bits of a magnitude, in the order in which TMC13 adds them."""
+    """Add the estimated number of bits of a magnitude, in TMC13's order of additions."""
     if size == 0:
         return bits + (_SCALE_LOG2 - math.log2(_SCALE - greater[k, 0]))
     bits += _SCALE_LOG2 - math.log2(greater[k, 0])
@@ -379,7 +375,7 @@ def choose_inter_component(
 ) -> None:
     """Write the factors (levels, 2) of `PredictionTools.inter_component` for values (n, 3).
 
-    As in TMC13, they are 0 from the first empty level on.
+    As in TMC13, factors are 0 from the first empty level on.
     """
     start = integer(0)
     for level in range(len(ends)):

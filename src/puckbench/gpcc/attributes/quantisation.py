@@ -13,7 +13,7 @@ Ints = NDArray[np.int64]
 Positions = NDArray[np.int32]
 
 FRACTION_BITS = 8
-"""Fractional bits of weights, of step sizes and of transformed values."""
+"""Number of fractional bits of weights, step sizes and transformed values."""
 _STEPS = (161, 181, 203, 228, 256, 287)
 _RECIPROCALS = (416825, 370767, 330586, 294337, 262144, 233829)
 LEAST_QP = 4
@@ -25,10 +25,10 @@ _THIRD = (1 << _RECIPROCAL_BITS) // 3
 class Qps(NamedTuple):
     """Quantisation parameters of a data unit.
 
-    layers: (l, 2), of the first component, and offsets of the others.
-    offsets: (1 + regions, 2), first those outside all regions.
-    region: (n,) index into `offsets` of each point, or empty if there are no regions.
-    most: maximum.
+    layers: (layers, 2) parameters of the first component, and offsets of the other components.
+    offsets: (1 + regions, 2) offsets, first outside all regions, then in each region.
+    region: (n,) each point's index into `offsets`, or empty without regions.
+    most: maximum parameter.
     """
 
     layers: Ints
@@ -42,7 +42,7 @@ class Qps(NamedTuple):
 
 
 class Quantisers(NamedTuple):
-    """Step sizes, and their reciprocals in units of 2^-18, (layers, 1 + regions, 2)."""
+    """Step sizes (layers, 1 + regions, 2), and their reciprocals in units of 2^-18."""
 
     steps: Ints
     reciprocals: Ints
@@ -56,9 +56,10 @@ def qps(
     positions: Positions,
     axes: tuple[int, int, int],
 ) -> Qps:
-    """Return the quantisation parameters of points at `positions` (n, 3), along coded axes.
+    """Return the quantisation parameters of points.
 
-    axes: indices of the coded axes of x, y, z.
+    positions: (n, 3) along the coded axes.
+    axes: indices of x, y, z among the coded axes.
     """
     luma, chroma = aps.init_qp_minus4 + 4, aps.aps_chroma_qp_offset
     if aps.aps_slice_qp_deltas_present_flag:
@@ -103,7 +104,7 @@ def place_of(
 ) -> tuple[int, int, int]:
     """Return the layer of step sizes, the level of detail and the region of point `i`.
 
-    layer, level: those of the previous point in coding order.
+    layer, level: results for point `i` - 1.
     ends: end of each level of detail.
     """
     if i == ends[layer]:
@@ -116,7 +117,7 @@ def place_of(
 
 @inlined
 def quantised(value: int, reciprocal: int) -> int:
-    """Quantise a value with `FRACTION_BITS` fractional bits; a third of a step rounds to 0."""
+    """Quantise a value with `FRACTION_BITS` fractional bits; drop fractions below 2/3."""
     if value >= 0:
         return (value * reciprocal + _THIRD) >> _RECIPROCAL_BITS
     return -((_THIRD - value * reciprocal) >> _RECIPROCAL_BITS)

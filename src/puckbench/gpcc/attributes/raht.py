@@ -1,18 +1,18 @@
 """Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
 
-`forward` returns quantised coefficients and the decoder's reconstruction, `inverse` the
+`forward` returns quantised coefficients and the decoder's reconstruction; `inverse` returns the
 reconstruction. Both take ascending Morton codes. Attributes and coefficients are (n, c) for c = 1
-or 3 components; coefficients are in the order in which `residuals.py` codes them. The
-reconstruction is not clipped to the bit depth.
+or 3 components; coefficients are in coding order (see `residuals`). The reconstruction is not
+clipped to the bit depth.
 
-From the root to the points, each block of up to eight children is transformed to its mean, which
-the parent's reconstruction gives, and one coefficient fewer than it has children. The transform of
-a prediction, interpolated from the parent and its neighbours, is subtracted from the coefficients.
-Points with equal positions come last. Fixed-point numbers have 15 fractional bits; products are
+From the root to the points, each block of k children (at most eight) is transformed to its mean,
+known from the parent's reconstruction, and k - 1 coefficients. The transform of a prediction,
+interpolated from the parent and its neighbours, is subtracted from the coefficients. Points with
+equal positions are transformed last. Fixed-point numbers have 15 fractional bits; products are
 rounded half away from zero.
 
-In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits, ours 64: streams differ for clouds with
-sums above 2^31 (33,000 points of 16 bits).
+TMC13 (`RAHT.cpp`) sums attributes in 32 bits, this module in 64: streams differ if sums exceed 2^31
+(33,000 points of 16 bits).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from puckbench.gpcc.tables import POPCOUNT
 
 Rows = NDArray[np.int32]
 Thresholds = tuple[int, int] | None
-"""raht_prediction_threshold0 and 1, or None without raht_prediction_enabled_flag."""
+"""raht_prediction_threshold0 and 1, or None without prediction."""
 
 _FRACTION = 15
 _HALF = 1 << _FRACTION - 1
@@ -48,7 +48,7 @@ _REGION_FRACTION = 4
 _SMALL = 4096
 """Roots of numbers below this one are tabulated."""
 _DIRECTIONS = 19
-"""Number of neighbours that share a face or an edge with a node, itself included."""
+"""Number of nodes that share a face or an edge with a node, including the node itself."""
 
 
 class Coded(NamedTuple):
@@ -67,10 +67,8 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
     Parameters
     ----------
-    codes : (n,) ascending Morton codes; equal ones in decoding order.
-    attributes : (n, c) with c = 1 or 3.
-    qps : quantisation parameters of the points.
-    thresholds : numbers of neighbours, or None without prediction; see `prediction_thresholds`.
+    codes : (n,) ascending Morton codes; equal codes in decoding order.
+    thresholds : numbers of neighbours; see `Thresholds`.
     """
     coefficients = np.zeros(attributes.shape, dtype=np.int32)
     sums = np.zeros((len(codes) + 1, attributes.shape[1]), dtype=np.int64)
@@ -86,7 +84,7 @@ def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -
 
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
-    """Return the plan of a block for each occupancy.
+    """Return a block's transform plan for each occupancy; ranks number the occupied children.
 
     pairs (256, 13, 2): ranks of the children that each butterfly combines, then 0 and 0.
     order (256, 8): ranks of the children that hold the coefficients, in coding order.
@@ -113,10 +111,11 @@ def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8
 
 
 def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return the geometry of neighbours.
+    """Return tables of the neighbours of each child (octant) of a node.
 
-    touching (8, 7): directions of the node's neighbours that touch its child, the node's first.
-    upwards, octants (8, 19): direction from the parent to the parent of a child's neighbour, and
+    touching (8, 7): direction 0 (the node), then directions of the node's neighbours that touch
+        the child.
+    upwards, octants (8, 19): direction from the node to the parent of the child's neighbour, and
         the neighbour's octant.
     """
     steps = sorted((s for s in np.ndindex(3, 3, 3) if 1 in s), key=lambda s: 3 - s.count(1))
@@ -136,7 +135,7 @@ def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8
 _PAIRS, _ORDER, _OWNERS = _block_plan()
 _TOUCHING, _UPWARDS, _OCTANTS = _adjacency()
 _TOUCHED = np.zeros((256, _DIRECTIONS), dtype=np.uint8)
-"""By occupancy: number of neighbours that touch a child, and their directions."""
+"""For each occupancy: number and directions of the neighbours that touch a child."""
 for _occupancy in range(1, 256):
     _octants = [octant for octant in range(8) if _occupancy >> octant & 1]
     _directions = np.unique(_TOUCHING[_octants])[1:]
@@ -149,12 +148,12 @@ _DIVISORS = np.rint(2.0**_FRACTION / np.maximum(np.arange(14), 1)).astype(np.int
 class _Level(NamedTuple):
     """Nodes of a level in ascending order of their codes.
 
-    starts: (m + 1,) first point of each node, and the number of points.
+    starts: (m + 1,) first point of each node, then the number of points.
     first, occupancy: (m,) first child on the level below, and bit mask of the children's octants.
-    neighbours: (m, 19) the node itself and its neighbours, or -1.
-    counts: (m,) number of neighbours of the parent that touch a child, the parent included.
-    means, scaled: (m, c) reconstructed mean; mean times the root of the number of points, in
-        quarters.
+    neighbours: (m, 19) the node itself and its neighbours; -1 if absent.
+    counts: (m,) number of the parent's neighbours that touch its children, plus 1.
+    means, scaled: (m, c) reconstructed mean; mean times the square root of the number of points,
+        in units of 1/4.
     """
 
     starts: NDArray[np.int32]
@@ -169,12 +168,12 @@ class _Level(NamedTuple):
 class _Setting(NamedTuple):
     """Arrays for the transforms of all levels.
 
-    sums: (n + 1, c) sums of the attributes of all points before each, or (0, c) in a decoder.
-    offsets: (n, 2) region offsets of nodes by their first point, in units of 1/16, or (0, 2).
-    steps, reciprocals: of quantisation parameters, see `step_sizes`.
+    sums: (n + 1, c) cumulative sums of the points' attributes, or (0, c) in a decoder.
+    offsets: (n, 2) QP offset of a node at its first point, in units of 1/16, or (0, 2).
+    steps, reciprocals: step sizes of all quantisation parameters, see `step_sizes`.
     roots: (2, k) square roots and inverse square roots of small numbers.
     buffer: (2c, 8) attributes of a block's children, then their prediction.
-    weights, factors: (8,), (12, 2) of a block's children and butterflies.
+    weights, factors: weights (8,) of a block's children, factors (12, 2) of its butterflies.
     """
 
     codes: Ints
@@ -276,10 +275,10 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 
 @compiled
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
-    """Return the mean offset of each node at its first point, as TMC13 rounds it.
+    """Return the mean QP offset of each node at its first point, rounded as in TMC13.
 
-    Nodes are halved along one axis at a time. A node's offset replaces that of its lower half, with
-    the same first point.
+    Nodes are halved along one axis at a time. A node's offset replaces the offset of its lower
+    half, which has the same first point.
     """
     means = offsets << _REGION_FRACTION
     firsts, joints = np.empty(65, dtype=np.int64), np.empty(65, dtype=np.int64)
@@ -429,9 +428,9 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Write the neighbours that touch a child, the node included; return their number.
+    """Write the parent and its neighbours that touch a child; return the number of these nodes.
 
-    Directions that touch no child are left out, and not read.
+    Other directions are neither written nor read.
     """
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
@@ -453,7 +452,7 @@ def _find_neighbours(
 def _prediction(
     setting: _Setting, parents: _Level, parent: int, octant: int, weight: int
 ) -> tuple[int, int, int]:
-    """Interpolate a child's attributes from its parent and neighbours of similar values."""
+    """Interpolate a child's attributes from its parent and neighbours with similar values."""
     means = parents.means
     low = high = share = first = second = third = integer(0)
     for i in range(_TOUCHING.shape[1]):
@@ -524,7 +523,7 @@ def _transform_block(
 def _fill_buffer(
     setting: _Setting, nodes: _Level, first: int, parents: _Level, parent: int, reliable: bool
 ) -> None:
-    """Write the children's weights, attributes times the weight's root, and prediction."""
+    """Write each child's weight, its mean times sqrt(weight), and a prediction of this product."""
     buffer, components = setting.buffer, parents.means.shape[1]
     rank = 0
     for octant in range(8):
@@ -569,7 +568,7 @@ def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> i
 def _code_coefficients(
     setting: _Setting, coefficients: Rows, place: int, layer: Ints, rank: int, point: int
 ) -> None:
-    """Quantise (if encoding) the coefficients' differences from the prediction; add them to it."""
+    """Quantise residuals, if encoding; add the dequantised residuals to the prediction."""
     buffer, components = setting.buffer, coefficients.shape[1]
     qp, others = _qps(setting, layer, point)
     for k in range(components):
@@ -597,7 +596,7 @@ def _transform_duplicates(
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
-    """Transform the points at each position, splitting off the last first."""
+    """Transform the points at each position; the last point is split off first."""
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])
         weight = nodes.starts[node + 1] - start

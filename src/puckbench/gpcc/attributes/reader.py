@@ -31,7 +31,7 @@ Values = NDArray[np.int32]
 Attribute = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_VALUES = 1 << 26
-"""Largest number of values of all attributes of a stream, which bounds the decoder's memory."""
+"""Maximum number of attribute values of a stream, which bounds the memory."""
 MAX_ATTRIBUTES = 16
 _RAW_BLOCK = 1 << 16
 _MOST_BITDEPTH = 16
@@ -45,10 +45,7 @@ COLOUR, REFLECTANCE = 0, 1
 
 
 class AttributeReader:
-    """Decodes data units, in the order of a stream, into values for each attribute.
-
-    Its methods raise InputError if the stream is damaged or a tool is unsupported.
-    """
+    """Decoder of attribute data units; see `coder.AttributeUnits`."""
 
     def __init__(self) -> None:
         self._aps: dict[int, AttributeParameterSet] = {}
@@ -63,14 +60,12 @@ class AttributeReader:
         self._branches: list[AttributeReader] = []
 
     def branch(self) -> AttributeReader:
-        """Return a reader of the next slices, which may run in another thread."""
         branch = AttributeReader()
         branch._aps, branch._memory = self._aps, self._memory
         self._branches.append(branch)
         return branch
 
     def expect(self, sps: SequenceParameterSet, count: int) -> None:
-        """Raise InputError if the attributes of a slice of `count` points are not supported."""
         if len(sps.attributes) > MAX_ATTRIBUTES:
             raise InputError(f"G-PCC stream: more than {MAX_ATTRIBUTES} attributes")
         for attribute in sps.attributes:

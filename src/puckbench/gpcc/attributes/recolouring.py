@@ -1,4 +1,4 @@
-"""Values of points with changed or merged positions, from those of the source.
+"""Attributes of points with changed or merged positions, from those of the source points.
 
 In TMC13: `recolourColour`, `recolourReflectance`, with their default parameters.
 """
@@ -41,8 +41,8 @@ class Source(NamedTuple):
 def recoloured(positions: NDArray[np.int32], values: Values, source: Source, most: int) -> Values:
     """Return values (m, components) of `positions` (m, 3).
 
-    A value minimises the larger error: from the average of the nearest source points, or from all
-    source points to which the position is nearest.
+    A value minimises the larger of two errors: from the average of the nearest source points, and
+    from all source points to which the position is nearest.
 
     values: (n, components) of the source's points.
     most: largest value.

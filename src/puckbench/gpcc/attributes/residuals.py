@@ -76,7 +76,7 @@ def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
 def _code_coefficients(
     coder: Any, contexts: Probabilities, values: Coefficients, i: int, end: int, encoding: bool
 ) -> int:
-    """Code the coefficients of points from `i` to `end`, or more if they are zero.
+    """Code the coefficients of points `i` to `end` - 1, and of zeros that continue a run.
 
     Returns the next point, or -1 if the stream is too short.
     """

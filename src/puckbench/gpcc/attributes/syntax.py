@@ -1,6 +1,6 @@
 """Syntax of attributes: parameter sets, and headers of data units.
 
-Names and order of the syntax elements follow TMC13 (`hls.h`, `io_hls.cpp`).
+Syntax elements are those of TMC13, as in `gpcc.syntax`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _MOST_DIST2 = 40
 
 @dataclass
 class AttributeParameterSet:
-    """Coding tools of an attribute; lod_neigh_bias and attr_coord_scale are factors."""
+    """Coding tools of an attribute; lod_neigh_bias and attr_coord_scale are factors along axes."""
 
     aps_attr_parameter_set_id: int = 0
     aps_seq_parameter_set_id: int = 0
@@ -86,9 +86,9 @@ class QpRegion:
 class AttributeHeader:
     """Header of a data unit.
 
-    last_component_coeffs: of each level of detail.
-    inter_component_coeffs: of each level of detail, for the second and third component.
-    layer_qp_deltas: of each layer, for the first and the other components.
+    last_component_coeffs: factor of each level of detail.
+    inter_component_coeffs: factors of the second and third component in each level of detail.
+    layer_qp_deltas: QP offsets of the first and the other components in each layer.
     """
 
     attr_attr_parameter_set_id: int = 0
@@ -105,7 +105,6 @@ class AttributeHeader:
 
 
 def attribute_parameter_set(io: SyntaxElements, aps: AttributeParameterSet) -> None:
-    """Read or write a parameter set; raise InputError if a value is not supported."""
     io.u(aps, "aps_attr_parameter_set_id", 4)
     io.u(aps, "aps_seq_parameter_set_id", 4)
     io.ue(aps, "attr_encoding")
@@ -180,7 +179,6 @@ def attribute_header(
     aps: AttributeParameterSet,
     attributes: list[AttributeDescription],
 ) -> None:
-    """Read or write a header; raise InputError if it is damaged."""
     attribute_ids(io, header)
     if header.attr_sps_attr_idx >= len(attributes):
         raise InputError("G-PCC stream: values of an attribute that is not described")
@@ -225,7 +223,7 @@ def attribute_ids(io: SyntaxElements, header: AttributeHeader) -> None:
 
 
 def _differences(io: SyntaxElements, values: list[int], stride: int = 1) -> list[int]:
-    """Read or write 8-bit values as differences from those `stride` before, the first from 4."""
+    """Read or write 8-bit values minus the values `stride` places before, which start as 4."""
     result: list[int] = [4] * stride
     for value in values:
         coded = result[-stride] + io.signed(value - result[-stride])

@@ -58,21 +58,21 @@ _MOST_DISTANCE_LOG2 = 20
 
 
 class AttributeEncoder:
-    """Encodes values of the input points as data units of the slices.
+    """Encoder of the input points' attributes as data units of slices.
 
     Parameters
     ----------
     attributes
-        Values by name: `color` (n, 3), red, green and blue, and `reflectance` (n,).
+        See `cloud.encode_cloud`.
     options
         Options by name.
     recolour
-        Function that returns the values of merged points; see `cloud.encode_cloud`.
+        Function that returns the values of merged points.
 
     Raises
     ------
     InputError
-        If an attribute has another name, shape or range.
+        If an attribute has an invalid name, shape or range.
     """
 
     def __init__(
@@ -262,7 +262,7 @@ def _coordinate_scale(
 
 
 def estimated_distance_log2(positions: Positions, percentile: float) -> int:
-    """Return log2 of the distance from which levels of detail start (`estimateDist2`)."""
+    """Return log2 of the point distance in the finest level of detail (`estimateDist2`)."""
     count = len(positions)
     if count < 2:
         return 0

@@ -9,7 +9,7 @@ _TOLERANCE = 1e-6
 
 
 def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> Ints:
-    """Return the faces, ascending, that triangle fans around their first corners do not tile.
+    """Return the faces, ascending, that a triangle fan around the first corner does not tile.
 
     A fan tiles a face if all triangles have the polygon's orientation. `face` (t,), ascending, is
     the face of each of the `triangles` (t, 3).

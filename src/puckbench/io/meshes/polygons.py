@@ -11,7 +11,7 @@ from puckbench.geometry.mesh import Labels, Mesh
 from puckbench.io.meshes.concave import clip_ears, concave_faces
 
 MAX_CORNERS = 5000
-"""Limit for concave faces: ear clipping takes quadratic time."""
+"""Maximum corners of a concave face: ear clipping takes quadratic time."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Polygons:
     up
         The up axis, if the format defines it.
     skipped
-        Number of elements that the reader skipped, by name.
+        Number of skipped elements, by name.
     material_id
         Index into ``materials`` of each face, (f,), -1 for none.
     """

@@ -66,7 +66,7 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
 
 
 def mesh_from_polygons(polygons: Polygons, source: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
-    """Triangulate and check polygons; return the mesh and a report as of `read_mesh_report`."""
+    """Triangulate and check polygons; return the mesh and a report as in `read_mesh_report`."""
     mesh, _ = triangulate(polygons, source)
     check_mesh(mesh, source)
     if not np.isfinite(mesh.vertices).all():  # vertices without a triangle

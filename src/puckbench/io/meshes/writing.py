@@ -14,9 +14,7 @@ LABELS = [("object_id", "<i4"), ("primitive_id", "<i4")]
 
 
 def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
-    """Write a binary PLY file with float64 vertices and labelled faces, and `about` as JSON beside
-    it.
-    """
+    """Write a binary PLY (float64 vertices, labelled faces), and `about` as JSON beside the PLY."""
     check_mesh(mesh, str(path))
     counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f8")

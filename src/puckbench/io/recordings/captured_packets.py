@@ -1,6 +1,6 @@
 """Link-layer packets in pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
 
-Used instead of dpkt, which ignores the interfaces of pcapng files, and stops at some blocks.
+This reader replaces dpkt, which ignores interfaces of pcapng files and stops at some blocks.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from struct import Struct, unpack_from
 from typing import NamedTuple
 
 _MAGICS = {0xA1B2C3D4: (10**6, 16), 0xA1B23C4D: (10**9, 16), 0xA1B2CD34: (10**6, 24)}
-"""Ticks of the clock per second, and bytes of a record's header."""
+"""Clock ticks per second, and bytes of a record's header, by magic number."""
 _PCAP_HEADER = 24
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _SECTION_START = b"\x0a\x0d\x0d\x0a"
 _SECTION_ORDERS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
 _MIN_BLOCK_BYTES = 12
 _RESOLUTION, _OFFSET = 9, 14
-"""Options of an interface."""
+"""Codes of an interface's options."""
 
 
 class CapturedPacket(NamedTuple):

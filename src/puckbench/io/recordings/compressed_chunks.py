@@ -11,15 +11,15 @@ from puckbench.core.files import unreadable
 
 _MCAP, _ROS1 = b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"
 _RECORD, _CHUNK, _LENGTH = Struct("<BQ"), Struct("<28xI"), Struct("<I")
-"""Of MCAP: kind and length of a record, and length of the name of a chunk's compression. Of ROS 1:
-length of a header or of data."""
+"""In MCAP: kind and length of a record; length of a chunk's compression name. In ROS 1: length of a
+header or of data."""
 _CHUNK_KIND = 6
 _NAME = b"compression="
 _MAX_NAME, _MAX_HEADER = 20, 4096
 
 
 def compressed_chunks(path: Path) -> dict[str, int]:
-    """Return the number of bytes in compressed chunks by compression, such as ``zstd``.
+    """Return the number of bytes in compressed chunks, by name of the compression (``zstd``).
 
     The search ends at a damaged record. Files of other formats have no chunks.
     """

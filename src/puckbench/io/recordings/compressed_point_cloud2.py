@@ -22,7 +22,7 @@ DEFINITION = (
     "bool is_bigendian\nuint32 point_step\nuint32 row_step\nuint8[] compressed_data\n"
     "bool is_dense\nstring format"
 )
-"""The message in ROS's notation."""
+"""Definition of the message in ROS's notation."""
 _MAX_RATIO = 2000
 """Largest plausible compression ratio; deflate reaches 1032."""
 _MAX_NAME_LENGTH = 20
@@ -36,8 +36,8 @@ _log = logging.getLogger(__name__)
 def decompressed_columns(message: Any) -> Columns:
     """Decompress a deserialised message; return its fields as `point_columns` does.
 
-    Raises InputError if the message is damaged, its format is not zlib, zstd, draco or cloudini, or
-    is cloudini and pureini is not installed.
+    Formats are zlib, zstd, draco and (if pureini is installed) cloudini. Others, and damaged
+    messages, raise InputError.
     """
     if message.format in _PARSED:
         is_empty = not message.height * message.width
@@ -121,7 +121,7 @@ def _values(attribute: NDArray[Any], value: Value) -> NDArray[Any]:
 
 
 def parse_draco(path: Path) -> ParsedFile:
-    """Decode a point cloud; the columns are its attributes (n, values)."""
+    """Decode a Draco stream; the columns are the cloud's attributes (n, values per point)."""
     import DracoPy
 
     try:
@@ -132,7 +132,7 @@ def parse_draco(path: Path) -> ParsedFile:
 
 
 def _cloudini_columns(message: Any) -> Columns:
-    """Return the fields in a Cloudini stream, whose header repeats those of the message."""
+    """Return the fields in a Cloudini stream, whose header repeats the message's list of fields."""
     stream = message.compressed_data.tobytes()
     parsed = _parsed(parse_cloudini, stream, "Cloudini stream")
     encoded = {tuple(field) for field in parsed.about["fields"]}
@@ -144,7 +144,7 @@ def _cloudini_columns(message: Any) -> Columns:
 
 
 def parse_cloudini(path: Path) -> ParsedFile:
-    """Decode a point cloud; the column `data` has the bytes of its points."""
+    """Decode a Cloudini stream; the column `data` has the bytes of the points."""
     try:
         from pureini import PointcloudDecoder
     except ImportError as error:

@@ -39,7 +39,7 @@ class Stream(NamedTuple):
 
 
 def refuse_stream(name: str | None) -> None:
-    """Raise InputError if a stream is named for a file that is not a packet capture."""
+    """Raise InputError if a stream `name` is set for a file that is not a packet capture."""
     if name is not None:
         raise InputError(f"stream '{name}': only packet captures have streams")
 
@@ -57,9 +57,9 @@ class Datagram(NamedTuple):
 class Capture:
     """Complete UDP datagrams of a packet capture, and counts of its other content.
 
-    `fragments` is the number of IP fragments whose datagram is incomplete; `cut` is the number of
-    packets truncated by the snap length (`cut_sizes`: by length in bytes and port); `others` counts
-    packets of other protocols. `bytes_cut_off` is the size of an incomplete last packet.
+    `fragments` counts IP fragments of incomplete datagrams; `cut` counts packets truncated by the
+    snap length (`cut_sizes`: by length in bytes and port); `others` counts packets of other
+    protocols. `bytes_cut_off` is the size of an incomplete last packet.
     """
 
     datagrams: list[Datagram]
@@ -170,7 +170,7 @@ class _Fragments:
         return sum(packet.count for packet in self._packets.values())
 
     def joined(self, frame: bytes, packet: _IpPacket, fragment: _Fragment) -> bytes:
-        """Add a fragment; return the payload of its packet if that is complete, else nothing."""
+        """Add a fragment; return the packet's payload if complete, else empty bytes."""
         key = (packet.addresses, packet.protocol, fragment.identification)
         parts = self._packets.setdefault(key, _Parts())
         parts.add(fragment, frame[packet.payload : fragment.end])

@@ -12,11 +12,11 @@ from puckbench.io.point_columns import Columns
 
 POINT_CLOUD2 = "sensor_msgs/msg/PointCloud2"
 KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""Types of NumPy by the message's numbers of data types."""
+"""NumPy types by the message's data type codes."""
 _PADDING = ("", "_")
 """Names of fields that contain no values."""
 _MAX_VALUES = 4096
-"""Values of a point; the largest of PCL's descriptors has 1,980."""
+"""Maximum values of a point; PCL's largest descriptor has 1,980."""
 _MAX_NAME_LENGTH = 40
 
 
@@ -34,8 +34,8 @@ def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Column
     """Return the fields of a deserialised message as arrays (height * width,), by name.
 
     `data` are the bytes of the points if the message has none. A field `a` with several values per
-    point becomes the columns `a_0`, `a_1`, ... Raises InputError if the message is
-    inconsistent or its data are too short. Columns take at most the memory of the data.
+    point becomes the columns `a_0`, `a_1`, ... Raises InputError if the message is inconsistent or
+    the data are too short. Columns take at most the memory of the data.
     """
     data = np.asarray(message.data if data is None else data, dtype=np.uint8)
     height, width, step = int(message.height), int(message.width), int(message.point_step)
@@ -52,7 +52,7 @@ def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Column
 
 
 def point_values(message: Any) -> list[Value]:
-    """Return the values of a point; raise InputError if fields are inconsistent."""
+    """Return the layout of a point's values; raise InputError if fields are inconsistent."""
     order = ">" if message.is_bigendian else "<"
     values = list(_values(message.fields, order, int(message.point_step)))
     names = Counter(value.name for value in values)

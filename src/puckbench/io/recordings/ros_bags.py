@@ -32,7 +32,6 @@ _DAMAGE = (
     *(struct.error, OSError, EOFError, RuntimeError, ArithmeticError, AssertionError),
     *(AttributeError, LookupError, TypeError, ValueError),
 )
-"""Exceptions of the libraries for damaged bags besides their own."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +74,10 @@ def read_messages(
 ) -> Messages:
     """Read messages of the topic that `puckbench.io.recordings.topics.choose_topic` chooses.
 
-    `numbers` selects messages of the topic, sorted and from 0; by default all are read.
-    `definitions` define the types in `kinds` and their parts that `rosbags` does not know; those in
-    the bag are not used, because they would be compiled. Raises InputError if the file is damaged,
-    or lacks the topic or a message.
+    `numbers`, sorted, selects messages of the topic, counted from 0; by default all are read.
+    `definitions` define types that `rosbags` lacks; definitions in the bag are not used, because
+    `rosbags` would compile them. Raises InputError if the file is damaged, or lacks the topic or a
+    message.
     """
     from rosbags.serde import SerdeError
 
@@ -112,9 +111,9 @@ def parse_topics(path: Path, folder: str) -> ParsedFile:
 def parse_bag(
     path: Path, folder: str, kinds: Sequence[str], topic: str | None, numbers: Sequence[int] | None
 ) -> ParsedFile:
-    """Read messages, with a folder for temporary files (see `read_messages`).
+    """Read messages as `read_messages` does; `folder` is for temporary files.
 
-    The file's columns are ``data`` (joined bytes of all messages) and ``sizes`` (of each message).
+    The columns are ``data`` (joined bytes of all messages) and ``sizes`` (bytes of each message).
     """
     with _reading(path, folder):
         files, are_compressed = _files(path, Path(folder))

@@ -13,11 +13,11 @@ from puckbench.core.errors import InputError
 from puckbench.io.recordings.topics import BagFile, Topic, Topics
 
 SIDE_FILE_SUFFIXES = ("-wal", "-journal")
-"""Suffixes of files with changes that are not in the database file."""
+"""Suffixes of files with changes that are not yet in the database file."""
 _TABLES = ("topics", "messages")
 _CHECK_INTERVAL = 10_000
 _MIN_STEPS, _STEPS_PER_BYTE = 10_000_000, 100
-"""Limit of SQLite's instructions; a row takes about twenty."""
+"""Limit of SQLite's instructions, for a file and per byte; a row takes about twenty."""
 
 _ROWS = (
     "SELECT messages.rowid FROM messages JOIN topics ON messages.topic_id = topics.id"
@@ -30,7 +30,7 @@ def sqlite_bag(path: Path, folder: Path) -> Iterator[BagFile]:
     """Open a database.
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
-    changes them. Raises apsw.Error if the database is damaged or reading takes too many steps.
+    changes side files. Damage, and reading in too many steps, raise apsw.Error.
     """
     with closing(_connection(path, folder)) as database:
         _check_tables(database)

@@ -21,8 +21,8 @@ Topics = dict[str, Topic]
 class BagFile(NamedTuple):
     """The topics of one file of a bag, and a function that reads messages of a topic.
 
-    The function yields the messages whose numbers are in a sorted sequence, or all (None). Messages
-    of a topic are numbered by time.
+    The function yields messages with numbers in a sorted sequence, or all (None). Messages of a
+    topic are numbered by time.
     """
 
     topics: Topics
@@ -30,13 +30,14 @@ class BagFile(NamedTuple):
 
 
 def refuse_topic(name: str | None) -> None:
-    """Raise InputError if a topic is named for a file that is not a ROS bag."""
+    """Raise InputError if a topic `name` is set for a file that is not a ROS bag."""
     if name is not None:
         raise InputError(f"topic '{name}': only ROS bags have topics")
 
 
 def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) -> str:
-    """Return the topic `name`, or else the only one of the first type in `kinds` that occurs.
+    """Return the topic `name`; without one, the only topic of the first type in `kinds` that
+    occurs.
 
     Raises InputError if there is no such topic or several.
     """

@@ -30,9 +30,9 @@ _FIRST = (
     *("encode_peak_mib", "decode_peak_mib"),
     *("true", "found", "matched", "precision", "recall", "label_accuracy"),
 )
-"""First columns of a table, in this order; the others follow by name."""
+"""First columns of a table, in this order; further columns follow, sorted by name."""
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
-"""Quantiles over clouds beside each median of the summary."""
+"""Quantiles over clouds that accompany each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
 _OF_CLOUDS = ("group", "points", "elongation", "diameter", "scale")
 _OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model")
@@ -64,26 +64,27 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
 def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Every measurement, one row per data set, cloud, codec and rate.
 
-    Bytes, bits per point, times in seconds, peak memory in MiB, and all metrics in grid units
-    (``scale`` converts them to metres) or, for clouds in metres (``frame``), in metres. D1 and D2
-    PSNRs have their ``peak`` in the same units; ``lossless`` clouds have none. Columns
-    ``truth_...`` are measured against the true surface, ``clean_...`` against the clean scan of the
-    same rays, if any.
+    Columns: bytes, bits per point, times in seconds, peak memory in MiB, and metrics in grid units
+    (``scale`` units per metre) or, for clouds in metres (``frame``), in metres. The ``peak`` of D1
+    and D2 PSNRs has the same unit; ``lossless`` clouds have no PSNR. Columns ``truth_...`` are
+    measured against the true surface, ``clean_...`` against the clean scan of the same rays, if
+    any.
     """
     return read_rows(files)
 
 
 @TABLES.register("clouds", title="The clouds", gathered=True)
 def cloud_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """The clouds, one row each, from the descriptions beside the prepared clouds.
+    """The clouds, one row each.
 
-    Number of points, extent in metres along x, y and z, elongation (shortest side of the bounding
-    box divided by the longest; ``elongation_oriented``: of the oriented box), diameter (largest
-    distance of two points, in grid units), scale (grid units per metre), share of duplicates,
-    distance to the nearest point (m), points per square metre (median, 5 and 95 %), share of
-    outliers, digest of the coordinates, points left out (``dropped_points``), missing returns among
-    these, and the user's file (``source``). For clouds in metres with a sensor's returns: turns,
-    their time in seconds, and the entropy of the noise in steps of the sensor's ranges (bits).
+    Columns: number of points, extent in metres along x, y and z, elongation (shortest side of the
+    bounding box divided by the longest; ``elongation_oriented``: of the oriented box), diameter
+    (largest distance of two points, in grid units), scale (grid units per metre), share of
+    duplicates, distance to the nearest point (m), points per square metre (median, 5 and 95 %),
+    share of outliers, digest of the coordinates, points left out (``dropped_points``), missing
+    returns among these, and the user's file (``source``). For clouds in metres with a sensor's
+    returns: turns, their time in seconds, and the entropy of the noise in steps of the sensor's
+    ranges (bits).
     """
     return [cloud_row(file.parent.name, file) for file in files]
 
@@ -121,7 +122,7 @@ def codecs(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
 
 
 PLAN_TABLES = {"left_out": left_out, "codecs": codecs}
-"""Tables whose rows are known before the run: the functions that make them, by name."""
+"""Functions, by name, that make the tables whose rows are known before the run."""
 
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
@@ -140,11 +141,12 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 @TABLES.register("recovery", title="Recovery of geometric primitives", gathered=True)
 def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Geometric primitives of each stream against the scene's labels, in all and for each kind.
+    """Decoded geometric primitives compared with the scene's labels, for each stream and kind.
 
     Columns: numbers of labelled (``true``), decoded (``found``) and matched primitives, precision
     and recall, label accuracy of the points, and medians over matched primitives of residuals and
-    parameter differences. A stream without primitives has an empty row of the kind "all".
+    parameter differences. The kind "all" covers all kinds; a stream without primitives has only
+    this row, empty.
     """
     return read_rows(files)
 
@@ -153,9 +155,9 @@ def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 def drive_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Tasks of a robot on the decoded turns of drives, one row per drive, codec and rate.
 
-    Bits per point (``bpp``), seconds for all turns, whether decoded turns have the times of firings
-    (``has_times``), and the values and settings of each task. The codec ``undecoded`` is the drive
-    itself, with and without times.
+    Columns: bits per point (``bpp``), seconds for all turns, whether decoded turns have the times
+    of firings (``has_times``), and the values and settings of each task. The codec ``undecoded`` is
+    the drive itself, with and without times.
     """
     return read_rows(files)
 
@@ -167,17 +169,17 @@ ROWS = {
     "recovery": (recovery_rows, RECOVERY_KEYS),
     "drives": (drive_rows, METRIC_KEYS),
 }
-"""Tables of result rows: the function from files to rows, and the keys of a row."""
+"""Tables of result rows: the function that reads rows from files, and the key columns."""
 
 
 @TABLES.register("summary", title="Medians per data set, codec and rate")
 def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     """Medians over the clouds of each data set, codec and rate, and their spread.
 
-    Quartiles (``_q25``, ``_q75``), 5 % and 95 % quantiles (``_q05``, ``_q95``; interpolated between
-    clouds), and the number of clouds. ``lossless`` clouds have no error except rounding, and no
-    PSNR: in medians they count as better than any other. PSNRs have no median where a data set has
-    several peaks (``peak``).
+    Columns: medians, quartiles (``_q25``, ``_q75``), 5 % and 95 % quantiles (``_q05``, ``_q95``;
+    interpolated between clouds), and the number of clouds. ``lossless`` clouds have no error except
+    rounding, and no PSNR; medians rank them best. PSNRs have no median if the clouds' peaks
+    (``peak``) differ.
     """
     import pandas as pd
 

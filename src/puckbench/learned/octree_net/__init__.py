@@ -1,7 +1,4 @@
-"""Sparse octree net: lossless coding of voxels by a network that a CPU can train.
-
-`OctreeNetCoder` codes voxels by their Morton keys, `OctreeNetTraining` sets up training.
-"""
+"""Sparse octree net: lossless coding of voxels by a network that a CPU can train."""
 
 from typing import TYPE_CHECKING
 

@@ -1,8 +1,7 @@
-"""Causal neighbourhood of a voxel's children: cells known before they are coded.
+"""Causal neighbourhood of a voxel's children: cells that are known before the children are coded.
 
-A voxel's children and the cells around them form 4x4x4 cells; the children are the inner eight.
-Cell (x, y, z) is bit ``x + 4 y + 16 z`` of a mask. A cell is unknown while its parent is occupied
-but not coded yet.
+A voxel's children are the inner eight of 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16 z`` of a
+mask. A cell is unknown while the cell's parent is occupied but not coded yet.
 """
 
 from __future__ import annotations
@@ -89,10 +88,9 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 
 @compiled_in_place
 def _share_outside_layer(outside: int, count: int) -> int:
-    """Quantise to 0, 1 or 2 the fraction of neighbours outside the voxel's layer across an axis.
+    """Quantise to 0, 1 or 2 the fraction of neighbours outside the voxel's layer normal to an axis.
 
-    It is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular to the
-    axis.
+    The fraction is 18 / 26 if all 26 neighbours are occupied, 0 if only those in the layer are.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
@@ -136,8 +134,9 @@ def _bit(cell: int) -> np.int64:
 
 
 def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of the cells 1 to 3 steps from each child; for None, of those that do not
-    touch it.
+    """Return masks (8,) of the cells that share a face (1), edge (2) or corner (3) with each child.
+
+    The distance None selects the cells that do not touch the child.
     """
     masks = np.zeros(CHILDREN, np.int64)
     for child, position in enumerate(positions):

@@ -19,7 +19,7 @@ def encode(
     grid: InputGrid = DEFAULT_GRID,
     threads: int | None = None,
 ) -> bytes:
-    """Encode points losslessly on a grid with the step ``grid.unit / scale``.
+    """Quantise points to a grid of step ``grid.unit / scale``, and encode the voxels losslessly.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def encode(
     grid
         Grid of the input.
     threads
-        By default PyTorch's number; does not affect the stream.
+        Number of threads, by default PyTorch's.
 
     Raises
     ------

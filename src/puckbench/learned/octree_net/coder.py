@@ -55,7 +55,7 @@ _MAX_TOP = 64
 """Maximum voxels of the top level, where the network begins; coarser levels take few bits."""
 
 Code = Callable[[LevelState, int, bool, Rows, Frequencies], Symbols]
-"""Codes the first or second symbols of some rows of a level's group, and returns them."""
+"""Function that codes and returns the first or second symbols of some rows of a group."""
 
 
 class DecodingLimits(NamedTuple):
@@ -66,7 +66,7 @@ class DecodingLimits(NamedTuple):
 
 @dataclass(frozen=True)
 class OctreeNetCoder:
-    """Codes voxels by their Morton keys; results do not depend on the number of threads."""
+    """Coder of voxels given as Morton keys; results do not depend on the number of threads."""
 
     model: OctreeNet
     threads: int | None = None
@@ -138,7 +138,7 @@ class OctreeLevel(Generic[F]):
     features: F
 
     def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Encode or decode the next finer level; if it is the `last`, compute only its keys."""
+        """Encode or decode the next finer level; if that is the `last`, compute only its keys."""
         features, slots = self._code_children(code)
         if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")
@@ -150,7 +150,7 @@ class OctreeLevel(Generic[F]):
         return OctreeLevel(self.network, self.pool, voxels, child_features)
 
     def _code_children(self, code: Code) -> tuple[F, Rows]:
-        """Return the updated features, and the occupied children's slots (8 * row + child)."""
+        """Code children; return updated features and children's slots (8 * row + child)."""
         table = self.voxels.neighbours
         features = self.network.convolved(self.features, table, self.pool)
         symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)
@@ -164,7 +164,7 @@ class OctreeLevel(Generic[F]):
     def _code_group(
         self, group: VoxelGroup, state: LevelState, symbols: Symbols, code: Code
     ) -> None:
-        """Encode or decode a group's symbols while other threads predict the next chunk."""
+        """Encode or decode a group's symbols while other threads predict the next chunks."""
 
         def predict_first(chunk: slice) -> Frequencies:
             find_neighbourhood(state, group.rows[chunk])

@@ -1,6 +1,6 @@
 """Inference of the sparse octree net by PyTorch, on any device.
 
-Sums are exact (see `fixed_point`), so that frequencies equal those of the compiled layers.
+Sums are exact (see `fixed_point`): frequencies equal those of the compiled layers.
 """
 
 from __future__ import annotations

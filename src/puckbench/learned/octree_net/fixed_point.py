@@ -1,12 +1,11 @@
 """Fixed-point arithmetic that floating-point hardware computes exactly.
 
-Weights are multiples of 2**-9 and activations of 2**-5. A layer's sums are multiples of 2**-14
-below 2**24 units; single precision computes them exactly, in any order, on any processor.
+Weights are multiples of 2**-9, activations of 2**-5. A layer's sums, in units of 2**-14, are below
+2**24; single precision computes such sums exactly, in any order, on any processor.
 
 References
 ----------
-Ballé, Johnston, Minnen: "Integer Networks for Data Compression with Latent-Variable Models", ICLR
-2019.
+Ballé et al.: "Integer Networks for Data Compression with Latent-Variable Models", ICLR 2019.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ WEIGHT_UNITS = 2**9
 UNITS = 2**5
 """Activations, residual stream and logits are multiples of 1 / UNITS."""
 MAX_WEIGHT = 2**11 - 1
-"""In units; integers up to it are exact in half precision, in which weights are kept."""
+"""Maximum weight in units of 1 / WEIGHT_UNITS, exact in half precision, as weights are stored."""
 MAX_ACTIVATION = 255
 MAX_RESIDUAL = 2**11
 MAX_SUM = 2**24
@@ -59,7 +58,7 @@ def activation(values: Tensor) -> Tensor:
 
 
 def largest_sum(kernel: Tensor, bias: Tensor) -> int:
-    """Return the largest possible sum of a layer's output and the residual stream, in 2**-14."""
+    """Return the largest possible sum of layer output and residual stream, in units of 2**-14."""
     rows = kernel.detach().double().flatten(0, -2).abs().sum(dim=0) * WEIGHT_UNITS
     bound = rows * MAX_ACTIVATION + bias.detach().double().abs() * (WEIGHT_UNITS * UNITS)
     return int(bound.max()) + MAX_RESIDUAL * WEIGHT_UNITS

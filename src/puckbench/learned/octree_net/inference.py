@@ -1,7 +1,4 @@
-"""Inference of the sparse octree net in chunks of a level's voxels, without gradients.
-
-Sums are exact, so that results equal those of the model's layers.
-"""
+"""Inference of the sparse octree net in chunks of a level's voxels, exactly as by the model."""
 
 from __future__ import annotations
 
@@ -35,9 +32,8 @@ from puckbench.learned.sparse.voxels import NeighbourTable
 _CHUNK_ROWS = 2**13
 
 Matrix = tuple[Floats32, Floats32]
-"""Kernel and bias, flat, as integers."""
+"""Flat arrays of a layer's kernel and bias, with integer values."""
 F = TypeVar("F")
-"""Features of a level's voxels."""
 
 
 class VoxelGroup(Protocol):
@@ -63,7 +59,7 @@ class LevelPredictor(Protocol[F]):
         """Return features of a level's voxels before any of their children are known."""
 
     def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> VoxelGroup:
-        """Return a group of the level's voxels; all previous groups must be coded."""
+        """Return a group of the level's voxels; previous groups must have been coded."""
 
     def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F: ...
 
@@ -80,7 +76,7 @@ class CompiledFeatures:
 
 @dataclass(frozen=True)
 class CompiledPredictor:
-    """The integer weights of a model in flat arrays, for compiled layers."""
+    """A model's integer weights in flat arrays, for compiled layers."""
 
     channels: int
     root: Floats32  # features of a voxel of the top level

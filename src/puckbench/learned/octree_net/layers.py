@@ -1,7 +1,7 @@
 """Compiled layers of the sparse octree net: convolution, heads, embeddings, upsampling.
 
-All numbers are integers in 32-bit floats. Features and biases are in units of the residual stream,
-weights in their own unit, sums in the product of both (see `fixed_point`).
+All numbers are integers stored as 32-bit floats. Features and biases are in units of 2**-5, weights
+of 2**-9, sums of 2**-14 (see `fixed_point`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Rows = NDArray[np.int64]
 _BLOCK_ROWS = 128
 """Rows whose sums fit the first-level cache."""
 _ROUNDER = np.float32(1.5 * 2**23)
-"""Adding and subtracting it rounds a float to the nearest integer, halves to even."""
+"""Adding and then subtracting this number rounds a float to the nearest integer, ties to even."""
 _UNITS, _RESIDUAL = np.float32(WEIGHT_UNITS), np.float32(MAX_RESIDUAL)
 _ACTIVATION, _ZERO = np.float32(MAX_ACTIVATION), np.float32(0)
 
@@ -45,7 +45,7 @@ def activation(feature: np.float32) -> np.float32:
 
 @cache
 def convolution(channels: int) -> Callable[..., None]:
-    """Compile a 3x3x3 convolution that adds to the features of some rows of a level."""
+    """Compile a 3x3x3 convolution whose result is added to the features of selected rows."""
 
     def convolve(
         table: NeighbourTable, features: Floats32, active: Floats32, rows: Rows, first: int,

@@ -1,8 +1,7 @@
-"""Context mixing of symbols: the network's probabilities combined with adaptive statistics.
+"""Context mixing of the bits of symbols, each the occupancy of a child.
 
-A bit of a symbol is the occupancy of a child. Its probability is mixed with those of adaptive
-contexts, which learn the scan's statistics from the causal neighbourhood. Integer arithmetic makes
-all machines decode identically.
+The network's probability of a bit is mixed with those of adaptive contexts, which learn the scan's
+statistics from the causal neighbourhood.
 """
 
 from __future__ import annotations
@@ -32,15 +31,15 @@ Ints = NDArray[np.int64]
 _TREE_NODES = VALUES - 1
 """Nodes of the binary tree of a symbol's four bits."""
 _BIT_KINDS = 2 * GROUPS * _TREE_NODES
-"""Kinds of bits: by group, by first or second symbol, by the bits of the symbol so far."""
+"""Kinds of bits: by group, symbol (first or second), and preceding bits of the symbol."""
 _BIT_PLACES = 8
-"""Places of bits: by first or second symbol, by the index of the bit."""
+"""Places of bits: by symbol (first or second) and index of the bit."""
 _STATES = 27
 """States of three cells, each empty, unknown or occupied."""
 _FACE_COUNTS = 7 * 4
-"""Pairs of the numbers of occupied and of unknown cells at a child's faces."""
+"""Combinations of the numbers of occupied (0-6) and unknown (0-3) cells at a child's faces."""
 _PROBABILITY_STEPS = 25
-"""Steps of the network's probability, half a unit of the logistic domain each."""
+"""Number of steps, each 1/2 wide, of the logit of the network's probability."""
 _SIZES = (
     64 * _BIT_KINDS,
     7 * VALUES * _BIT_KINDS,
@@ -58,8 +57,8 @@ _SIZES = (
 _STARTS = np.cumsum((0, *_SIZES))
 _CONTEXTS = int(_STARTS[-1])
 _ROWS = (_BIT_KINDS, 2 * _FACE_COUNTS, _BIT_PLACES * _STATES)
-"""Sets of weights: by the kind of bit, by the numbers of cells at the child's faces, and by the
-states of these cells."""
+"""Rows of the three sets of weights: by the kind of bit, by the numbers of cells at the child's
+faces, and by the states of those outside the voxel."""
 _BY_FACE_COUNTS, _BY_CELLS = _ROWS[0], _ROWS[0] + _ROWS[1]
 _MIXER = MixerOptions(
     experts=1,
@@ -147,7 +146,7 @@ def _code_symbols(
 
 @compiled_in_place
 def _first_symbol(code: int, half: int) -> int:
-    """Return the first symbol of an occupancy, or 0 while it is being coded."""
+    """Return the first symbol of an occupancy, or 0 while that symbol is being coded."""
     return half * (code & 1 | code >> 2 & 2 | code >> 3 & 4 | code >> 3 & 8)
 
 
@@ -156,20 +155,20 @@ def _find_contexts(
     mixer: Mixer, cells: CellMasks, starts: Ints, child: int, place: int, logit_step: int,
     occupied: int, unknown: int,
 ) -> None:  # fmt: skip
-    """Compute the contexts of a child's bit, and its sets of mixing weights.
+    """Compute the contexts of a child's bit, and the rows of mixing weights.
 
-    The caller adds the kind of the bit. In this order:
+    The caller completes contexts 0, 1 and 10. Cells are those near the child:
 
     0. neighbours at the voxel's faces
-    1. the voxel's first symbol and its number of neighbours
-    2. cells at the child's faces
-    3. numbers of cells at its faces, edges and corners
-    4. cells at its faces outside the voxel, and two steps away
-    5. numbers of cells far away and near
-    6. cells at its faces, and at its edges outside the voxel
-    7. cells at its faces outside the voxel, and the six beside these
-    8. the network's probability, and the cells of 4
-    9. cells at its faces inside the voxel, which show the cloud's density
+    1. the voxel's first symbol and number of neighbours
+    2. cells at faces
+    3. numbers of cells at faces, edges and corners
+    4. cells at faces outside the voxel, and two steps away
+    5. numbers of cells far away, at faces, and at edges inside the voxel
+    6. cells at faces, and at edges outside the voxel
+    7. cells at faces outside the voxel, and six cells beside those
+    8. the network's probability, and the cells of context 4
+    9. cells at faces inside the voxel, which show the cloud's density
     10. orientation of the voxel's neighbours, and cells two steps away
     """
     half = place >> 2

@@ -1,7 +1,7 @@
-"""The sparse octree net: predicts the symbols of voxels, level by level, from features.
+"""The sparse octree net, which predicts the symbols of voxels, level by level, from features.
 
-All levels share the weights. The features of voxels give those of their children. The voxels of a
-level are coded in groups; a convolution before each group uses the symbols of previous groups.
+All levels share the weights. Parents' features give those of their children. The voxels of a level
+are coded in groups; a convolution before each group uses the symbols of previous groups.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The stream of the sparse octree net, in this order:
 
 * magic "PBON", version, CRC-32 of the rest
-* digest of the weights (8 bytes), scale (float64), origin (3 int32), grid (0, or 1 and unit and
-  offset, 4 float64), number of parts (uint8)
+* digest of the weights (8 bytes), scale (float64), origin (3 int32), grid (uint8: 0 for the
+  default; or 1, followed by unit and offset, 4 float64), number of parts (uint8)
 * each part of the cloud: number of voxels (uint32) and of network-coded levels (uint8), lengths in
   bytes of top level (uint16) and symbols (uint32), top level, symbols
 """
@@ -28,12 +28,12 @@ _MAX_TOTAL = 2**25
 _TOTAL, _TOTAL_PER_BYTE = 5 * 2**19, 64
 """Maximum voxels of all parts, and additional voxels per byte of their symbols."""
 _MAX_VOXELS_PER_BYTE = 2**14
-"""Eight binary decisions of at least 0.0007 bits each decode at most 8 voxels."""
+"""Maximum voxels per byte: eight decisions, of at least 0.0007 bits, decode up to 8 voxels."""
 _NODES, _NODES_PER_BYTE = 2**17, 4
-"""Maximum voxels of the levels above the finest, and additional voxels per byte, besides 3/8 of the
-finest level's voxels (a plane needs 1/3). The network takes about 4 microseconds for each."""
+"""Maximum voxels of all levels above the finest, and additional voxels per byte, besides 3/8 of the
+finest level's voxels (a plane needs 1/3). The network takes about 4 microseconds per voxel."""
 _MIN_SCALE = 2.0**-400
-"""Smaller scales could exceed the range of coordinates."""
+"""Minimum scale; with smaller scales, coordinates could overflow."""
 _FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
 _HEADER = struct.Struct("<8sd3iB")
 _GRID = struct.Struct("<4d")
@@ -74,9 +74,7 @@ def write_stream(content: OctreeNetStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> OctreeNetStream:
-    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
-    another codec or version.
-    """
+    """Parse a stream; raise InputError if it is damaged, or of another codec or version."""
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, scale, x, y, z, has_grid = _HEADER.unpack(reader.take(_HEADER.size))
     grid = _read_grid(reader) if has_grid else InputGrid()
@@ -103,7 +101,7 @@ def _read_part(reader: Reader) -> CodedPart:
 
 
 def max_nodes(part: CodedPart) -> int:
-    """Return the maximum number of voxels above the finest level for a part's size."""
+    """Return the maximum number of voxels, above the finest level, of a part of this size."""
     return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
 
 

@@ -1,7 +1,7 @@
-"""Occupancy of a voxel's eight children as two symbols, their frequencies, and groups of voxels.
+"""Occupancy of a voxel's eight children as two 4-bit symbols, and groups of voxels.
 
-The first symbol holds the four children whose coordinates have an even sum, the second the others.
-Only children of different symbols share faces, so that one symbol predicts the other.
+The first symbol holds the four children with an even sum of coordinates, the second those with an
+odd sum. Only children of different symbols share faces, so that one symbol predicts the other.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ Frequencies = NDArray[np.int32]
 EVEN, ODD = (0, 3, 5, 6), (1, 2, 4, 7)
 VALUES = 16
 GROUPS = 4
-"""Number of groups of voxels, coded in order. The four voxels of a layer of a 2x2x2 block are in
-four groups, so that the first shows the position of a plane to the other three."""
+"""Number of groups of voxels, coded one after another. The voxels of a layer of a 2x2x2 block are
+in four groups, so that the first shows where a plane lies."""
 _GROUP = np.array([0, 1, 2, 3, 3, 2, 1, 0])
 _CODES = np.arange(256)
 _FREQUENCY_BITS = 16
@@ -62,7 +62,7 @@ def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
 
 @cache
 def powers_of_two() -> Frequencies:
-    """Return 2**(16 - d / UNITS), rounded, for d = 0, 1, ... down to `_MIN_FREQUENCY`."""
+    """Return 2**(16 - d / UNITS), rounded, for d = 0, 1, ..., down to `_MIN_FREQUENCY`."""
     steps = range((_FREQUENCY_BITS - 3) * UNITS + 1)
     exact = [Decimal(2) ** (_FREQUENCY_BITS - Decimal(d) / UNITS) for d in steps]
     return np.array([round(power) for power in exact], dtype=np.int32)

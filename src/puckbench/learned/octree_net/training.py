@@ -1,7 +1,7 @@
-"""Training of the sparse octree net: bits of a batch's symbols as the loss, and the optimiser step.
+"""Training of the sparse octree net: the loss (bits of a batch's symbols) and the optimiser step.
 
-Training uses fixed-point arithmetic, too, so that rounding weights to integers changes nothing.
-Gradients pass rounding unchanged.
+Training uses the codec's fixed-point arithmetic, so that rounding weights to integers changes
+nothing.
 """
 
 from __future__ import annotations
@@ -25,13 +25,11 @@ from puckbench.learned.training.loop import BaseTrainer
 from puckbench.learned.training.settings import BaseTraining
 
 _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
-"""Maximum sum of the absolute weights of one output feature, with which its sums stay exact."""
+"""Maximum sum of an output feature's absolute weights that keeps the feature's sums exact."""
 
 
 def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
-    """Return the bits of the symbols in each of the `levels` levels above the voxels, coarsest
-    first.
-    """
+    """Return the bits of symbols per level, `levels` levels above the voxels, coarsest first."""
     device = model.root.device
     sets, child_maps = pyramid(keys, levels, pool)
     features = model.root_features(len(sets[-1]))

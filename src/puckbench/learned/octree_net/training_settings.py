@@ -23,9 +23,9 @@ class OctreeNetTraining(BaseTraining):
     scales
         Scales of the coarsest and of the finest grid from which cubes are cut.
     convolutions
-        Convolutions of a level before its first group of voxels.
+        Number of convolutions before the first group of voxels of a level.
     symmetries
-        Number of symmetries in which examples are drawn: all 48, or the 8 about the vertical axis.
+        Number of random symmetries of examples: all 48, or the 8 about the vertical axis.
     """
 
     steps: PositiveInt = 3000

@@ -24,7 +24,7 @@ class OctreeNetWeights:
 
 
 def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
-    """Write the network's weights as integers; raise InputError if its sums might be inexact."""
+    """Write a network's weights as integers; raise InputError if sums might be inexact."""
     model.check_exact()
     header_fields = {
         "network": OCTREE_NET.name,
@@ -40,10 +40,9 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
-    """Read trained weights, a shipped set by name or a file by path.
+    """Read trained weights: a shipped set by name, or a file by path.
 
-    Raises InputError if they are damaged, of another network, or so large that sums would be
-    inexact.
+    Raises InputError if they are damaged, of another network, or too large for exact sums.
     """
     path = weights_path(where)
     contents = read_weights(path)

@@ -1,12 +1,10 @@
 """PCGCv1: learned point-cloud geometry coding of dense cubes with a hyper-prior.
 
-`Pcgcv1Encoder` and `Pcgcv1Decoder` give access to the parts of a stream, `Pcgcv1Training` sets up
-training.
+`Pcgcv1Encoder` and `Pcgcv1Decoder` give access to the parts of a stream.
 
 References
 ----------
-Wang, Zhu, Liu, Ma: "Lossy Point Cloud Geometry Compression via End-to-End Learning", IEEE TCSVT
-2021.
+Wang et al.: "Lossy Point Cloud Geometry Compression via End-to-End Learning", IEEE TCSVT 2021.
 """
 
 from typing import TYPE_CHECKING

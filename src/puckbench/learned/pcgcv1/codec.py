@@ -37,19 +37,19 @@ def encode(
     scale
         Voxels per step of the finest grid, before coarsening.
     mean_occupied_children, grid_level_offset
-        Grid of the voxels, see `choose_grid_level`; by default that of the input.
+        Choice of the voxel grid, see `choose_grid_level`; by default the input's grid.
     rho
         Decoded voxels per occupied voxel.
     min_points
         Minimum voxels of a cube that the network codes.
     sparse_cubes
-        Code sparser cubes losslessly; the authors drop them.
+        Code cubes with fewer voxels losslessly; the authors drop such cubes.
     context_mixing
         Mix the Laplace distributions of the latent with adaptive contexts.
     point_reconstruction
         Decode as many points as were encoded, instead of voxel centres.
     threads
-        By default PyTorch's number; does not affect the stream.
+        Number of threads, by default PyTorch's.
 
     Raises
     ------

@@ -59,7 +59,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Pcgcv1Encoder:
-    """Encodes points at one rate; fields are options of `codec.encode`."""
+    """Encoder of points at one rate; the fields are options of `codec.encode`."""
 
     weights: Pcgcv1Weights
     rate: int

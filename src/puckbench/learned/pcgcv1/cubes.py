@@ -48,7 +48,7 @@ def in_order(positions: NDArray[np.integer[Any]]) -> Voxels:
 
 
 def cubes_of(voxels: Voxels, side: int) -> OccupiedCubes:
-    """Divide voxels (n, 3) into cubes; they may be unordered and contain duplicates."""
+    """Divide voxels (n, 3), in any order and with duplicates, into cubes."""
     cube_positions = voxels // side
     x, y, z = (voxels - cube_positions * side).T
     keys = (x * side + y) * side + z

@@ -88,7 +88,7 @@ class LatentPositions:
 
 
 def latent_positions(support: CodedCubes) -> LatentPositions | None:
-    """Return the positions, or None if there are none, too many, or some too far apart."""
+    """Return the positions, or None if there are none or too many, or they are too far apart."""
     cube, *inside = np.nonzero(support.blocks)
     if not 0 < len(cube) <= _MAX_POSITIONS:
         return None
@@ -112,7 +112,7 @@ def checksum(indexes: TableIndexes) -> int:
 
 
 def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
-    """Encode integers from 1 to `max_value`: adaptively coded bit length, then the bits."""
+    """Encode integers from 1 to `max_value`: first the bit length, adaptively, then the bits."""
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()

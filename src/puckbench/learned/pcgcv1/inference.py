@@ -1,7 +1,7 @@
-"""Inference of PCGCv1 for coding, one cube at a time per thread, arranged for vector units.
+"""Inference of PCGCv1, one cube at a time per thread, arranged for vector units.
 
-A vector unit computes sixteen output channels at once; layers with fewer compute p neighbouring
-voxels jointly, by a kernel of 3x3x(2 + p) voxels with stride p and p times the output channels.
+A vector unit computes sixteen output channels at once; layers with fewer channels compute p
+adjacent voxels jointly, by a kernel of 3x3x(2 + p) voxels with stride p and p times the channels.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ from puckbench.learned.pcgcv1.occupied_blocks import STRIDE, Bools
 
 _LANES = 16
 _TILE = 4
-"""Maximum voxels computed jointly along an axis; the layer with one output computes 4x4."""
+"""Maximum voxels computed jointly along an axis; the layer of one channel computes 4x4."""
 _CHUNK_ROWS = 16384
 """Voxels of a chunk that stays in the cache while the last layers of a block are applied."""
 _MARGIN = 16
-"""Margin around the voxels of a cube. Seven 3x3x3 layers reach seven voxels to each side, so that
-features within `_INVALID_MARGIN` of a border inside the cube are wrong and discarded."""
+"""Margin, in voxels, of a cube's computed part around occupied voxels. Seven 3x3x3 layers reach
+seven voxels, so that features within `_INVALID_MARGIN` of a border of the part inside the cube are
+wrong and discarded."""
 _INVALID_MARGIN = 8
 _SYNTHESIS_MARGIN = 8
-"""Margin around the blocks whose logits are needed: seven layers, and one voxel where a transposed
-convolution lacks the previous input."""
+"""Margin, in voxels, around the blocks whose logits are needed: seven for the layers, and one where
+a transposed convolution lacks the previous input."""
 _SIDE_MULTIPLE = 16
-"""Sides of the computed part of a cube are multiples of this, since oneDNN keeps a program and
+"""Sides of the computed part are multiples of this number, since oneDNN keeps a program and
 megabytes of memory for each layer and shape."""
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
@@ -91,7 +92,7 @@ class CpuTransforms:
             return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
-        """Return features at stride 2; far from all voxels they are copied from an empty cube."""
+        """Return features at stride 2; far from occupied voxels, copy those of an empty cube."""
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
@@ -235,8 +236,7 @@ def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 class PolyphaseConv:
     """A transposed convolution and its ReLU in polyphase form, by the parity of x and y.
 
-    Along an axis an even output has two inputs, an odd one has one. Four small kernels avoid
-    products with zeros. Both parities of z are computed jointly.
+    Four small kernels avoid products with zeros. Both parities of z are computed jointly.
     """
 
     layers: tuple[

@@ -1,8 +1,8 @@
-"""Layer-sequential unit-variance initialisation of PCGCv1, without which it does not learn.
+"""Layer-sequential unit-variance initialisation, without which PCGCv1 does not learn.
 
-PyTorch's gives the latent a standard deviation of 0.05, far below the noise that replaces rounding.
-Therefore each layer's weights in turn are divided by the standard deviation of its output for an
-example.
+PyTorch's initialisation gives the latent a standard deviation of 0.05, far below the noise that
+replaces rounding. Therefore each layer's weights in turn are divided by the standard deviation of
+the layer's output for an example.
 
 References
 ----------
@@ -23,7 +23,7 @@ from puckbench.learned.pcgcv1.model import PCGCv1
 
 _DEVIATIONS = {"conv1_2": 0.3, "conv2_3": 0.3, "g_a.conv_out": 4.0, "h_a.conv3": 3.0,
                "g_s.conv_out": 0.5}  # fmt: skip
-"""Standard deviations other than one: of residuals, of the rounded values, and of the logits."""
+"""Standard deviations other than one: of residuals, of values to be rounded, and of logits."""
 _EMPTY_PER_OCCUPIED = 3.0
 """Empty voxels per occupied voxel according to the initial logits."""
 

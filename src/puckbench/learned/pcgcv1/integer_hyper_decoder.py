@@ -1,7 +1,7 @@
 """The hyper-synthesis transform h_s in integers, with equal results on every machine.
 
-Weights are rounded to 2**-16 and features to 2**-12; products and sums are integers below 2**53,
-exact in double precision (see the reference of `octree_net.fixed_point`).
+Weights are rounded to multiples of 2**-16, features of 2**-12; products and sums are integers below
+2**53, exact in double precision (see the reference of `octree_net.fixed_point`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The conditional entropy model: Laplace distributions of integers, as 1,024 integer tables.
 
-Location and scale of each latent value, from the hyper-synthesis transform in units of 2**-12,
-select one of 64 scales and one of 16 offsets between two integers. A correctly rounded exponential
+The hyper-synthesis transform gives each latent value's location and scale in units of 2**-12, which
+select one of 16 offsets between two integers and one of 64 scales. A correctly rounded exponential
 and multiplications give the same tables on every machine.
 """
 
@@ -64,7 +64,7 @@ def _scale(level: Decimal) -> Decimal:
 
 
 _CONTEXT = Context(prec=40)
-"""The exponential of `decimal` is correctly rounded; those of C libraries differ by machine."""
+"""Unlike C libraries, `decimal` rounds exponentials correctly."""
 
 
 @cache

@@ -1,9 +1,9 @@
 """The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyper-prior.
 
-It is that of section III and figure 5 of the paper (see `puckbench.learned.pcgcv1`), with the
-authors' names of layers, and may serve several rates (see `gains`).
+The network follows section III and figure 5 of the paper (see `puckbench.learned.pcgcv1`); layers
+have the authors' names. Gains are not in the paper (see `gains`).
 
-Convolutions pad as TensorFlow's 'same': a stride of two pads one voxel at the far end only, and a
+Padding is TensorFlow's 'same': a convolution of stride two pads one voxel at the far end only, a
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 """
 
@@ -180,7 +180,7 @@ class HyperSynthesis(nn.Module):
 
 
 class PCGCv1(MultiRateNetwork):
-    """Transforms g_a, g_s, h_a and h_s, and a bottleneck of z and gains of y for each rate."""
+    """Transforms g_a, g_s, h_a, h_s; for each rate, an entropy bottleneck of z and gains of y."""
 
     Shape = Pcgcv1Shape
     shape: Pcgcv1Shape

@@ -1,8 +1,8 @@
-"""Occupied blocks of cubes.
+"""Occupied blocks of cubes, which are not in the paper.
 
 A block is the 4x4x4 voxels of one position of the latent. Networks trained with blocks omit the
-latent of empty blocks. Their decoder places at least one voxel in each occupied block and none
-elsewhere, which avoids holes and outliers. The paper has no such blocks.
+latent of empty blocks. The decoder places voxels in all occupied blocks and none elsewhere, which
+avoids holes and outliers.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from puckbench.learned.pcgcv1.cubes import Int64s, OccupiedCubes, Voxels, in_ord
 from puckbench.learned.sparse.layers import top_k
 
 STRIDE = 4
-"""Voxels along an edge of a block; the hyper-latent has a position for 2x2x2 blocks."""
+"""Voxels along an edge of a block; the hyper-latent has one position per 2x2x2 blocks."""
 Bools = NDArray[np.bool_]
 N = TypeVar("N", bound=np.number[Any])
 
@@ -61,8 +61,8 @@ def rows_of(values: NDArray[N], blocks: Bools) -> NDArray[N]:
 def most_likely_per_block(logits: NDArray[np.float32], blocks: Bools, count: int) -> Int64s:
     """Return the ascending keys of the `count` voxels of a cube that a decoder keeps.
 
-    They are the most likely voxel of each occupied block (s, s, s), then the most likely others by
-    their logits (side**3,).
+    The most likely voxel of each occupied block (s, s, s) has priority; the other voxels are ranked
+    by their logits (side**3,).
     """
     side = blocks.shape[0] * STRIDE
     rows = _in_blocks(logits.reshape(side, side, side))[blocks]

@@ -2,10 +2,10 @@
 
 * magic "PCG1", version, CRC-32 of the rest
 * digest of the weights (8 bytes), index of the rate, scale (double), whether context mixing codes
-  the latent (1 byte), points per voxel in 256ths (2 bytes; 0: one in the centre)
+  the latent (1 byte), points per voxel in 256ths (2 bytes; 0: one point in the centre)
 * base-128 numbers: lengths in bytes of positions, counts, sparse voxels and latent; number of cubes
-* positions of the cubes, or of their occupied blocks if the weights were trained with these
-  (octree); voxels to keep in each cube; voxels of sparse cubes (octree); latent
+* octree of the cubes, or of occupied blocks if the weights were trained with such blocks; number of
+  voxels to keep in each cube; octree of the voxels in sparse cubes; latent
 * each batch of cubes: CRC-32 of the tables of the latent, length of the hyper-latents in bytes
   (base-128), hyper-latents
 """
@@ -24,10 +24,10 @@ VERSION = 4
 BATCH = 32
 """Cubes of a batch; the last batch may have fewer."""
 _SCALES = (2.0**-400, 2.0**16)
-"""Bounds of the scale; smaller ones could exceed the range of coordinates."""
+"""Bounds of the scale; with smaller scales, coordinates could overflow."""
 _VOXELS, _VOXELS_PER_BYTE = 3 * 2**20, 2**13
 """Maximum voxels of all cubes, and additional voxels per byte: 12 cubes of side 64, which take
-about 3 s, and one more cube per 32 bytes. Cubes of scans have more than 140 bytes."""
+about 3 s, and one more cube per 32 bytes. Cubes of scans take more than 140 bytes each."""
 _KEPT, _KEPT_PER_BYTE = 2**19, 2**10
 _SPARSE, _SPARSE_PER_BYTE = 2**16, 16
 _FRAMING = Framing(MAGIC, VERSION, "PCGCv1")
@@ -92,14 +92,12 @@ def check_work(content: Pcgcv1Stream, side: int, decoded_voxels: int) -> None:
 
 
 def max_sparse(content: Pcgcv1Stream) -> int:
-    """Return the maximum number of losslessly coded voxels, each of which takes over half a bit."""
+    """Return the maximum number of losslessly coded voxels, of over half a bit each."""
     return min(_SPARSE + _SPARSE_PER_BYTE * len(content.sparse), 2**21)
 
 
 def read_stream(stream: bytes) -> Pcgcv1Stream:
-    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
-    another codec or version.
-    """
+    """Parse a stream; raise InputError if it is damaged, or of another codec or version."""
     _, body = _FRAMING.unframed(stream)
     return _read_body(Reader(body))
 

@@ -2,7 +2,7 @@
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
 dominates. R is the bits of latent and hyper-latent per point, D (as in the paper) ``beta * cross
-entropy of empty voxels + cross entropy of occupied voxels``, each a mean in nats without voxels
+entropy of empty voxels + cross entropy of occupied voxels``. Both are means in nats, without voxels
 that the decoder knows to be empty. Uniform noise replaces rounding.
 """
 

@@ -21,8 +21,8 @@ class Pcgcv1Training(MultiRateTraining):
     Parameters
     ----------
     rate_warm_up
-        Fraction of the steps during which the rate's weight in the loss grows to one; with the full
-        weight from the start, the network learns not to use its latent.
+        Fraction of the steps during which the rate's weight in the loss grows to 1; with weight 1
+        from the start, the network learns not to use its latent.
     """
 
     batch_size: PositiveInt = 2

@@ -1,7 +1,7 @@
 """Weights of PCGCv1: sets trained by puckbench, and the authors' archives with renamed parameters.
 
-A kernel in the authors' NumPy archives is [d, h, w, in, out], that of a transposed convolution
-[d, h, w, out, in].
+In the authors' NumPy archives, kernels have the axes (d, h, w, in, out), those of transposed
+convolutions (d, h, w, out, in).
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ _LAYERS = {
     "hyper_decoder/conv4_2": "h_s.scale",
 }
 _BOTTLENECK = {"matrix": "matrices", "bais": "biases", "factor": "factors"}
-"""The misspelling is the authors'."""
+"""The authors misspell "bias"."""
 _KERNEL_AXES = (4, 3, 0, 1, 2)
-"""Both layouts end with the axes that PyTorch has first: (out, in) or, transposed, (in, out)."""
+"""Permutation of the axes of both layouts to PyTorch's order."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Pcgcv1Weights(MultiRateWeights[PCGCv1]):
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
-    """Read trained weights, a shipped set by name, or a set or an authors' archive by path.
+    """Read trained weights: a shipped set by name, or a set or an authors' archive by path.
 
     The transform h_s stays on the CPU, where its sums are exact.
     """

@@ -1,10 +1,10 @@
 """PCGCv2: multiscale learned point-cloud geometry coding with sparse convolutions.
 
-`Pcgcv2Coder` gives access to the parts of a stream, `Pcgcv2Training` sets up training.
+`Pcgcv2Coder` gives access to the parts of a stream.
 
 References
 ----------
-Wang, Ding, Li, Ma: "Multiscale Point Cloud Geometry Compression", DCC 2021.
+Wang et al.: "Multiscale Point Cloud Geometry Compression", DCC 2021.
 """
 
 from typing import TYPE_CHECKING

@@ -18,7 +18,7 @@ from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
 from puckbench.learned.weights_file import check_made_with, check_rate
 
 _MAX_RAW_POINTS = 64
-"""Clouds of at most this many points are stored uncompressed: a network would save nothing."""
+"""Clouds of up to this many points are stored uncompressed."""
 
 
 def encode(
@@ -42,13 +42,13 @@ def encode(
     rate
         Index of the rate in ``weights.lmbdas``, lowest bitrate first.
     mean_occupied_children, grid_level_offset
-        Grid of the voxels, see `choose_grid_level`; by default that of the input.
+        Choice of the voxel grid, see `choose_grid_level`; by default the input's grid.
     rho
         Decoded voxels per occupied voxel.
     point_reconstruction
         Decode as many points as were encoded, instead of voxel centres.
     threads
-        By default PyTorch's number; does not affect the stream.
+        Number of threads, by default PyTorch's.
 
     Raises
     ------

@@ -52,9 +52,7 @@ STRIDE = 2**SCALES
 
 @dataclass(frozen=True)
 class Pcgcv2Coder:
-    """Codes voxels at one rate, in blocks of at most about `MAX_VOXELS`; fields are options of
-    `codec.encode`.
-    """
+    """Coder of voxels at one rate, in blocks of about `max_voxels`; see `codec.encode`."""
 
     weights: Pcgcv2Weights
     rate: int
@@ -65,7 +63,7 @@ class Pcgcv2Coder:
     point_reconstruction: bool = True
 
     def encode(self, voxels: Triples, quarter_octaves: int = 0) -> Pcgcv2Stream:
-        """Encode voxels (n, 3) of a grid level, in any order; duplicates count as points."""
+        """Encode voxels (n, 3) of a grid level, in any order; each duplicate counts as a point."""
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
@@ -143,7 +141,7 @@ def _coarse_keys(block: CodedBlock) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int) -> list[Keys]:
-    """Split sorted keys into equal parts of about `max_voxels`; a voxel of stride 8 stays whole."""
+    """Split sorted keys into equal parts of about `max_voxels`, between voxels of stride 8."""
     parts = -(-len(keys) // max_voxels)
     borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
     targets = np.arange(1, parts) * len(keys) // parts

@@ -267,7 +267,7 @@ def decoded_blocks(
     """Return the voxels that remain after all scales, with their siblings.
 
     `one_scale` computes, from the features (n, channels) of n voxels, the features (n, 8, channels)
-    and logits (n, 8) of their children; all are on one device.
+    and logits (n, 8) of their children; all tensors are on one device.
     """
     parents = coarse
     for scale, keep in enumerate(reversed(counts)):

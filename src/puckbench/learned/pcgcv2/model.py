@@ -1,7 +1,7 @@
 """The network of PCGCv2: a sparse-convolution autoencoder with three scales.
 
-It is that of section 3 and figure 1 of the paper (see `puckbench.learned.pcgcv2`), with the
-authors' names of layers, and may serve several rates (see `gains`).
+The network follows section 3 and figure 1 of the paper (see `puckbench.learned.pcgcv2`); layers
+have the authors' names. Gains are not in the paper (see `gains`).
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class Pcgcv2Synthesis(nn.Module):
 
 
 class PCGCv2(MultiRateNetwork):
-    """Transforms g_a and g_s, and an entropy bottleneck and gains of y for each rate."""
+    """Transforms g_a and g_s; for each rate, an entropy bottleneck and gains of y."""
 
     Shape = Pcgcv2Shape
     shape: Pcgcv2Shape

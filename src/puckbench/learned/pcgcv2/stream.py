@@ -3,9 +3,10 @@
 * magic "PCG2", version, kind, CRC-32 of the rest
 * kind 0, a cloud too small for a network: its points, three little-endian doubles each
 * kind 1: digest of the weights (8 bytes), index of the rate, grid level in quarter octaves, coding
-  tools (1: child per parent, 2: context mixing), points per voxel in 256ths (2 bytes; 0: one in
-  the centre); base-128 numbers: origin (3, signed), number of blocks; each block: voxels at
-  strides 1, 2, 4 and 8, lengths in bytes of coordinates and latent; coordinates, latent
+  tools (1: child per parent, 2: context mixing), points per voxel in 256ths (2 bytes; 0: one point
+  in the centre); base-128 numbers: origin (3, signed), number of blocks
+* each block of kind 1: base-128 numbers of voxels at strides 1, 2, 4 and 8, and of bytes of
+  coordinates and latent; coordinates, latent
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ MAX_BLOCKS = 64
 _RAW, _NETWORK = 0, 1
 _COARSE, _COARSE_PER_BYTE = 2**16, 2**8
 """Maximum voxels at strides 2, 4 and 8, and additional voxels per byte of the stream. The network
-takes about 40 microseconds for each; scans have at most about 60 per byte."""
+takes about 40 microseconds per voxel; scans have at most about 60 voxels per byte."""
 _FRAMING = Framing(MAGIC, VERSION, "PCGCv2", header=1)
 _HEADER = struct.Struct("<8sBBBH")
 
@@ -47,9 +48,9 @@ class CodingTools(IntFlag):
     """Coding tools that the authors' program does not have."""
 
     CHILD_PER_PARENT = 1
-    """Each voxel keeps at least its most likely child. Otherwise it may lose all children."""
+    """Each voxel keeps at least its most likely child. Without this tool, it may keep none."""
     CONTEXT_MIXING = 2
-    """Adaptive contexts are mixed with the tables of the entropy bottleneck to code the latent."""
+    """Adaptive contexts are mixed with the entropy bottleneck's tables to code the latent."""
 
 
 ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
@@ -87,8 +88,9 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream, or return the points (n, 3) of a small cloud; counts and errors as in the
-    other codecs.
+    """Parse a stream, or return the points (n, 3) of a small cloud.
+
+    Raises InputError if the stream is damaged, or of another codec or version.
     """
     kind, body = _FRAMING.unframed(stream)
     return _read_raw(body) if kind[0] == _RAW else _read_coded(body)
@@ -143,7 +145,7 @@ def _read_block(reader: Reader) -> CodedBlock:
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
     """Raise InputError if the numbers of voxels at strides 1, 2, 4 and 8 are impossible.
 
-    Voxels have one to eight children on average, those at stride 2 up to eight.
+    Voxels at strides 4 and 8 have one to eight children on average, those at stride 2 up to eight.
     """
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (

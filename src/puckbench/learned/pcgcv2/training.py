@@ -1,10 +1,10 @@
 """Training of PCGCv2: the rate-distortion loss and the optimiser step.
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
-dominates. R is the bits of the latent per point, D the mean binary cross entropy of each scale's
-candidate voxels, in bits. Scales are weighted by their voxels' side (equally by the authors), since
-a voxel lost at stride 4 cannot be recovered. Uniform noise replaces rounding. In training, a
-scale's voxels are the occupied ones and those that the network selects.
+dominates. R is the bits of the latent per point. D sums over scales the mean binary cross entropy,
+in bits, of candidate voxels, weighted by the side of the voxels (equally by the authors), since a
+voxel lost at stride 4 cannot be recovered. Uniform noise replaces rounding. In training, a scale
+keeps both the occupied voxels and those that the network selects.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from puckbench.learned.training.loop import BaseTrainer
 from puckbench.learned.training.settings import MultiRateTraining
 
 SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
-"""Weights of strides 4, 2 and 1 in the loss; their sum is that of the authors' loss."""
+"""Weights of strides 4, 2 and 1 in the loss, with the same sum as the authors' weights."""
 
 
 class Pcgcv2Loss(NamedTuple):

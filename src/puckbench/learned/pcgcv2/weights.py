@@ -26,7 +26,7 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read trained weights, a shipped set by name, or a set or an authors' checkpoint by path."""
+    """Read trained weights: a shipped set by name, or a set or an authors' checkpoint by path."""
     path = weights_path(where)
     weights = load_multi_rate(path, PCGCV2, PCGCv2, load_published)
     placed(weights.model, device)

@@ -1,11 +1,10 @@
 """RENO: lossless coding of LiDAR voxels by sparse convolutions, with its authors' weights.
 
-`load_weights` reads a checkpoint of the authors. `RenoCoder` codes voxels by their Morton keys.
+`load_weights` reads a checkpoint of the authors.
 
 References
 ----------
-You, Chen, Ding, Asif, Ma: "RENO: Real-Time Neural Compression for 3D LiDAR Point Clouds", CVPR
-2025.
+You et al.: "RENO: Real-Time Neural Compression for 3D LiDAR Point Clouds", CVPR 2025.
 """
 
 from typing import TYPE_CHECKING

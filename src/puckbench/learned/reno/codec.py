@@ -1,7 +1,7 @@
-"""Encode points in millimetres to the bytes of a RENO stream, and decode them.
+"""Encode points in millimetres to RENO streams, and decode such streams.
 
-The grid is that of the authors' program: distances in millimetres from a corner 131,072 mm below
-the origin are divided by the grid step (posQ in the program) and rounded, ties to even.
+The grid is that of the authors' program: coordinates from a corner, at -131,072 mm on each axis,
+are divided by the grid step (posQ in the program) and rounded, ties to even.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OFFSET = 131072
 
 
 def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | None = None) -> bytes:
-    """Encode points losslessly on a grid with the step posQ.
+    """Quantise points to a grid of step posQ, and encode the voxels losslessly.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     posq
         Step of the grid in mm, a number in half precision.
     threads
-        By default PyTorch's number; does not affect the stream.
+        Number of threads, by default PyTorch's.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
 def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
     """Return the points (m, 3), in mm, of a stream made with these weights.
 
-    Raises InputError if this machine computes differently and the points are wrong.
+    Raises InputError if the points are wrong because this machine computes differently.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
@@ -69,9 +69,9 @@ def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | Non
 
 
 def _grid_offsets(points: Floats) -> NDArray[np.int64]:
-    """Return each axis' grid offset in units of 131,072 mm: the authors' 1 where that suffices.
+    """Return each axis' distance from the grid's corner to the origin, in units of 131,072 mm.
 
-    Clouds below or far beyond the corner of the authors' grid get another corner.
+    The distance is 1, as in the authors' program, unless coordinates exceed +-131,072 mm.
     """
     least, most = points.min(axis=0), points.max(axis=0)
     is_near = (least >= -OFFSET) & (most < OFFSET)

@@ -31,7 +31,7 @@ from puckbench.learned.sparse.voxels import (
 )
 
 Code = Callable[[int, Cumulative], Symbols]
-"""Codes the first or the second symbols of a level, and returns them."""
+"""Function that codes and returns the first or second symbols of a level."""
 OTHER_RESULT = (
     "the stream decodes to other points than were coded: this machine does not compute as the "
     "encoder's did (or the stream is damaged)"
@@ -40,9 +40,7 @@ OTHER_RESULT = (
 
 @dataclass(frozen=True)
 class RenoCoder:
-    """Codes voxels by their Morton keys, level by level; results do not depend on the number of
-    threads.
-    """
+    """Coder of voxels given as Morton keys; results do not depend on the number of threads."""
 
     weights: RenoWeights
     threads: int | None = None

@@ -30,7 +30,7 @@ def target_features(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """Return the features of child voxels, computed from the features of their parents.
+    """Return the features of children, computed from those of their parents.
 
     `slots` (n,) are the children's slots (see `sparse.voxels`), `table` holds their neighbours.
     """
@@ -71,7 +71,7 @@ def predicted(
     pool: ThreadPool,
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
-    """Return cumulative frequencies (n, 17) of first symbols, or of second ones after `first`."""
+    """Return cumulative frequencies (n, 17) of first symbols or, given `first`, of second ones."""
     layers, predict = weights.heads[half], head(weights.channels)
     rows = len(features) // weights.channels
     result = np.empty((rows, VALUES + 1), np.int32)

@@ -27,7 +27,7 @@ _BLOCK_ROWS = 128
 """Rows whose sums fit the first-level cache."""
 _ZERO = np.float32(0)
 _SPREAD = float(2**CDF_BITS - VALUES)
-"""Total frequency minus one for each value."""
+"""Total frequency, minus 1 for each of the 16 values."""
 _LEAST_EXPONENT = 64
 _POWERS = 2.0 ** np.arange(-_LEAST_EXPONENT, 1)
 _TERMS = np.array([1 / math.factorial(n) for n in range(13, -1, -1)])
@@ -36,10 +36,10 @@ _LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 
 @cache
 def convolution(channels: int) -> Callable[..., None]:
-    """Compile a 3x3x3 convolution and ReLU, before which a residual may be added.
+    """Compile a 3x3x3 convolution and ReLU; a residual may be added before the ReLU.
 
-    Features outside the set are zero. A sum starts with the residual; neighbours are added in the
-    order of offsets, x fastest.
+    Features outside the set of voxels are zero. A sum starts with the residual; neighbours follow
+    in the order of offsets, x fastest.
     """
 
     def convolve(

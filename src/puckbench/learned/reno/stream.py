@@ -1,12 +1,12 @@
-"""The stream of RENO: a header that identifies it, then the stream of the authors' program.
+"""The stream of RENO: an identifying header, then the stream of the authors' program.
 
 * magic "RENO", version, CRC-32 of the rest
-* digest of the weights (8 bytes), number of decoded voxels (uint32), CRC-32 of their keys in Morton
-  order, 8 bytes each (uint32); grid offsets of the axes in 131,072 mm (3 signed base-128 numbers)
-* as the authors' program: posQ in mm (float16), number of voxels of the coarsest level, the base
-  (int32), their coordinates (3 int32 each) and occupancies (uint8 each), number of runs of symbols
-  (uint16), each run's length in bytes (uint32) and the run: first and second symbols of each level
-  below the base
+* digest of the weights (8 bytes), number of decoded voxels (uint32), CRC-32 of their sorted Morton
+  keys, 8 bytes each (uint32); offsets of the grid in 131,072 mm (3 signed base-128 numbers)
+* authors' stream: posQ in mm (float16); voxels of the base, which is the coarsest level: number
+  (int32), coordinates (3 int32 each), occupancies (uint8 each); number of runs of symbols (uint16);
+  each run, preceded by the length in bytes (uint32). Each level below the base has a run of first
+  and a run of second symbols.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MAX_BASE = 64
 MAX_LEVEL = 2**22
 """Maximum voxels of a level that the network codes; each takes about 600 bytes of memory."""
 _NODES, _NODES_PER_BYTE = 2**17, 16
-"""Maximum voxels of all such levels, and additional voxels per byte of the symbols."""
+"""Maximum voxels of all network-coded levels, and additional voxels per byte of the symbols."""
 _MAX_OFFSET = 2**30
 _FRAMING = Framing(MAGIC, VERSION, "RENO")
 _HEADER = struct.Struct("<8sII")
@@ -68,9 +68,7 @@ def write_stream(content: RenoStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> RenoStream:
-    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
-    another codec or version.
-    """
+    """Parse a stream; raise InputError if it is damaged, or of another codec or version."""
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, count, check = _HEADER.unpack(reader.take(_HEADER.size))
     offsets = (reader.signed(), reader.signed(), reader.signed())
@@ -100,11 +98,11 @@ def _check_base(tree: CodedTree) -> None:
 
 
 def max_nodes(tree: CodedTree) -> int:
-    """Return the maximum number of network-coded voxels, in all levels, for a stream's size."""
+    """Return the maximum number of network-coded voxels in all levels of a stream of this size."""
     return _NODES + _NODES_PER_BYTE * sum(map(len, tree.symbols))
 
 
 def check_work(tree: CodedTree, nodes: int) -> None:
-    """Raise InputError if decoding a tree with `nodes` voxels takes too long for its size."""
+    """Raise InputError if a tree with `nodes` voxels takes too long to decode for its bytes."""
     if nodes > max_nodes(tree) or tree.count > 8 * max_nodes(tree):
         raise InputError("the stream is damaged (too many voxels for its size)")

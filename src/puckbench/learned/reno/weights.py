@@ -13,7 +13,7 @@ from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS
 
 Floats32 = NDArray[np.float32]
 OCCUPANCIES, VALUES = 2**CHILDREN, 16
-"""Numbers of occupancies, and of values of each of the two symbols that code one."""
+"""Numbers of occupancies, and of values of each of the two symbols of an occupancy."""
 MAX_CHANNELS = 256
 _FAULT = "not a checkpoint of RENO"
 _NETWORKS = ("prior_resnet", "target_resnet")

@@ -19,14 +19,14 @@ from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import CENTRE, OFFSETS, NeighbourTable
 
 _CHUNK_FLOATS = 2**20
-"""Approximate number of gathered features of a chunk: larger chunks do not fit the caches of small
-machines, smaller ones spend more time in Python, which only one thread at a time can run."""
+"""Approximate number of gathered features of a chunk. Larger chunks do not fit the caches of small
+machines; smaller chunks spend more time in Python, on one thread."""
 _MIN_ROWS, _MAX_ROWS = 64, 4096
 _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
-"""The same for another device, where starting a computation costs more than a small chunk."""
+"""Features and rows of a chunk on other devices, where starting a computation is slow."""
 
 Matrices = tuple[Tensor, ...]
-"""For each offset between rows, a matrix (count * input channels, count * output channels)."""
+"""Kernel matrix (count * c, count * d) of each offset, where `count` children are connected."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def convolve(
 ) -> Tensor:
     """Convolve features (n, children, c) to (n, children, d); kernel (27, c, d), bias (d,).
 
-    Voxels outside the set count as zero and get no result. The function is differentiable.
+    Voxels outside the set count as zero and get no result.
     """
     pairs = torch.from_numpy(neighbourhood.kernel_map.kernel_of_pair).to(kernel.device)
     result: Tensor = _Convolution.apply(features, kernel[pairs], bias, neighbourhood)  # type: ignore[no-untyped-call]

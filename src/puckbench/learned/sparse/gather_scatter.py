@@ -1,6 +1,6 @@
 """Gathering of neighbours' features, and addition of products to output rows.
 
-Compiled loops for the CPU, and PyTorch's indexing for any device, have equal results.
+Compiled loops for the CPU, and PyTorch's indexing for any device, give equal results.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class CompiledGatherScatter:
 
 
 class TorchGatherScatter:
-    """Gathers and scatters on any device by PyTorch, for a neighbour table (27, n) int64 on it."""
+    """Gathers and scatters by PyTorch on the device of a neighbour table (27, n) int64."""
 
     def __init__(self, table: Tensor) -> None:
         self.table = table

@@ -1,8 +1,8 @@
 """Kernel maps of a sparse 3x3x3 convolution: the kernel matrix of each pair of voxels.
 
 There are two memory layouts. *Voxels*: a row is one voxel. *Blocks*: a row is a parent's eight
-children. An offset between parents connects 8, 4, 2 or 1 children (the parent
-itself, a face, an edge, a corner) with as many others, in 27 larger matrix products.
+children. An offset between parents connects 8 children of one parent (zero offset), 4 (across a
+face), 2 (edge) or 1 (corner) with as many of the other, in 27 larger matrix products.
 """
 
 from __future__ import annotations

@@ -84,10 +84,10 @@ def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
 def kept_children(
     logits: NDArray[np.float32], count: int, child_per_parent: bool = True
 ) -> NDArray[np.int64]:
-    """Return the ascending slots of the `count` most likely children, given logits (m, 8).
+    """Return the ascending slots (8 * parent + child) of the `count` most likely children.
 
-    A slot is 8 * parent + child. With `child_per_parent`, each parent's most likely child has
-    priority; otherwise a parent may lose all children.
+    The logits are (m, 8). With `child_per_parent`, each parent's most likely child has priority;
+    otherwise a parent may lose all children.
     """
     if not child_per_parent:
         return top_k(logits.reshape(-1), count)

@@ -25,7 +25,7 @@ class Scratch:
         self._buffers: dict[str, Tensor] = {}
 
     def take(self, name: str, size: int) -> Tensor:
-        """Return `size` uninitialised floats, which later requests of this name overwrite."""
+        """Return `size` uninitialised floats, shared with later requests for this name."""
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size:
             buffer = self._buffers[name] = torch.empty(size, dtype=torch.float32)

@@ -25,7 +25,7 @@ NeighbourTable = NDArray[np.int32]
 AXIS_BITS = 20
 """Coordinates are below 2**20, so that the keys of a voxel and of its neighbours fit 63 bits."""
 OFFSETS = 27
-"""Offsets of neighbours, 0 included, have the numbers ``(dx + 1) + 3 (dy + 1) + 9 (dz + 1)``."""
+"""Offsets of neighbours, zero included; their indices are ``dx + 1 + 3 (dy + 1) + 9 (dz + 1)``."""
 FACES = (12, 14, 10, 16, 4, 22)
 """Offsets of the neighbours that share a face, in both directions along x, y and z."""
 CENTRE = 13
@@ -60,7 +60,7 @@ def morton_voxels(keys: Keys) -> NDArray[np.int64]:
 
 
 def unique_keys(keys: Keys) -> Keys:
-    """Sort keys and remove duplicates, faster than `numpy.unique`, which uses a hash table."""
+    """Sort keys and remove duplicates, faster than `numpy.unique`."""
     ordered: Keys = np.sort(keys)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
 

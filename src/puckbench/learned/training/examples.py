@@ -17,9 +17,7 @@ Voxels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class CubeExamples:
-    """Random cubes cut from clouds on the integer grid; batches depend only on their number and the
-    seed.
-    """
+    """Random cubes cut from clouds on the integer grid; step and seed determine a batch."""
 
     clouds: Sequence[NDArray[Any]]  # voxels (n, 3)
     cube_size: int = 64  # voxels along an edge
@@ -32,8 +30,9 @@ class CubeExamples:
     kind: ClassVar[str] = "training cubes"  # name of the stream of random numbers
 
     def batch(self, step: int) -> list[Keys]:
-        """Return a step's cubes, in random symmetries, as keys; raise InputError if no cube has
-        enough voxels.
+        """Return a step's cubes, in random symmetries, as keys.
+
+        Raises InputError if no cube has enough voxels.
         """
         rng = generator(self.seed, self.kind, str(step))
         return [self._cube(rng) for _ in range(self.batch_size)]
@@ -64,7 +63,7 @@ class CubeExamples:
 def random_symmetry(
     voxels: Voxels, size: int, rng: np.random.Generator, upright: bool = False
 ) -> Voxels:
-    """Apply to voxels one of the 48 symmetries of a cube, or of the 8 that keep the z axis."""
+    """Apply to voxels a random one of a cube's 48 symmetries, or of the 8 that keep the z axis."""
     axes = 2 if upright else 3
     symmetric = voxels.copy()
     mirrored = np.where(

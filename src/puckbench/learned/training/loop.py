@@ -140,9 +140,9 @@ def train(
 ) -> None:
     """Train to the last step; resume from the checkpoint if the file exists.
 
-    `clouds` returns the batch of a step; it must depend on the step's number alone, so that a
+    `clouds` returns the batch of a step, which must depend on the step's number only, so that a
     resumed training equals an uninterrupted one. `every` is the number of steps between
-    checkpoints; `report` gets the number and loss of each step.
+    checkpoints; `report` gets each step's number and loss.
     """
     if checkpoint.exists():
         trainer.resume(checkpoint)

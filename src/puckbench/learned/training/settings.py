@@ -1,7 +1,7 @@
 """Settings of the training of learned codecs, as pydantic models.
 
 A codec names a subclass of `BaseTraining`, whose fields are the options of a configuration and of
-``puckbench train --options``. This module does not need PyTorch.
+``puckbench train --options``.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from puckbench.learned.training.loop import BaseTrainer
 
 _MIN_VOXELS, _SIZE = 200, 64
-"""Least number of voxels in a cube of this size; smaller cubes need fewer, in proportion to the
-area of a face."""
+"""Minimum voxels of a cube of this side; for smaller cubes, in proportion to a face's area."""
 
 Rates = Mapping[str, Mapping[str, Any]]
 Channels = Annotated[int, Field(gt=0, multiple_of=4)]
@@ -48,7 +47,7 @@ class BaseTraining(Model, ABC):
     cube_size
         Voxels along an edge of a cube.
     learning_rate, final_learning_rate
-        Learning rate at the start and at the end; it falls along half a cosine.
+        Learning rate at the start and at the end, with a cosine schedule between.
     seed
         Seed of initial weights, cubes, and noise that replaces rounding.
     """
@@ -62,7 +61,7 @@ class BaseTraining(Model, ABC):
 
     @abstractmethod
     def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
-        """Open a new model and its optimiser, on CUDA if available, otherwise on the CPU."""
+        """Open a new model with optimiser, on CUDA if available, otherwise on the CPU."""
 
     @abstractmethod
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
@@ -92,10 +91,10 @@ class MultiRateTraining(BaseTraining):
     lmbdas
         Lagrangian weight of the distortion for each rate.
     min_kept_fraction
-        Minimum fraction of its voxels that a cube keeps, so that training includes sparser clouds.
+        Minimum fraction of voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
-        Densities, as mean numbers of occupied children per voxel. Clouds are used on the finest
-        grid, coarsened by whole octaves, that reaches each density.
+        Densities, in occupied children per voxel. For each density, clouds are used on the finest
+        grid, coarsened by whole octaves, that reaches it.
     """
 
     lmbdas: Lmbdas = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
@@ -118,8 +117,6 @@ class MultiRateTraining(BaseTraining):
         )
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates whose lambda is trained; if there are none, a rate per trained
-        lambda.
-        """
+        """Return the rates with a trained lambda; if there are none, a rate per trained lambda."""
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
         return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}

@@ -19,10 +19,10 @@ FRAME, SPOT = "frame", "spot"
 class CalibrationOptions:
     """Options of a calibration.
 
-    Returns of a cell share a bias: one laser in one frame (`cells` is ``"frame"``, virtual scans)
-    or in one direction (``"spot"``, a sensor at rest). For spots, `frame_sigma_m` is the unevenness
-    of the walls, and the lasers' mean bias is assumed to be zero. `parameters` names the fields of
-    `Sigmas` to estimate; the others are zero. Ranges are multiples of `quantum_m`.
+    Returns of a cell share a bias. A cell is one laser in one frame (`cells` is ``"frame"``;
+    virtual scans) or direction (``"spot"``; a sensor at rest). With spots, `frame_sigma_m` is the
+    unevenness of the walls, and the lasers' mean bias is assumed to be zero. `parameters` names the
+    fields of `Sigmas` to estimate; other fields are zero. Ranges are multiples of `quantum_m`.
     """
 
     cells: str = FRAME
@@ -47,8 +47,8 @@ class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
     `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean;
-    empty for several devices. The mean bias `mean`, m, is None if it cannot be separated from the
-    positions of the planes, which are estimated too.
+    they are empty for several devices. `mean`, m, is the lasers' mean bias, or None if inseparable
+    from the estimated positions of the planes.
     """
 
     sigmas: dict[str, Estimate]

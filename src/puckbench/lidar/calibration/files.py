@@ -21,8 +21,9 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Read tables of plane residuals; return them with the name of their common error model
-    (`model`).
+    """Read the plane residuals of one error model from tables; return them with the model's name.
+
+    If `model` is None, the tables must have only one model.
     """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
@@ -44,7 +45,7 @@ def settings_for(
 ) -> CalibrationOptions:
     """Return the options for calibrating an error model, or a real sensor (the model ``real``).
 
-    An option that is None gets the model's default.
+    None selects the model's default of an option.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
@@ -85,7 +86,7 @@ def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -
 def write_calibration(
     path: Path, calibration: Calibration, tables: Sequence[Path]
 ) -> dict[str, Any]:
-    """Write the parameters that were estimated from `tables` to a YAML file; return its content."""
+    """Write the YAML file of a calibration from `tables`; return its content."""
     content = model_file(calibration, [described_table(table) for table in tables])
     write_bytes(path, yaml_text(content).encode())
     return content

@@ -65,7 +65,7 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Maximise the restricted likelihood over the `Sigmas` in `free`, from `start`."""
+    """Maximise the restricted likelihood over the parameters named in `free`, from `start`."""
     first = start or _start(likelihood, free)
     if not free:
         return first
@@ -113,8 +113,8 @@ def intervals(
     """Return estimates with 95 % intervals, by the names in `free`: m, m per rad^2, and m per m.
 
     Intervals come from the curvature of the likelihood (observed Fisher information); if a bias's
-    sigma has a standard error above 10 %, from the profile likelihood, and may begin at zero. Those
-    of ray noise are multiplied by `widening` (`RayShape.widening`).
+    sigma has a standard error above 10 %, its interval comes from the profile likelihood, and may
+    begin at zero. Intervals of ray noise are multiplied by `widening` (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)

@@ -29,9 +29,9 @@ def group_sums(
     """Write the terms of each group of returns in the normal equations to `sums` (g, 16).
 
     With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
-    (3), w z z and the log variances. `groups` are first rows, `values` errors (n,), basis (n, 3)
-    and features (n, 3), whose coefficients `sigma` give the standard deviation, m: at least
-    least[0]; least[1] is added to its square.
+    (3), w z z and the log variances. `groups` are the groups' first rows, and the end; `values` are
+    errors (n,), basis (n, 3) and features (n, 3). The standard deviation, m, is the sum of features
+    times `sigma`, at least ``least[0]``; ``least[1]`` is added to the variance.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -70,10 +70,10 @@ def absorb_cells(
 ) -> tuple[float, float]:
     """Add ``X' V^-1 X`` to `matrix` (p, p) and ``X' V^-1 z`` to `right` (p,).
 
-    The covariance V of the errors z has the rays' variances on its diagonal, and `variance` between
-    returns with the same cell bias; the formula of Sherman and Morrison inverts it. `codes` are
-    each group's cell, surface, and columns of laser and of laser in scan. Returns the decrease of
-    ``z' V^-1 z`` and the increase of ``log |V|`` due to the biases.
+    The covariance V of the errors z is the diagonal of the rays' variances, plus `variance` for
+    each pair of returns in a cell; the formula of Sherman and Morrison inverts V. `codes` are each
+    group's cell, surface, matrix column of the laser, and matrix column of the laser in its scan.
+    Returns the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells' biases.
     """
     cell, surface, laser, scan = codes
     taken, added, first = 0.0, 0.0, 0
@@ -144,8 +144,8 @@ def _take_cell(
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
     """Eliminate the biases of lasers in scans, the columns from `core` on, from the equations.
 
-    Each is normal with the variance `variance`; no equation contains two. Returns the decrease of
-    ``z' V^-1 z`` and the increase of ``log |V|``, as `absorb_cells` does.
+    Each bias is normal with variance `variance`; no equation contains two of them. Returns two
+    numbers as `absorb_cells` does.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -165,7 +165,7 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
     """Return ``log |A|`` and ``b' A^-1 b`` for A = `matrix` and b = `right`.
 
-    They are nan if A is not positive definite.
+    Both are nan unless A is positive definite.
     """
     size = len(matrix)
     lower, y = np.zeros((size, size)), np.zeros(size)

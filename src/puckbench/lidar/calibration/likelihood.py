@@ -50,7 +50,7 @@ class Sigmas:
 
 NAMES = tuple(sigma.name for sigma in fields(Sigmas))
 BIASES, RAYS = NAMES[:3], NAMES[3:]
-"""The sigmas of biases, at least 0, and the parameters of ray noise."""
+"""Names of the sigmas of biases (at least 0), and of the parameters of ray noise."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, equations.squares, equations.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Change the variables from laser biases to their mean and scaled deviations."""
+        """Change variables from laser biases to the mean bias and scaled deviations."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]

@@ -1,8 +1,9 @@
-"""Range errors from tables of plane residuals, which have a row for each return.
+"""Range errors from tables of plane residuals.
 
 The range error is the distance of the measured point from the ray's intersection with the fitted
-plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``; a
-small error of the plane changes the range by ``r^2 d`` times three unknown numbers.
+plane. A ray of direction d meets the plane at distance h with normal n at the range r, with ``1 / r
+= n d / h``. A small error of the plane changes the range by the scalar product of ``r^2 d`` and
+three unknown numbers.
 """
 
 from __future__ import annotations
@@ -47,11 +48,11 @@ class Observations:
     basis
         (n, 3) derivatives of the error with respect to the surface's plane parameters.
     features
-        (n, 3) 1, squared incidence (rad^2) and range (m).
+        (n, 3): 1, squared incidence (rad^2), range (m).
     groups
         (g + 1,) first row of each group, and the end.
     surface, laser, scan, cell
-        (g,) numbers from 0; `scan` is one laser in one scan.
+        (g,) numbers from 0; `scan` numbers lasers in scans.
     tells_mean
         Whether the lasers' mean bias can be separated from the planes.
     """
@@ -85,8 +86,9 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Compute range errors from a table of plane residuals per device; `cells`: see
-    `CalibrationOptions`.
+    """Compute range errors from tables of plane residuals, one for each device.
+
+    For `cells` see `CalibrationOptions`.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")

@@ -1,6 +1,4 @@
-"""Error models of virtual sensors, which change rays, ranges or points, and the receiver, which
-loses returns.
-"""
+"""Error models, which change rays, ranges or points of virtual scans, and a lossy receiver."""
 
 from puckbench.lidar.errors.model import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.receiver import Received, Receiver

@@ -7,12 +7,12 @@ from puckbench.lidar.sensor import Sensor
 
 
 class BeamOfWidth(Vlp16):
-    """Base class of variants of the error model `Vlp16` whose beams have an angular width."""
+    """Base class of variants of `Vlp16` whose beams have an angular width."""
 
     yaw_width_deg: NonNegativeFloat | None = None
-    """Full width of the beam; none: the sensor's divergence."""
+    """Full width of the beam; by default the sensor's divergence."""
     pitch_width_deg: NonNegativeFloat | None = None
-    """Full width of the beam; none: the sensor's divergence."""
+    """Full width of the beam; by default the sensor's divergence."""
 
     def beam_widths_deg(self, sensor: Sensor) -> tuple[float, float]:
         yaw, pitch = self.yaw_width_deg, self.pitch_width_deg

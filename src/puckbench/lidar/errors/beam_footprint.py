@@ -18,7 +18,7 @@ _Return = Literal["first", "strongest", "last", "mean"]
 
 @ERROR_MODELS.register("beam_footprint")
 class BeamFootprint(BeamOfWidth):
-    """Error model of a beam of several rays, whose echo gets the range noise of `Vlp16`.
+    """Error model that samples a beam by several rays, and adds the noise of `Vlp16` to the echo.
 
     Rays of equal energy cover the beam's elliptical cross-section in a sunflower pattern with a
     random rotation. Hits at similar ranges form an echo at their mean range (a mixed pixel). The
@@ -30,11 +30,11 @@ class BeamFootprint(BeamOfWidth):
     sub_rays: PositiveInt = 9
     """Number of rays of a beam."""
     returns: _Return = "strongest"
-    """Which echo is the return: the ``first``, the ``strongest`` (of most rays; the first of
-    equals), the ``last``, or the ``mean`` of all hits."""
+    """Echo that is measured: the ``first``, the ``strongest`` (with most rays; of equals the
+    first), the ``last``, or the ``mean`` of all hits."""
     merged_within_m: NonNegativeFloat = 0.9
-    """Successive ranges that differ by at most this form an echo; the default is half the length of
-    a 6 ns pulse, that of the VLP-16."""
+    """Largest difference between successive ranges of an echo; the default is half the length of
+    the VLP-16's pulse of 6 ns."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         turn = draws.running("footprint").random(rays.yaw.shape)[..., None] * (2 * np.pi)
@@ -48,7 +48,6 @@ class BeamFootprint(BeamOfWidth):
         return Rays(yaw.reshape(shape), pitch.reshape(shape), placed_as_fired=False)
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Return the echo of each beam, with triangle and incidence of the ray nearest to it."""
         from puckbench.lidar.kernels import fill_echoes
 
         apart = hits.distance.reshape(-1, self.sub_rays)

@@ -28,25 +28,26 @@ class Calibrated(ErrorModel):
 
     A measured range is ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The
     standard deviation of the ray noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d``
-    for the incidence theta (rad) and the distance d (m), both limited to the calibrated domain.
+    for the incidence theta (rad) and the distance d (m), which are clipped to the calibrated
+    domain.
     """
 
     title, colour = "Calibrated", "#332288"
 
     file: str | None = None
-    """A model file, or the name of a shipped one; other parameters take precedence."""
+    """Path of a model file, or name of a shipped one; other parameters override the file's."""
     device: NonNegativeInt | None = None
-    """Device whose laser biases are used: 0 is the measured one (`bias_m`), n > 0 another one with
-    biases from ``N(0, laser_sigma_m)`` that are the same in every scan; none is the measured one,
-    or if `bias_m` is unknown, another one in every scan."""
+    """0 is the measured device (`bias_m`); n > 0 is a simulated device, with the same biases from
+    ``N(0, laser_sigma_m)`` in all scans. The default is the measured device or, without `bias_m`, a
+    new simulated device in each scan."""
     bias_m: tuple[float, ...] | None = None
     """Biases of the measured device by laser id, relative to their mean."""
     laser_sigma_m: NonNegativeFloat = 0.0
     """Standard deviation of the biases of a device's lasers."""
     scan_sigma_m: NonNegativeFloat = 0.0
-    """Standard deviation of the bias that each laser has in a scan."""
+    """Standard deviation of a laser's bias per scan."""
     frame_sigma_m: NonNegativeFloat = 0.0
-    """Standard deviation of the bias that each laser has in a frame."""
+    """Standard deviation of a laser's bias per frame."""
     ray_sigma_m: NonNegativeFloat
     """Coefficient of the ray noise, m."""
     ray_incidence_m: float = 0.0

@@ -17,8 +17,8 @@ from puckbench.lidar.sensor import Sensor
 class DistanceTable(ErrorModel):
     """Range noise whose mean mu and standard deviation sigma depend on the true distance d.
 
-    A measured range is ``d + N(mu(d), sigma(d))``. Both are interpolated linearly in a table, and
-    constant beyond its ends.
+    A measured range is ``d + N(mu(d), sigma(d))``. mu and sigma are interpolated linearly in a
+    table, and constant beyond the table's ends.
     """
 
     title, colour = "Distance table", "#661100"
@@ -26,7 +26,7 @@ class DistanceTable(ErrorModel):
     table: tuple[tuple[float, ...], ...]
     """Rows of distance, mu and sigma, m, by increasing distance."""
     distribution: Distribution = "gaussian"
-    """``gaussian`` or ``laplace``, whose b is sigma."""
+    """``gaussian``, or ``laplace`` with b = sigma."""
 
     @model_validator(mode="after")
     def _of_rising_distances(self) -> Self:

@@ -1,5 +1,3 @@
-"""Base class of error models of virtual sensors."""
-
 from __future__ import annotations
 
 import hashlib
@@ -20,13 +18,13 @@ from puckbench.lidar.sweep import Rays
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Objects of a labelled mesh, and the index (t,) of each triangle's object, or -1."""
+    """Objects of a labelled mesh, and the index (t,) of each triangle's object (-1: none)."""
 
     object_id: NDArray[np.int32]
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return a value for each triangle, (t,), by its object's name or semantic class."""
+        """Return the value of each triangle, (t,), by its object's name or else semantic class."""
         numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
         return np.array([*numbers, default])[self.object_id]
 
@@ -35,8 +33,8 @@ class Surfaces:
 class Hits:
     """Hits of the rays of successive frames; arrays are (frames, azimuth steps, rays of a step).
 
-    `distance`, m, is inf without a hit in the sensor's range. `incidence`, the angle between ray
-    and surface normal, rad, is then nan, and `triangle` undefined.
+    `incidence` is the angle between ray and surface normal, rad. Without a hit in the sensor's
+    range, `distance`, m, is inf, `incidence` is nan, and `triangle` is undefined.
     """
 
     distance: Floats
@@ -50,7 +48,7 @@ class Hits:
 
 
 class Draws:
-    """Random generators of one scan by name, all derived from the scan's generator.
+    """Named random generators of one scan, all derived from the scan's generator.
 
     Results do not depend on the number of frames per call if each generator has one purpose and a
     fixed number of draws for each ray or frame.
@@ -88,7 +86,7 @@ class ErrorModel(Model):
     colour: ClassVar[str] = ""
     """Colour of the model in figures, hexadecimal; the default derives from its name."""
     variant_of: ClassVar[type[ErrorModel] | None] = None
-    """Model of which this one is a set of parameters, and whose name is stored in results."""
+    """Model of which this class is a set of parameters; results store that model's name."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         """Return the fired rays for the nominal `rays` (frames, steps, lasers).
@@ -112,7 +110,8 @@ class ErrorModel(Model):
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
         """Return displacements of measured points along the true normal, towards the sensor, m.
 
-        They have the shape of ``hits.distance`` and are finite, also for a miss; None means 0.
+        Displacements have the shape of ``hits.distance`` and are finite even for a miss; None means
+        0.
         """
         return None
 

@@ -1,5 +1,3 @@
-"""Effects of the receiver: attenuation, raydrop, minimum range, range quantum and mirrors."""
-
 from __future__ import annotations
 
 from typing import Annotated, Any
@@ -29,7 +27,7 @@ class Receiver(Model):
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     reflectivity: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default={})
-    """Reflectivities from 0 to 1 by name, or else by semantic class of an object."""
+    """Diffuse reflectivities, 0 to 1, by name or else semantic class of the object."""
     default_reflectivity: NonNegativeFloat = 1.0
     """Reflectivity of all other objects."""
     attenuation_from_m: NonNegativeFloat = 50.0
@@ -39,12 +37,12 @@ class Receiver(Model):
     raydrop_incidence: NonNegativeFloat = 0.0
     raydrop_per_m: NonNegativeFloat = 0.0
     min_range_m: NonNegativeFloat = 0.0
-    """Shorter measured distances are lost."""
+    """Returns with a shorter measured distance are lost."""
     range_quantum_mm: PositiveFloat | None = None
-    """Measured distances are rounded to multiples of it."""
+    """Measured distances are rounded to multiples of this quantum."""
     mirrors: tuple[str, ...] = ()
     """Names or semantic classes of mirrors. As in BlenSor, an object in a mirror is measured along
-    the fired ray at the length of the path, the true values are those of the mirror, and glass is
+    the fired ray at the length of the reflected path; true values are those of the mirror. Glass is
     opaque."""
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:

@@ -17,7 +17,7 @@ def error_model_names() -> list[str]:
 
 
 def error_model_title(name: str) -> str:
-    """Return the title of an error model; if it is not registered, its name as words."""
+    """Return an error model's title or, without one, its name as words."""
     title = ERROR_MODELS.get(name).title if name in ERROR_MODELS else ""
     words = name.replace("_", " ")
     return title or words[:1].upper() + words[1:]

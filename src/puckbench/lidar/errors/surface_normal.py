@@ -12,11 +12,11 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """Displaces measured points along the true surface normal, which the thesis does not test.
+    """Error model that displaces measured points along the true surface normal; not in the thesis.
 
-    Plane residuals have the scale `normal_sigma_m` at any incidence, like those of the recorded
-    wall and floor (0.014 m); noise along the ray would give residuals proportional to the cosine of
-    the incidence angle. The noise of `Vlp16` along the ray can be added; its default is 0 here.
+    Plane residuals have the scale `normal_sigma_m` at any incidence, like the residuals of the
+    recorded wall and floor (0.014 m); noise along the ray gives residuals proportional to the
+    cosine of incidence. The ray noise of `Vlp16` is 0 by default.
     """
 
     title, colour = "Surface normal", "#882255"
@@ -26,7 +26,7 @@ class SurfaceNormal(Vlp16):
     normal_sigma_m: NonNegativeFloat = 0.014
     """Scale of the noise along the normal."""
     normal_distribution: Distribution = "gaussian"
-    """``gaussian`` or ``laplace``, whose b is `normal_sigma_m`."""
+    """``gaussian``, or ``laplace`` with b = `normal_sigma_m`."""
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
         stream, shape = draws.running("normal"), hits.distance.shape

@@ -19,7 +19,7 @@ class Vlp16Table51(Vlp16):
 
 @ERROR_MODELS.register("hdl64e")
 class Hdl64e(Vlp16):
-    """Error model `Vlp16` with the defaults of the simulator BlenSor, those of the HDL-64E."""
+    """Error model `Vlp16` with the defaults of the simulator BlenSor, which are for the HDL-64E."""
 
     title, colour, variant_of = "HDL-64E", "#CC79A7", Vlp16
 

@@ -17,8 +17,8 @@ class Vlp16(ErrorModel):
     """Range noise with a bias for each laser and independent noise for each ray (thesis, eq. 5.4).
 
     A measured range is ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0,
-    bias_sigma_m)``. The default sigmas are those of the thesis, section 5.4, and of its code; its
-    Table 5.1 has others.
+    bias_sigma_m)``. The default sigmas are those of the thesis's section 5.4 and code; the thesis's
+    Table 5.1 has other sigmas.
     """
 
     title, colour = "VLP-16", "#0072B2"
@@ -28,12 +28,12 @@ class Vlp16(ErrorModel):
     ray_sigma_m: NonNegativeFloat = 0.010
     """Scale of a ray's noise."""
     bias_redrawn: Literal["frame", "scan"] = "frame"
-    """``frame``: biases are drawn for every frame, as in BlenSor, which causes the streaks of
-    Figures 5.6-5.9. ``scan``: they are constant in a scan."""
+    """``frame``: biases are drawn for every frame, as in BlenSor, which causes the streaks of the
+    thesis's Figures 5.6-5.9. ``scan``: biases are constant in a scan."""
     bias_distribution: Distribution = "gaussian"
-    """``gaussian`` or ``laplace``, whose b is the sigma; BlenSor offers it for the bias only."""
+    """``gaussian``, or ``laplace`` with b = sigma; BlenSor offers ``laplace`` for the bias only."""
     ray_distribution: Distribution = "gaussian"
-    """``gaussian`` or ``laplace``, whose b is the sigma; BlenSor offers it for the bias only."""
+    """``gaussian``, or ``laplace`` with b = sigma."""
     ray_mean_m: float = 0.0
     """Mean of a ray's noise."""
 
@@ -45,7 +45,7 @@ class Vlp16(ErrorModel):
         return noisy
 
     def ray_scale(self, hits: Hits) -> Floats | float:
-        """Return the scale of the noise, m, for each ray, or one for all; finite for a miss too."""
+        """Return the scale of the ray noise, m, of each ray or of all; finite even for a miss."""
         return self.ray_sigma_m
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:

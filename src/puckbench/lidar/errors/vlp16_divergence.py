@@ -16,16 +16,16 @@ from puckbench.lidar.sweep import Rays
 class Vlp16Divergence(BeamOfWidth):
     """Error model `Vlp16` with rays in random directions within the beam (thesis, section 5.5.3).
 
-    The thesis chose this model. Yaw and pitch change by up to half of the beam's angular widths,
-    uniformly distributed. The reported angles are the nominal ones.
+    The thesis chose this model. Uniformly distributed offsets of up to half of the beam's widths
+    are added to yaw and pitch. The reported angles are the nominal ones.
     """
 
     title, colour = "Beam divergence", "#009E73"
 
     returns_along: Literal["fired", "nominal"] = "fired"
-    """``fired``: a measured point lies on the fired ray, as in BlenSor and the thesis; its distance
-    from the surface is range noise only, so that divergence does not change plane residuals.
-    ``nominal``: it lies on the nominal ray, the only one that a real sensor knows."""
+    """``fired``: a measured point lies on the fired ray, as in BlenSor and the thesis; only range
+    noise moves it off the surface, so that divergence does not change plane residuals. ``nominal``:
+    a measured point lies on the nominal ray, the only ray that a real sensor knows."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         yaw_width, pitch_width = self.beam_widths_deg(sensor)

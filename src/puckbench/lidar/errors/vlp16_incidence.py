@@ -14,8 +14,8 @@ class Vlp16Incidence(Vlp16):
     """Error model `Vlp16` with ray noise that increases with incidence (thesis, section 5.5.4).
 
     The scale of a ray's noise is ``ray_sigma_m + (incidence_factor * theta)^2`` for the incidence
-    theta in rad. The default factor, in sqrt(m) / rad, adds 6.2 mm at 45 degrees, 11.0 mm at 60
-    degrees and 24.7 mm for a grazing ray.
+    theta in rad. The default factor adds 6.2 mm at 45 degrees, 11.0 mm at 60 degrees and 24.7 mm at
+    grazing incidence.
     """
 
     title, colour = "Incidence", "#E69F00"

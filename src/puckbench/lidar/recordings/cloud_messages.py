@@ -22,12 +22,11 @@ from puckbench.io.recordings.topics import Topic, choose_topic
 from puckbench.lidar.recordings.velodyne_messages import SCAN
 
 CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
-"""Types of messages that contain a cloud."""
 
 
 @dataclass(frozen=True)
 class CloudMessage:
-    """A cloud's columns by name, its time in ns, and whether it is an image with rows."""
+    """A cloud's columns by name, its time in ns, and whether its points form an image."""
 
     columns: Columns
     stamp_ns: int
@@ -35,7 +34,7 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Return whether `topic` has clouds or, if None, if the bag has clouds and no data packets."""
+    """Whether `topic` has clouds or, if it is None, the bag has clouds but no data packets."""
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -46,7 +45,7 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
-    """Return name and size of the topic of clouds, by default the only one."""
+    """Return name and properties of a topic of clouds, by default the only one."""
     with naming(path):
         topics = read_topics(path)
         name = choose_topic(topics, CLOUD_KINDS, topic)

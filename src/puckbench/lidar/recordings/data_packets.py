@@ -40,7 +40,7 @@ LEFT_OUT = {
     "cut_packets": "packets cut by the snap length",
     "bytes_cut_off": "bytes of a last packet that is not whole",
 }
-"""Counts of what is left out of a recording, with their descriptions."""
+"""Counts of data left out of a recording: names and descriptions."""
 _MOST_LISTED = 4
 
 
@@ -69,7 +69,7 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     """Return the undamaged data packets of one stream of a packet capture.
 
     `name` is ``sender:port to receiver:port`` or its beginning; None selects the only stream with
-    data packets. The result's `about` counts what was left out (`LEFT_OUT`).
+    data packets. The result's `about` counts the data left out (`LEFT_OUT`).
     """
     sized = [datagram for datagram in capture.datagrams if datagram.length == PACKET_BYTES]
     payloads = joined([datagram.payload for datagram in sized], [], {}).payloads
@@ -90,7 +90,7 @@ def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -
     """Return the packets of an Ouster sensor, or None if the capture is from a Velodyne.
 
     The sensor's metadata are beside the recording (`ouster.metadata_beside`); `name` is as in
-    `packets_of_capture`. Raises InputError if they are missing, or another sensor's.
+    `packets_of_capture`.
     """
     sizes = Counter(datagram.length for datagram in capture.datagrams)
     metadata = metadata_beside(recording)
@@ -129,7 +129,7 @@ def whole_packets(
 ) -> PacketLog:
     """Return the distinct undamaged packets among 1,206-byte payloads.
 
-    `received` are times, s. `about` gets counts of payloads that were left out.
+    `received` are times, s. The result's `about` adds counts of payloads left out.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):

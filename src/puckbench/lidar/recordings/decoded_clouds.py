@@ -43,7 +43,7 @@ def read_points(
 ) -> RecordedReturns:
     """Read points x, y, z (m, in the sensor's frame) with a laser column as a table of returns.
 
-    Defaults: a VLP-16, and the inferred time unit; see `returns_of_columns`.
+    By default, the sensor is a VLP-16, and the time unit is inferred. See `returns_of_columns`.
     """
     columns = _READERS[path.suffix.lower()](path)
     return returns_of_columns(columns, sensor or load_sensor("vlp16"), time_unit, path)
@@ -54,10 +54,10 @@ def returns_of_columns(
 ) -> RecordedReturns:
     """Convert the columns of points in the frame of a sensor to a table of returns.
 
-    Lasers come from the column `laser_id`, `laser` or `label`, or from `ring`, `channel` or `line`,
-    which number lasers by elevation: the first whose points lie on their lasers' cones. Azimuths
-    count clockwise from y; distances follow from horizontal range and nominal elevation. Points at
-    the origin, or not finite, are left out. Integers in a column `turn` are kept.
+    The laser column is the first of `laser_id`, `laser`, `label`, `ring`, `channel` and `line`
+    that, as ids or as ranks by elevation, puts the points on their lasers' cones. Azimuths count
+    clockwise from y; distances follow from horizontal range and nominal elevation. Points at the
+    origin or with all coordinates nan are left out. A column `turn` of integers is kept.
     """
     columns, counts = without_missing(path, columns)
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
@@ -127,10 +127,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
-    """Raise InputError unless points lie on the cones of their lasers.
-
-    The points may include the lasers' vertical offsets or not.
-    """
+    """Raise InputError unless points lie on their lasers' cones, with or without height offsets."""
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
     worst = []

@@ -1,8 +1,8 @@
 """Lasers of an unknown sensor, fitted to its points.
 
-A laser's points lie on a cone, whose elevation and height are fitted as to the rings of a data set
-(`rings.fitted_cone`); the azimuth relative to other lasers follows from the times of the points, as
-the sensor turns uniformly in a message.
+A laser's points lie on a cone, whose elevation and height `rings.fitted_cone` fits. The laser's
+azimuth relative to other lasers follows from the times of the points, since the sensor rotates
+uniformly during a message.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from puckbench.lidar.recordings.rings import fitted_cone
 from puckbench.lidar.sensor import Sensor
 
 _FEWEST = 16
-"""A laser is fitted to at least this number of points."""
+"""Least number of points of a fitted laser."""
 _HEIGHT_PRIOR = 0.002
-"""Weight of a height of 0, as points at one distance do not determine it."""
+"""Weight of the prior height 0: points at a single distance do not determine the height."""
 _USUAL_HZ, _LARGEST_STEP_RAD, _ROUNDS = 10.0, np.pi / 6, 3
 
 
 class FittedLasers(NamedTuple):
-    """A sensor, each point's laser (rank by elevation), which points were used, and residuals.
+    """Fitted sensor, each point's laser (rank by elevation), mask of used points, and residuals.
 
     `residuals_mm` are the distances of the used points from their cones.
     """
@@ -53,10 +53,10 @@ class FittedLasers(NamedTuple):
 def fitted_lasers(
     xyz: Floats, ring: NDArray[np.integer], seconds: Floats, turn: NDArray[np.integer]
 ) -> FittedLasers:
-    """Fit a sensor's lasers to points (n, 3), m, x right and y forward, with the ring of each.
+    """Fit a sensor's lasers to points (n, 3), m (x right, y forward), with known `ring` (n,).
 
-    Rings of fewer than 16 points are left out. Azimuths of lasers are unknown without different
-    `seconds` (n,) in a `turn`. Raises InputError if no ring has enough points.
+    Rings of fewer than 16 points are left out. The lasers' azimuths remain unknown if the points of
+    a `turn` (n,) have equal `seconds` (n,).
     """
     names, number, counts = np.unique(ring, return_inverse=True, return_counts=True)
     kept = np.flatnonzero(counts >= _FEWEST)
@@ -99,7 +99,7 @@ def _rotation(
     *,
     lasers: int,
 ) -> tuple[float, Floats | None]:
-    """Return the rate of rotation, Hz, and lasers' azimuths (rad, mean 0) or None if unknown."""
+    """Return the rotation rate, Hz, and lasers' azimuths (rad, mean 0), None if unknown."""
     order = np.lexsort((seconds, laser, turn))
     azimuth, laser, seconds = azimuth[order], laser[order], seconds[order]
     turn = np.unique(turn[order], return_inverse=True)[1]

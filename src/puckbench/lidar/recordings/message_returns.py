@@ -30,19 +30,18 @@ from puckbench.lidar.recordings.times import PER_SECOND, TimeUnit, is_since_1970
 from puckbench.lidar.sensor import Sensor
 
 _BATCH = 64
-"""Number of messages that are read at a time."""
 _UNITS: dict[str, TimeUnit] = {"t": "ns", "offset_time": "ns"}
-"""Units of Ouster and Livox, if those of the values cannot be inferred."""
+"""Units of Ouster's and Livox's time fields, for times whose unit cannot be inferred."""
 
 
 def read_message_returns(
     path: Path, topic: str | None, sensor: Sensor | None, time_unit: TimeUnit | None = None
 ) -> RecordedReturns:
-    """Read a topic of clouds as a table of returns; a turn has the number of its message.
+    """Read a topic of clouds as a table of returns, with a turn for each message.
 
-    Coordinates are those of ROS: x forward, y left, z up. Times are relative to the messages'
-    stamps, or since 1970 (for columns see `puckbench.lidar.recordings.decoded_clouds`). Without a
-    `sensor`, its lasers are fitted to the points.
+    The clouds' coordinates are those of ROS: x forward, y left, z up. Their times count from the
+    message's stamp, or from 1970; for columns see `puckbench.lidar.recordings.decoded_clouds`. If
+    `sensor` is None, lasers are fitted to the points.
     """
     name, (_, count) = cloud_topic(path, topic)
     with naming(f"{path}: topic {name}"):
@@ -75,8 +74,8 @@ def read_message_columns(
 ) -> Columns:
     """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
 
-    Times are relative to the first message's stamp or, if since 1970, to the first time. Points
-    without coordinates are left out.
+    Times are relative to the first message's stamp; times since 1970, to that message's first time.
+    Points without coordinates are left out.
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns
@@ -102,7 +101,7 @@ def _joined(parts: Iterator[Columns]) -> Columns:
 
 @dataclass(frozen=True)
 class _Clock:
-    """Conversion of times to s since the first message or, if they are since 1970, `origin`."""
+    """Conversion of times to s since the first message or, for times since 1970, since `origin`."""
 
     column: str
     unit: TimeUnit

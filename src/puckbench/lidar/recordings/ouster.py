@@ -1,7 +1,7 @@
 """Lidar packets of Ouster sensors, decoded with the sensor's metadata (JSON).
 
-Formats are those of the Ouster Firmware User Manual (Lidar Data Packet Format) and of the Ouster
-SDK 1.0. Points are in Ouster's sensor frame, whose x axis is forward.
+Formats follow the Ouster Firmware User Manual (Lidar Data Packet Format) and the Ouster SDK 1.0.
+Points are in Ouster's sensor frame, whose x axis is forward.
 """
 
 from __future__ import annotations
@@ -23,25 +23,26 @@ from puckbench.lidar.turns import MAX_LASERS, Layout, Turn
 
 LEGACY = "LEGACY"
 _FIRST_RADIAL_MM = 12.163
-"""Distance of the beams' origin from the axis in the first OS-1, whose metadata lacks it."""
+"""Distance of the beams' origin from the axis if the metadata lack it (first OS-1)."""
 _COLUMNS = (512, 1024, 2048, 4096)
 _MOST_DEG = 90.0
 _LASERS = (16, 32, 64, 128)
 _COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
-"""Columns of a packet that are allowed, and those of most packets."""
+"""Allowed numbers of columns in a packet, and the usual number."""
 _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-"""First numbers of the transform from the lidar's frame to the sensor's; the height follows."""
+"""First elements of the transform from the lidar's frame to the sensor's; the next is the
+height."""
 
 
 class Field(NamedTuple):
-    """Bits of a pixel with a value: the 32-bit word, the first bit, and the number of bits."""
+    """Place of a value in a pixel: the 32-bit word, the first bit, and the number of bits."""
 
     word: int
     bit: int
     bits: int
 
     def whole(self, words: NDArray[np.uint32]) -> NDArray[Any] | None:
-        """Return a view of the values if they are whole bytes."""
+        """Return a view of the values if they are aligned words of 8 or 16 bits, otherwise None."""
         if self.bits not in (8, 16) or self.bit % self.bits:
             return None
         parts: NDArray[Any] = words.view(f"<u{self.bits // 8}")
@@ -53,7 +54,7 @@ class Field(NamedTuple):
 
 
 class Profile(NamedTuple):
-    """Words of a pixel, fields for each kind of return, and the quantum of ranges."""
+    """Format of a pixel: number of words, fields for each kind of return, and quantum of ranges."""
 
     words: int
     ranges: tuple[Field, ...]
@@ -99,7 +100,7 @@ PROFILES = {
 }
 """Profiles of lidar packets by their name in the metadata (``udp_profile_lidar``).
 
-Compressed recordings name a profile by its place: new ones are added at the end.
+Compressed recordings store a profile's index; therefore, add new profiles at the end.
 """
 
 
@@ -128,7 +129,7 @@ def packet_type(
 class OusterSensor:
     """An Ouster sensor and the format of its packets.
 
-    `columns` is the number of columns per revolution; `whole` that of azimuth counts.
+    `columns` and `whole` are the numbers of columns in a revolution and in the azimuth window.
     """
 
     name: str
@@ -173,8 +174,9 @@ class OusterSensor:
 
 
 def metadata_beside(recording: Path) -> Path | None:
-    """Return the JSON file with a recording's name, with ``_0`` added, or with the longest prefix
-    of the name.
+    """Return the JSON file with a recording's metadata, or None.
+
+    The file's stem is that of the recording, with or without ``_0`` added, or its longest prefix.
     """
     stem = recording.stem
     names = (path for path in recording.parent.glob("*.json") if path.is_file())
@@ -183,7 +185,6 @@ def metadata_beside(recording: Path) -> Path | None:
 
 
 def read_sensor(path: Path) -> OusterSensor:
-    """Read the metadata of an Ouster sensor; raise InputError if it is incomplete."""
     document = object_of(read_bytes(path), str(path))
     with naming(path):
         try:
@@ -241,19 +242,18 @@ def _floats(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def is_size_of_packets(size: int) -> bool:
-    """Whether lidar packets of 16 columns have this size in bytes."""
+    """Whether a lidar packet of 16 columns can have this size in bytes."""
     return any(size == packet_type(*each).itemsize for each in product(PROFILES, _LASERS))
 
 
 def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
-    """Return the serial number of a packet's sensor, or None if the packet lacks it."""
     if sensor.profile == LEGACY:
         return None
     return int.from_bytes(np.frombuffer(payload, sensor.packet)["serial"].tobytes(), "little")
 
 
 class OusterTurns(NamedTuple):
-    """Revolutions, and the range of those between the first and the last complete one."""
+    """Revolutions, and the index range from the first to the last complete one."""
 
     returns: Returns
     whole: range
@@ -281,7 +281,6 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
 
 
 def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
-    """Return each packet's revolution; the sensor's counter wraps around."""
     legacy = sensor.profile == LEGACY
     counters = (packets["columns"]["frame"][:, 0] if legacy else packets["frame"]).astype(np.int64)
     half = 1 << (31 if sensor.is_fusa else 15)

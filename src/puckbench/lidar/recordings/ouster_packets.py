@@ -19,19 +19,20 @@ from puckbench.lidar.turns import Layout, Turn
 _HALF_WORD = 16
 _MOST_BYTES = 65535
 _OUTSIDE_BYTES, _TIME_BYTES, _CRC_BYTES = 32, 8, 8
-"""Bytes of a packet before its columns and as many after them, of a column before its number, and
-of the CRC-64 at the end of a packet."""
+"""Numbers of bytes before (and after) a packet's columns, before a column's number, and of a
+packet's CRC-64."""
 _FRAGMENT_BYTES, _UDP_BYTES = 1480, 8
-"""Bytes of an IP packet's content in Ethernet of 1,500 bytes, the first of which are UDP's."""
+"""Numbers of bytes of an IP packet's payload (Ethernet frames of 1,500 bytes), and of its UDP
+header."""
 _NS = 1000
 _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("frame", "<u4")])
-"""What is stored of each column; times, in ns, are those of the turn plus hours and a remainder."""
+"""Header of a column; a time in ns is the sum of hours, the turn's time in us and a remainder."""
 
 
 class Channel(NamedTuple):
-    """A field of pixels, for one kind of return, that a turn does not store.
+    """A pixel field, for one kind of return, that a `Turn` does not store.
 
-    `signal` is the index of the signal channel of a reflectivity's return, or None.
+    For a reflectivity, `signal` is the index of the same return's signal channel; otherwise None.
     """
 
     field: Field
@@ -40,18 +41,18 @@ class Channel(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """Data of a turn's packets beyond the turn itself.
+    """Data of packets that a `Turn` does not store.
 
     Parameters
     ----------
     images
-        (columns, lasers) for each channel.
+        An image (columns, lasers) for each channel.
     heads
         (columns, bytes), headers of columns.
     outsides
-        (packets, bytes) before and after the columns of packets; a correct CRC-64 is stored as 0.
+        (packets, bytes) before and after each packet's columns; a correct CRC-64 is stored as 0.
     remainders
-        (columns,) of times, in `unit` ns.
+        (columns,), remainders of times below 1 us, in units of `unit` ns.
     """
 
     images: list[NDArray[np.uint16]]
@@ -66,7 +67,7 @@ class Rest(NamedTuple):
 class OusterKind:
     """Format of packets, and the layout of their images.
 
-    If `is_fragmented`, a packet arrives in IP fragments of the usual size, `hole` bytes apart.
+    If `is_fragmented`, a packet is in IP fragments of the usual size, `hole` bytes apart.
     """
 
     profile: str
@@ -82,7 +83,6 @@ class OusterKind:
 
     @classmethod
     def decode(cls, layout: Layout, code: bytes) -> OusterKind:
-        """Return the kind with a code; raise InputError if there is none."""
         profile, flags, columns = code
         if profile < len(PROFILES) and flags < 4 and columns > 1:
             is_fusa, is_fragmented = bool(flags & 1), bool(flags & 2)
@@ -99,7 +99,7 @@ class OusterKind:
 
     @property
     def pieces(self) -> list[int]:
-        """Bytes of a packet in each fragment."""
+        """Number of bytes of a packet in each fragment."""
         if not self.is_fragmented:
             return [self.size]
         edges = [0, *range(_FRAGMENT_BYTES - _UDP_BYTES, self.size, _FRAGMENT_BYTES), self.size]
@@ -115,7 +115,7 @@ class OusterKind:
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """All bits of a pixel but ranges, and reflectivities that do not depend on signals."""
+        """Fields that cover all bits of a pixel that `turn_of` does not convert."""
         profile = PROFILES[self.profile]
         signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
         dependent = [
@@ -201,7 +201,6 @@ class OusterKind:
         )  # fmt: skip
 
     def packets_of(self, turn: Turn, rest: Rest) -> Payloads:
-        """Convert a turn and the rest back to packets (p, bytes)."""
         count, uneven = divmod(len(turn.azimuths), self.columns_per_packet)
         if uneven or turn.times is None or rest.remainders.max(initial=0) * rest.unit >= _NS:
             raise InputError("the stream is damaged (packets of a turn)")
@@ -263,7 +262,7 @@ HEAD_BYTES = _HEAD.itemsize
 
 
 def _unused(fields: list[Field], words: int) -> list[Field]:
-    """Return fields of at most 16 bits for the unused bits of a pixel."""
+    """Return fields of at most 16 bits that cover a pixel's unused bits."""
     is_used = np.zeros(32 * words, bool)
     for field in fields:
         first = 32 * field.word + field.bit
@@ -281,7 +280,7 @@ def _unused(fields: list[Field], words: int) -> list[Field]:
 
 
 def checks_of(payloads: Payloads) -> Payloads:
-    """Return the CRC-64 (ECMA-182, reflected) of all but the last bytes of each packet (p, 8)."""
+    """Return the CRC-64 (ECMA-182, reflected) of each packet without its last 8 bytes, (p, 8)."""
     checks = np.zeros(len(payloads), np.uint64)
     _write_checks(np.ascontiguousarray(payloads), _crc_tables(), checks)
     return checks.astype("<u8").view(np.uint8).reshape(-1, _CRC_BYTES)

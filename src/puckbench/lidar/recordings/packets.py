@@ -1,9 +1,9 @@
 """Format of data packets of Velodyne sensors, and logs of packets.
 
 A packet has 12 blocks, each with a flag, an azimuth (0.01 degrees) and 32 returns (distance,
-reflectivity): two firings of a VLP-16, a firing of 32 lasers, or a bank of 32 lasers of a larger
-sensor, which its flag names. The time is that of its first firing (VLP-16 User Manual 63-9243 Rev.
-E, chapter 9).
+reflectivity). The returns are two firings of a VLP-16, one firing of a sensor with 32 lasers, or
+one of a bank of 32 lasers (named by the flag) of a larger sensor. The time is that of the first
+firing (VLP-16 User Manual 63-9243 Rev. E, chapter 9).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class PacketLog:
         return len(self.payloads)
 
     def between(self, start_s: float, end_s: float) -> PacketLog:
-        """Return packets received `start_s` to `end_s` s after the first."""
+        """Return the packets received `start_s` to `end_s` seconds after the first one."""
         since = self.received - self.received[:1]
         rows = (since >= start_s) & (since < end_s)
         return replace(self, payloads=self.payloads[rows], received=self.received[rows])
@@ -59,13 +59,13 @@ BLOCKS = 12
 LASERS = 16
 FLAG = 0xEEFF
 BANK_FLAGS = (FLAG, 0xDDFF, 0xCCFF, 0xBBFF)
-"""Flags of blocks of lasers 0 to 31, 32 to 63, 64 to 95 and 96 to 127."""
+"""Flags of blocks of lasers 0-31, 32-63, 64-95 and 96-127."""
 DISTANCE_UNIT_M = 0.002
 HOUR_S = 3600.0
 STRONGEST_MODE, LAST_MODE, DUAL_MODE = 0x37, 0x38, 0x39
 MODES = {STRONGEST_MODE: "strongest", LAST_MODE: "last", DUAL_MODE: "dual"}
 HDL64E, VLS128 = 0x63, 0xA1
-"""HDL64E stands for the product that packets of an HDL-64E do not state."""
+"""Codes of products; HDL64E is our own, since packets of an HDL-64E state no product."""
 PRODUCTS = {
     0x21: "HDL-32E",
     0x22: "VLP-16",

@@ -44,7 +44,7 @@ _COMPRESSED = {
     b"\xfd7zXZ": "xz",
     b"\x28\xb5\x2f\xfd": "Zstandard",
 }
-"""First bytes of files that other programs compressed."""
+"""First bytes of compressed files, and names of the formats."""
 
 
 def read_recording(
@@ -103,7 +103,7 @@ def read_recording(
 
 
 class RecordedTurns(NamedTuple):
-    """Revolutions, the range of whole ones, and counts of damaged data."""
+    """Revolutions, the index range of whole ones, and counts of data left out."""
 
     returns: Returns
     whole: range
@@ -117,7 +117,7 @@ def read_turns(
     source: Path | None = None,
     topic: str | None = None,
 ) -> RecordedTurns:
-    """Read revolutions from `start_s` seconds on; for other parameters see `read_packets`."""
+    """Read revolutions from `start_s` seconds on; `read_packets` explains other parameters."""
     with naming(source or path):
         packets = read_packets(path, stream, source, topic)
         log = _interval(packets, start_s, math.inf)
@@ -131,7 +131,7 @@ def read_turns(
 def read_packets(
     path: Path, stream: str | None = None, source: Path | None = None, topic: str | None = None
 ) -> PacketLog:
-    """Read the undamaged data packets of a packet capture or a ROS bag; log what was left out.
+    """Read the undamaged data packets of a packet capture or a ROS bag; log counts of the rest.
 
     `stream` selects a capture's stream, such as ``192.168.1.201:2368``, `topic` a bag's topic.
     Messages name `source` if `path` is a temporary copy of it.
@@ -183,7 +183,10 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
 
 
 def _unit(log: PacketLog, source: Path) -> Sensor | None:
-    """Return an HDL-64E with the calibration beside a recording, in it, or else a nominal one."""
+    """Return a recording's HDL-64E, calibrated if possible; None if the sensor is another one.
+
+    The calibration is a file beside the recording, or in the packets.
+    """
     if log.sensor or kind_codes(log.payloads[:1])[0, 0] != HDL64E:
         return None
     status = log.payloads[:, -2:]

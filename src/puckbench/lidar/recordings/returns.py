@@ -18,7 +18,7 @@ from puckbench.lidar.returns import HOUR_US, Returns
 from puckbench.lidar.turns import Turn, clock_steps
 
 STRONGEST, LAST, BOTH = 0, 1, 2
-"""Kinds of return; BOTH is a single return of a beam in dual return mode."""
+"""Kinds of return; BOTH is, in dual return mode, a return both strongest and last."""
 
 RETURN_COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
@@ -43,8 +43,8 @@ class RecordedReturns(ReturnTable):
 def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedReturns:
     """Convert returns to a table with a row for each, in the order of `Returns.points`.
 
-    A packet's time is that of its first column; others follow every `sequence_us` microseconds.
-    Times without a clock are 0.
+    A packet's time is that of its first column; other columns follow every `sequence_us`
+    microseconds. Packets without a time have the time 0.
     """
     parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
     counts = [len(part["laser_id"]) for part in parts]

@@ -2,7 +2,7 @@
 
 Each laser's points form a ring, to which four parameters are fitted: elevation, height, distance
 from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E S2 User's Manual
-63-HDL64ES2, Appendix F). They convert each point to an encoder step and a range.
+63-HDL64ES2, Appendix F). The parameters convert each point to an encoder step and a range.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NEAR_M = 0.2
 _MOST_SIDEWAYS_M = 0.08
 _MOST_TURNED_DEG = 14.0
 _FEWEST = 16
-"""A beam is fitted to at least this number of points."""
+"""Least number of points of a fitted beam."""
 _FEWEST_EQUAL = 3
 _MOST_MOVED_M = 4.0
 """Limit of the motion in a turn: 80 m/s at 20 turns per second."""
@@ -36,8 +36,8 @@ Steps = NDArray[np.int64]
 class RecoveredReturns:
     """Returns recovered from a frame of points, as one revolution of the sensor.
 
-    `rows` (n,) are the returns' indices among the frame's points `xyz` (m, 3), which are in the
-    moving sensor's coordinates, in the order of ``returns.points()``.
+    `xyz` (m, 3) are the frame's points in the moving sensor's coordinates. `rows` (n,) are indices
+    into `xyz`, in the order of ``returns.points()``.
     """
 
     returns: Returns
@@ -45,7 +45,7 @@ class RecoveredReturns:
     xyz: Floats
 
     def about(self) -> dict[str, float]:
-        """Return the number of points left out, and the changes of others, mm."""
+        """Return the number of points left out, and displacements of the other points, mm."""
         moved = np.linalg.norm(self.returns.points() - self.xyz[self.rows], axis=1)
         return {
             "points_left_out": len(self.xyz) - len(self.rows),
@@ -56,7 +56,7 @@ class RecoveredReturns:
 
 @dataclass(frozen=True)
 class _Beam:
-    """A laser's tangent of elevation, its height and its distance from the sensor's axis, m."""
+    """A laser: tangent of elevation, height, m, and distance from the sensor's axis, m."""
 
     tangent: float
     height: float
@@ -105,11 +105,11 @@ def recovered_returns(
 
 
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
-    """Recover returns from a frame with firings without a return (range 0).
+    """Recover returns from a frame that includes firings without a return (range 0).
 
-    Points (columns, lasers, 3), m, are in the coordinates of a sensor rotating clockwise (x right,
-    y forward), at the end of the revolution. The car's motion, for which the data set corrected
-    them, is estimated from firings without a return, and undone.
+    Points (columns, lasers, 3), m, are in the coordinates, at the end of the revolution, of a
+    sensor rotating clockwise (x right, y forward). The data set corrected the points for the car's
+    motion; firings without a return reveal this correction, which is undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -139,8 +139,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 def _first_place(xyz: Floats, left: Floats) -> Floats:
     """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
 
-    Firings of range 0 reveal it: several lasers of a column then have equal points. `left` is each
-    column's remaining fraction of the revolution.
+    Firings of range 0 reveal the position: several lasers of a column have equal points. `left` is
+    each column's remaining fraction of the revolution.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -156,8 +156,8 @@ def _without_turning(
 ) -> tuple[Floats, list[_Beam]]:
     """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
 
-    Least squares fit pitch, roll and lasers to elevations. `whole` is the mask of returns; `left`
-    as in `_first_place`.
+    Least squares fit pitch, roll and the lasers' parameters to elevations. `whole` is the mask of
+    returns; `left` is as in `_first_place`.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -203,7 +203,7 @@ def fitted_cone(level: Floats, z: Floats, prior: float = 0.0) -> tuple[float, fl
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
     """Return a laser's distance from the axis, m, and its azimuth modulo the encoder's step, rad.
 
-    The distance maximises the length of the circular mean of these azimuths.
+    The distance maximises the length of the circular mean of the points' azimuths modulo the step.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step

@@ -11,7 +11,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 TIME_UNITS: tuple[TimeUnit, ...] = get_args(TimeUnit)
 PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 _ROTATION_HZ = 10.0
-"""Sensors rotate at this rate within a factor of 2, which distinguishes units 1000 apart."""
+"""Sensors rotate at this rate within a factor of 2, which suffices to infer the unit of times."""
 _LARGEST_FACTOR = 1000**0.5
 _LARGEST_STEP_RAD = np.radians(30)
 """Limit of the rotation between two firings; packets of a Puck at 20 Hz are 10 degrees apart."""
@@ -21,10 +21,11 @@ _DAY_S = 86400.0
 
 
 def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
-    """Infer the unit (s, ms, us or ns) of times (n,), or None.
+    """Infer the unit (s, ms, us or ns) of times (n,); None if it is unknown.
 
-    In it, the sensor at azimuths (n,), rad, rotates about ten times a second, or else times since
-    1970 lie in this century. Otherwise it is s, but None for integers.
+    With the right unit, the azimuths (n,), rad, rotate about ten times a second, or else times
+    since 1970 lie in this century. If no unit fits, the unit of integers is unknown, and other
+    times are in s.
     """
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
     is_whole = times.dtype.kind in "iu" and np.ptp(times) > 0
@@ -40,7 +41,7 @@ def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
 
 
 def is_since_1970(times: NDArray[Any], unit: TimeUnit) -> bool:
-    """Whether times since 1970 lie in this century."""
+    """Whether times in this unit since 1970 lie in this century."""
     return _unit_since_1970(times) == unit
 
 

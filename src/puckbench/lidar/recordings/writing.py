@@ -36,9 +36,9 @@ _REFLECTIVITY = 100
 
 
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
-    """Write a virtual VLP-16 scan as a packet capture; count packets and returns.
+    """Write a virtual VLP-16 scan as a packet capture; return counts of packets and returns.
 
-    Distances, measured or true (`noisy` false), are rounded to 2 mm and azimuths to 0.01 degrees.
+    Distances (measured if `noisy`, otherwise true) are rounded to 2 mm, azimuths to 0.01 degrees.
     """
     log = scan_packets(table, noisy)
     write_bytes(path, pcap_bytes(log))
@@ -49,8 +49,8 @@ def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
     """Convert a virtual scan to packets, with columns in a real sensor's order.
 
     A real VLP-16 rotates clockwise while its lasers fire; the virtual one rotates counter-clockwise
-    and fires a column at one azimuth. So columns are reversed, and each becomes two blocks of equal
-    azimuth.
+    and fires a column at one azimuth. Therefore columns are reversed, and each column becomes two
+    blocks of equal azimuth.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES

@@ -1,8 +1,8 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-A plane is a connected patch of range image pixels, nearly all of whose returns lie on it. Returns
-at grazing incidence are excluded; otherwise rings of horizontal lasers would be detected as a
-floor.
+A plane is detected as a connected patch of range image pixels in which nearly all returns lie on
+the plane. Returns at grazing incidence are excluded; otherwise rings of horizontal lasers would
+resemble a floor.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ class PlaneSearch(Model):
     inlier_sigmas
         Largest distance from the plane, in robust standard deviations, of returns that are used.
     least_laser_share
-        Least ratio of a laser's returns on a plane to the median laser's; with fewer, a laser
-        follows an edge.
+        Least ratio of a laser's number of returns on a plane to the lasers' median; lasers below it
+        follow an edge.
     least_returns, least_lasers
         Least number of returns per turn, and of lasers, on a plane.
     least_width_m, least_height_m
@@ -91,7 +91,7 @@ class PlaneSearch(Model):
 class DetectedPlane:
     """A plane with its normal towards the sensor, and indices (n,) of the returns on it.
 
-    `width_m` is the horizontal extent of the returns, `height_m` the perpendicular one.
+    `width_m` is the horizontal extent of the returns in the plane, `height_m` the extent across.
     """
 
     kind: str
@@ -209,8 +209,9 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Sample planes through three nearby returns in the mask `free` (n,); return the one near
-        most returns, or None.
+        """Sample planes through three nearby returns; return the plane near most returns.
+
+        The mask `free` (n,) selects returns. None means that too few are near a plane.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
@@ -227,8 +228,7 @@ class _View:
         """Extend a plane to its largest connected patch; return the refitted plane and the patch.
 
         Selection of the patch, among returns in the mask `free` (n,), and refitting alternate until
-        the patch no longer changes. Laser biases are subtracted, since a laser with a large bias
-        would lose its pixels.
+        the patch is stable. Laser biases are subtracted, so that no laser loses its pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
@@ -255,8 +255,9 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Return normals (k, 3) and offsets (k,) of vertical or horizontal planes through samples
-        of three nearby returns.
+        """Sample walls, floors and ceilings through three nearby returns.
+
+        Returns normals (k, 3) and offsets (k,).
         """
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))

@@ -10,15 +10,16 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings import RecordedReturns
 
 Mask = NDArray[np.bool_]
-"""Rows of a recording (n,), or pixels of an image (lasers by elevation, columns of azimuth)."""
+"""Mask of a recording (n,), or of a range image (lasers by elevation, columns by azimuth)."""
 
 COLUMNS = 360
 
 
 @dataclass(frozen=True)
 class RangeImage:
-    """Range image of a recording (a pixel covers a laser and a degree): flat pixel of each return
-    (n,), and shape.
+    """Range image of a recording, with a pixel for each laser and degree of azimuth.
+
+    `pixel` (n,) are the flat pixel indices of returns.
     """
 
     pixel: NDArray[np.intp]
@@ -45,7 +46,7 @@ class RangeImage:
 
 
 def largest_patch(pixels: Mask, returns: Floats) -> Mask:
-    """Return the connected patch of pixels with the most returns, across gaps of two pixels."""
+    """Return the patch of pixels with most returns; gaps of up to two pixels do not split it."""
     from scipy import ndimage
 
     # The seam of the image is moved to the column with the fewest pixels, to not cut a patch.

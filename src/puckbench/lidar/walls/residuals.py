@@ -60,13 +60,13 @@ class RecordingOptions(Model):
     Parameters
     ----------
     sensor
-        Name or YAML file of the sensor; by default that of the packets.
+        Name or YAML file of the sensor; by default the packets' sensor.
     stream
         Stream of a packet capture with several sensors, such as ``192.168.1.201:2368``.
     topic
         Topic of a ROS bag.
     time_unit
-        Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default it is inferred.
+        Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default inferred.
     still_s
         ``[start, end]`` of the interval to use, seconds after the first packet; by default the
         longest interval at rest.
@@ -75,9 +75,9 @@ class RecordingOptions(Model):
     most_turns
         Number of turns to use, from the start of the interval.
     planes
-        Planes selected by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``:
-        `wall`, `floor` or `ceiling`, and two corners in the sensor's frame (x right, y forward, z
-        up), m, which exclude the edges; by default planes are detected.
+        Planes selected by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``: a
+        `wall`, `floor` or `ceiling`, and the lowest and highest corner, m, of a box in the sensor's
+        frame (x right, y forward, z up) that excludes the edges. By default, planes are detected.
     search
         Criteria for detected planes; `inlier_sigmas`, `most_incidence_deg`, `least_laser_share` and
         `tilt_deg` are also used for planes selected by hand.
@@ -128,8 +128,8 @@ def recorded_planes(
 ) -> RecordedPlanes:
     """Read a recording, select an interval in which the sensor is at rest, and detect planes.
 
-    In dual return mode only beams with two equal returns are used, since the others hit an edge.
-    Messages name `source` if `path` is a temporary copy.
+    In dual return mode only beams with two equal returns are used, since other beams hit an edge.
+    Messages name `source` if `path` is a temporary copy of it.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)

@@ -1,7 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
 A deviation is the measured range minus the distance to the fitted plane along the ray. Ray noise is
-the spread between revolutions of a laser's deviations in one direction.
+the spread, between revolutions, of a laser's deviations in one direction.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from puckbench.lidar.walls.detection import WALL, DetectedPlane, incidence
 from puckbench.lidar.walls.residuals import RecordedPlanes
 
 LEAST_TURNS = 3
-"""A direction needs returns in at least this number of turns."""
+"""Least number of turns with returns in a direction."""
 
 _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
@@ -30,9 +30,8 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 class RayNoise:
     """Standard deviation of range deviations between revolutions, in bins of laser and azimuth.
 
-    `median_std_m` is the median of the bins' standard deviations. For Gaussian noise it is too
-    small by 17 % with three revolutions and 4 % with ten, unlike `sigma_m`, from the pooled
-    variances.
+    `median_std_m`, the median of the bins' standard deviations, underestimates Gaussian noise by 17
+    % with three revolutions and 4 % with ten; `sigma_m`, from pooled variances, does not.
     """
 
     median_std_m: float
@@ -60,8 +59,8 @@ class LaserBias:
 class Repeatability:
     """Agreement of the lasers' biases between different planes.
 
-    `correlation` is the mean over pairs of planes; `shared_std_m`, the square root of the mean
-    covariance, the standard deviation of the biases common to all planes.
+    `correlation` is the mean over pairs of planes. `shared_std_m`, the square root of the mean
+    covariance, estimates the standard deviation of the biases common to all planes.
     """
 
     pairs: int
@@ -131,7 +130,7 @@ def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
 
 
 def azimuth_step(table: RecordedReturns) -> float:
-    """Return the median azimuth step between firings of a laser, rad, or nan if it is unknown."""
+    """Return the median azimuth step of a laser's firings, rad; nan if unknown."""
     order = np.lexsort((table["azimuth"], table["laser_id"], table["turn"]))
     laser, turn = table["laser_id"][order], table["turn"][order]
     steps = np.diff(table["azimuth"][order])

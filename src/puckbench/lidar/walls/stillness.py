@@ -11,7 +11,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings import RecordedReturns
 
 SHIFT_M = 0.003
-"""Limit of the difference between turns of a sensor at rest."""
+"""Limit of `turn_shift` for a sensor at rest, m."""
 
 # Neighbours on a surface, between which distances are interpolated: the step of a VLP-16 is 0.1 to
 # 0.4 degrees; at a greater change of distance there is an edge.
@@ -38,8 +38,9 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the longest part of a recording at rest (distances change by at most `limit_m`), and
-    its interval.
+    """Return the longest part of a recording with the sensor at rest, and its interval.
+
+    At rest, distances change by at most `limit_m` between revolutions.
     """
     turns = _turns(table)
     if len(turns) < 2:
@@ -64,9 +65,9 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
     """Return the change of distances between two revolutions, m; inf with too few returns.
 
-    Distances of a laser are interpolated to the same azimuths. Medians of differences in sectors of
-    azimuth average out noise. The result is their third quartile, which detects a moving sensor but
-    ignores a passing person.
+    Each laser's `reference` distances are interpolated to the azimuths of `other`. The median
+    difference in each azimuth sector averages out noise; the third quartile of the medians reveals
+    a moving sensor but ignores a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS

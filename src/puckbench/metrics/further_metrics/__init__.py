@@ -1,1 +1,1 @@
-"""Optional metrics, which are computed if a configuration lists them."""
+"""Optional metrics, computed if a configuration lists them."""

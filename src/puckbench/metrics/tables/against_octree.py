@@ -15,9 +15,9 @@ OCTREE = "gpcc"
 """G-PCC's octree coder without knowledge of the sensor, the anchor of papers on LiDAR
 compression."""
 COMPLETE_OCTREE = "gpcc_lossless"
-"""The same coder with duplicate points kept; the anchor for lossless coding where a run has it."""
+"""The octree coder that keeps duplicate points, the anchor for lossless coding."""
 ERRORS_MM = (20.0, 10.0, 5.0)
-"""D1 root mean square errors at which codecs are compared."""
+"""D1 RMS errors at which codecs are compared."""
 GRIDS_MM = (2.0, 1.0)
 """Steps of the grids on which lossless coding is compared."""
 
@@ -28,15 +28,15 @@ GRIDS_MM = (2.0, 1.0)
     needs=(SPINS_OR_RECORDINGS, OCTREE_AND_OTHERS),
 )
 def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return of each codec at equal errors and on equal grids, and the percentage saved
-    against ``gpcc``, G-PCC's octree coder without the sensor. Papers use this anchor with options
-    that take up to 6 % more bits (``gpcc_no_sensor``). Values are medians over clouds.
+    """Bits per return of each codec at equal errors and on equal grids, medians over clouds, and
+    the percentage saved against ``gpcc``, G-PCC's octree coder without knowledge of the sensor.
+    Papers use this anchor with options that take up to 6 % more bits (``gpcc_no_sensor``).
 
-    ``at_5_mm``: at a D1 root mean square error of 5 mm, interpolated linearly between rates in log
-    bits and log error. ``grid_1_mm``: the fewest bits of a rate that keeps the number of points,
-    with at most the error of rounding to a grid of 1 mm; its anchor is ``gpcc_lossless``, which
-    keeps duplicate points, if the run has it. Empty: no rate reaches the error. ``coarsest_mm`` and
-    ``finest_mm``: range of the errors of all rates.
+    ``at_5_mm``: at a D1 RMS error of 5 mm, interpolated linearly on log-log axes. ``grid_1_mm``:
+    fewest bits of a rate that keeps the number of points, with at most the error of rounding to a 1
+    mm grid; the anchor is ``gpcc_lossless``, which keeps duplicate points, if the run has it.
+    Empty: no rate reaches the error. ``coarsest_mm``, ``finest_mm``: largest and smallest error of
+    all rates.
     """
     import pandas as pd
 

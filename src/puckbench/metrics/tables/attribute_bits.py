@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BITS = {"reflectance": "bpp_reflectance", "colour": "bpp_colour"}
-"""Columns of bits per point by attribute."""
 _MEDIANS = (
     *("bpp", "bpp_geometry", *BITS.values(), "reflectance_psnr", "reflectance_max_error"),
     *("y_psnr", "u_psnr", "v_psnr", "colour_max_error"),
@@ -20,12 +19,12 @@ _KEYS = ["dataset", "codec", "rate"]
 
 @TABLES.register("attribute_bits", title="Bits of reflectances and colours", needs=(ATTRIBUTES,))
 def attribute_bits(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Bits per point of positions and of each attribute, and errors of attributes, for each codec
-    that codes attributes. Values are medians over the clouds of a data set.
+    """Bits per point of positions and of each attribute, and errors of attributes, for codecs that
+    code attributes; medians over clouds.
 
-    ``..._lossless``: whether the values of all clouds come back. PSNRs are empty for lossless
-    rates; the peak of reflectances is in ``metrics``. Bits of LAZ's intensities are the difference
-    to a stream without them.
+    ``..._lossless``: whether the values of all clouds are decoded exactly. PSNRs are empty for
+    lossless rates; the peak of reflectances is in ``metrics``. Bits of LAZ's intensities are the
+    difference to a stream without intensities.
     """
     rows = coded_attributes(metrics)
     groups = rows.groupby(_KEYS, sort=False)

@@ -12,12 +12,12 @@ _RUN_ENVIRONMENT = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "l
 
 @TABLES.register("machines", title="Machines and versions")
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Environments in which times were measured; if there is one row, all times are comparable.
+    """Environments in which times were measured. If there is one row, all times are comparable.
 
-    ``results``: number of result rows (cloud, codec, rate) that were measured in the environment.
-    ``cpu``, ``encode_cpu``: processors for decoding and encoding. ``threads`` of a timed call.
-    ``timed_alone``: whether no other job ran. ``repeats``: number of timed calls; results have
-    their median (``encode_s_min`` and ``encode_s_max`` are the extremes). Versions follow.
+    ``results``: number of result rows (cloud, codec, rate). ``cpu``, ``encode_cpu``: processors for
+    decoding and encoding. ``threads``: threads of a timed call. ``timed_alone``: whether no other
+    job ran. ``repeats``: number of timed calls; results have the median (``encode_s_min``,
+    ``encode_s_max``: extremes). The last columns are versions.
     """
     columns = [name for name in _RUN_ENVIRONMENT if name in metrics]
     groups = metrics.groupby(columns, sort=False, dropna=False)

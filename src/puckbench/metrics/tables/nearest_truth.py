@@ -29,19 +29,19 @@ _EXACT_MM = 0.1
 
 @TABLES.register("nearest_truth", title="How near to the true surface", needs=(TRUTH,))
 def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) -> pd.DataFrame:
-    """The least distance to the true surface that each codec reaches at any rate, against that of
-    the noisy scan itself, and the bits for it.
+    """Smallest distance to the true surface that each codec reaches at any rate, beside the
+    distance of the noisy scan, and the bits at this best rate.
 
-    ``distance``: from decoded points to the surface (accuracy), from its true points to decoded
-    points (completeness), and the Chamfer distances, D2 and D1 of both; point to point or point to
-    plane. ``scan_mm``, ``least_mm``: root mean squares of the scan and of the codec's best rate.
-    ``percent_of_scan``: their ratio (below 100: nearer to the truth than the scan), and ``rates``,
-    the number of rates at which it is below 100 in the median. ``bpp``: bits per point at the best
-    rate. ``bits_ratio``: bits of the anchor at its least distance over those of the codec at the
-    same distance, interpolated linearly in log bits and log distance; a lower bound where the
-    codec's first rate is as near. Values are medians over the scenes, after the mean over seeds,
-    with 95 % bootstrap intervals (``..._low``, ``..._high``); ``reached`` counts the scenes of
-    ``bits_ratio``. Scans free of errors are left out.
+    ``distance``: from decoded points to the surface (accuracy), from points of the surface to
+    decoded points (completeness), or both (Chamfer, D2, D1); point to point or point to plane.
+    ``scan_mm``, ``least_mm``: RMS distance of the scan and of the best rate. ``percent_of_scan``:
+    their ratio (below 100: the decoded points are nearer to the truth than the scan). ``rates``:
+    number of rates with a median ratio below 100. ``bpp``: bits per point at the best rate.
+    ``bits_ratio``: the anchor's bits at its smallest distance over the codec's bits at the same
+    distance, interpolated linearly on log-log axes; a lower bound if the codec's first rate is as
+    near. Values are medians over scenes of means over seeds, with 95 % bootstrap intervals
+    (``..._low``, ``..._high``). ``reached``: number of scenes with a ``bits_ratio``. Scans without
+    errors are left out.
     """
     import pandas as pd
 
@@ -117,9 +117,9 @@ class _Curves:
 
 
 def bits_to_reach(bits: Floats, distances: Floats, goal: float) -> float:
-    """Return the fewest bits at which a curve, sorted by bits (n,), is as near as `goal`, or nan.
+    """Return the fewest bits at which a curve's distance is at most `goal`, or nan.
 
-    Interpolates linearly in log bits and log distance.
+    `bits` (n,) ascend; interpolation is linear in log bits and log distance.
     """
     near = np.flatnonzero(distances <= goal)
     if len(near) == 0:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _GRID_MM = 1.0
 BITS = ("grid_1_mm", "at_5_mm")
-"""Columns of bits per return: exact or on a grid of 1 mm, and at an equal error."""
+"""Columns of bits per return: lossless or on a 1 mm grid, and at equal error."""
 QUARTILES = {"q25": 0.25, "q75": 0.75}
 _RAYS = (SCENE, "sensor", "turns", "firings")
 """Columns that are equal for clouds of the same rays."""
@@ -25,16 +25,16 @@ _CLOUD = ["dataset", "cloud"]
 
 @TABLES.register("noise_bits", title="What the sensor's noise costs", needs=(SEVERAL_NOISES,))
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return of the same rays under several error models: medians over the scenes, after
-    the mean over their seeds, with quartiles (q25, q75) and 95 % bootstrap intervals (low, high);
-    empty if no rate reaches the error.
+    """Bits per return of the same rays under several error models: medians over scenes of means
+    over seeds, with quartiles (q25, q75) and 95 % bootstrap intervals (low, high); empty if no rate
+    reaches the error.
 
-    ``noise_bits``: entropy of the model's noise in steps of the sensor's ranges, given incidence
-    and range, after subtracting the mean error of each laser in each turn. ``grid_1_mm``: the
-    fewest bits of a rate with at most the D1 error of rounding to a grid of 1 mm. ``at_5_mm``: at a
-    D1 root mean square error of 5 mm, interpolated linearly between rates in log bits and log
-    error. ``added_...``: difference to the error model with the least noise. ``models``: number of
-    error models of the rays. ``clouds``: number of scenes.
+    ``noise_bits``: entropy of the model's noise at the sensor's range resolution, given incidence
+    and range, without the mean error of each laser in each turn. ``grid_1_mm``: fewest bits of a
+    rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at a D1 RMS error
+    of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the error model
+    with the least noise. ``models``: number of error models of the rays. ``clouds``: number of
+    scenes.
     """
     import pandas as pd
 

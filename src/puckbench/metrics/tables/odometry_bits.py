@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 DRIFT, ABSOLUTE = "drift_percent", "ate_m"
 REGISTRATION = "registration_percent"
 _SLACK = 0.2
-"""A result counts as equal up to this fraction above the mean of the undecoded drives."""
+"""Relative tolerance within which a result equals the mean of the undecoded drives."""
 _CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Mean over undecoded drives, with its 95 % interval (Student's t; equal to it for one)."""
+    """Mean over undecoded drives, with a 95 % interval by Student's t (for one drive: the mean)."""
 
     mean: float
     low: float
@@ -46,21 +46,22 @@ class Reference:
 
     @property
     def least(self) -> float:
-        """The smallest success that counts as equal."""
+        """The smallest success rate that counts as equal."""
         return min(self.low, (1 - _SLACK) * self.mean)
 
 
 @TABLES.register("odometry_bits", title="Bits that odometry needs", needs=(ODOMETRY,))
 def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
-    """The fewest bits per return at which a robot's task is as good as on the undecoded drives.
+    """Fewest bits per return at which a robot's task succeeds as well as on the original, undecoded
+    drives.
 
-    ``measure``: ``drift_percent`` (KISS-ICP over 10, 20 and 50 m), ``ate_m`` for drives too short
-    for it, or ``registration_percent`` (pairs 1, 2 and 5 m apart that GICP registers).
-    ``undecoded``: its mean over the drives, with a 95 % interval by Student's t (``low``,
-    ``high``), with times of firings if the codec keeps them (``has_times``), otherwise without.
-    ``bits`` and ``rate``: the lowest rate that is, as all higher ones, inside the interval or worse
-    than the mean by at most a fifth; empty if the highest is not. ``lost_turns``: over all drives,
-    at the codec's lowest rate.
+    ``measure``: ``drift_percent`` (KISS-ICP over 10, 20 and 50 m), ``ate_m`` (absolute error) for
+    drives shorter than 10 m, or ``registration_percent`` (pairs of turns 1, 2 and 5 m apart that
+    GICP registers). ``undecoded``: mean of the measure over original drives, with a 95 % interval
+    by Student's t (``low``, ``high``); drives have times of firings if the codec keeps them
+    (``has_times``). ``bits``, ``rate``: the lowest rate from which on all rates are inside the
+    interval, or at most a fifth worse than the mean; empty if the highest rate is not.
+    ``lost_turns``: sum over drives at the codec's lowest rate.
     """
     import pandas as pd
 
@@ -106,13 +107,13 @@ def measures(rows: pd.DataFrame) -> list[str]:
 
 
 def with_registration(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the mean success over all distances of pairs."""
+    """Add the mean success rate over all distances between turns."""
     apart = rows.filter(regex=r"^registration_\d+m_percent$").dropna(axis=1, how="all")
     return rows.assign(**{REGISTRATION: apart.mean(axis=1)}) if len(apart.columns) else rows
 
 
 def reference_of(rows: pd.DataFrame, measure: str, has_times: bool) -> Reference:
-    """Return the result on undecoded drives, with or without times."""
+    """Return the result on undecoded drives with or without times of firings."""
     undecoded = rows[rows["codec"] == UNDECODED]
     alike = undecoded[undecoded["has_times"] == has_times]
     if alike.empty:
@@ -121,7 +122,7 @@ def reference_of(rows: pd.DataFrame, measure: str, has_times: bool) -> Reference
 
 
 def mean_curve(rows: pd.DataFrame, measure: str) -> pd.DataFrame:
-    """Return a codec's rates, the lowest first, with means over the drives."""
+    """Return a codec's rates by increasing bits, with means of bits and `measure` over drives."""
     mean = rows.groupby("rate", as_index=False).agg(
         {"bpp": "mean", measure: "mean", "has_times": "all", "lost_turns": "sum"}
     )

@@ -36,14 +36,13 @@ def bd_rate_clouds(
     """Bjontegaard deltas of every codec against the anchor on each cloud.
 
     There is no value if the curves have less than half of the shorter curve's range in common;
-    ``bd_rate_status`` gives the reason. Lossless rates, whose errors are rounding errors, are left
-    out.
+    ``bd_rate_status`` gives the reason. Lossless rates are left out.
 
     Parameters
     ----------
     qualities
-        Columns of the results: in dB if they end in ``_psnr``, else squared distances d with the
-        quality -10 log10 d.
+        Columns of the results, in dB if they end in ``_psnr``; else squared distances d, converted
+        to the quality -10 log10 d.
 
     Returns
     -------
@@ -78,18 +77,17 @@ def bd_rate(
 ) -> pd.DataFrame:
     """Bjontegaard deltas of every codec against the anchor, by data set and metric: mean change of
     the rate at equal quality in percent (negative: fewer bits), and of the quality at equal rate in
-    dB, with 95 % bootstrap intervals over clouds.
+    dB, with 95 % bootstrap intervals.
 
-    Deltas are computed for each cloud by PCHIP interpolation of the log rate and then averaged, in
-    each scene over its seeds and then over the scenes, which the bootstrap draws.
-    Clouds whose curves have less than half of the shorter range in common, and lossless rates, are
-    counted but not averaged.
+    Deltas of each cloud, by PCHIP interpolation of the log rate, are averaged over the seeds of a
+    scene, then over scenes, which the bootstrap resamples. Clouds whose curves have less than half
+    of the shorter range in common, and lossless rates, are counted but not averaged.
 
     Returns
     -------
     pd.DataFrame
         ``bd_rate_percent`` comes from the mean log rate ratio of the ``compared`` clouds, so that
-        swapping codec and anchor inverts it; ``..._arithmetic`` is the mean of the percentages.
+        swapping codec and anchor inverts the ratio; ``..._arithmetic`` is the mean of percentages.
         ``shared_range`` is a median; ``dropped`` and ``lossless`` are sums.
     """
     import pandas as pd
@@ -105,7 +103,7 @@ def bd_rate(
 
 
 def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Return mean ln(rate / anchor rate) at equal quality for each scene that has it, (n,)."""
+    """Return mean ln(rate / anchor rate) at equal quality (n,) for scenes with a value."""
     both = metrics[metrics["codec"].isin([anchor, tested])]
     clouds = bd_rate_clouds(both, anchor, [quality])
     return means_over_seeds(clouds, (), ["log_ratio"])["log_ratio"].dropna().to_numpy(float)
@@ -114,7 +112,7 @@ def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) ->
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
     """Return whether the mean of paired differences (n,) is significantly negative.
 
-    Then the 95 % interval is negative or, with too few values for it, all values are.
+    The 95 % interval must be negative or, with too few values for an interval, every value must be.
     """
     rng = generator(seed, "paired differences")
     high = bootstrap_interval(differences, RESAMPLES, rng)[1]

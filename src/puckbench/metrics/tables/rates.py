@@ -14,12 +14,12 @@ _MM = 1000
 
 @TABLES.register("rates", title="Bytes, errors and times at each rate")
 def rates(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Size, errors and times of each codec on all clouds of a data set together, at each rate.
+    """Size, errors and times of each codec at each rate, over all clouds of a data set.
 
     ``bytes``: sum of the streams. ``ratio``: bytes of the users' files per byte of the streams;
-    empty for clouds that were not read from files. ``rms_mm``, ``largest_mm``: root mean square and
-    largest distance, in mm, of the worse direction of D1 (decoded points to the nearest coded ones,
-    and back). ``encode_s``, ``decode_s``: sums over the clouds.
+    empty if clouds do not come from files. ``rms_mm``, ``largest_mm``: RMS and largest
+    point-to-point distance (D1), in mm, each the maximum of both directions. ``encode_s``,
+    ``decode_s``: sums over the clouds.
     """
     import pandas as pd
 

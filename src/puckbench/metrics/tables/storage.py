@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ERROR_MM = 5.0
-"""D1 root mean square error at which lossy codecs are compared."""
+"""D1 RMS error at which lossy codecs are compared."""
 _ROUNDING = 1.1
-"""Tolerated ratio of an error to that of rounding uniformly distributed points to a grid; walls
-parallel to the grid have larger errors."""
+"""Tolerated ratio of an error to the error of rounding uniform points to a grid; walls parallel to
+the grid have larger errors."""
 _MEDIANS = {
     "bits_per_return": "bpp",
     "mbit_per_s": "mbit_per_s",
@@ -35,15 +35,15 @@ _IN_METRES = ("d1_rms", "d2_rms", "truth_d2_rms")
 
 @TABLES.register("storage", title="What to store a sensor's data in", needs=(SPINS_OR_RECORDINGS,))
 def storage(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Every codec on clouds in metres at its rate of least error, and at an error of 5 mm. Values
-    are medians over the clouds of a data set.
+    """Every codec on clouds in metres, at the rate of least error and at an error of 5 mm; medians
+    over clouds.
 
-    ``kept``: ``exact``; ``1 mm``, points as exact as on a grid of 1 mm; or ``less``, listed last.
-    Then bits per return, megabits per second at the sensor's speed, root mean square errors (D1,
-    D2, point to plane to the true surface, ranges) in mm, numbers of returns lost and added,
-    milliseconds per turn, and speed relative to the sensor on one thread (2: twice as fast as the
-    sensor turns). ``bits_at_5_mm``: bits per return at a D1 root mean square error of 5 mm,
-    interpolated linearly between rates in log bits and log error; empty if no rates enclose it.
+    ``kept``: ``exact``; ``1 mm``, as exact as on a 1 mm grid; or ``less``, listed last. Further
+    columns: bits per return, megabits per second at the sensor's speed, RMS errors (D1, D2, point
+    to plane to the true surface, ranges) in mm, numbers of returns lost and added, milliseconds per
+    turn, and coding speed relative to the sensor on one thread (2: twice as fast).
+    ``bits_at_5_mm``: bits per return at a D1 RMS error of 5 mm, interpolated linearly on log-log
+    axes; empty if no rates enclose this error.
     """
     import pandas as pd
 
@@ -88,14 +88,14 @@ def _kept(error_mm: float) -> str:
 
 
 def rounding_mm(grid_mm: float) -> float:
-    """Return the root mean square error of rounding points to a grid, mm, plus a tolerance."""
+    """Return the RMS error, in mm, of rounding points to a grid, plus a tolerance."""
     return _ROUNDING * grid_mm / 2
 
 
 def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:
-    """Return the bits at an error, or nan.
+    """Return the bits at the error `at_mm`; nan outside the range of lossy rates.
 
-    Interpolates linearly between lossy rates in log bits and log error.
+    Interpolation is linear in log bits and log error.
     """
     error, rate = error_mm.to_numpy(float), bits.to_numpy(float)
     lossy = error > 0

@@ -1,1 +1,1 @@
-"""Tasks of a robot, whose results measure decoded drives."""
+"""Tasks of a robot, by which decoded drives are measured."""

@@ -1,4 +1,4 @@
-"""Odometry by KISS-ICP on decoded turns, and its errors against the sensor's poses.
+"""Odometry by KISS-ICP on decoded turns, and errors against the sensor's true poses.
 
 References
 ----------
@@ -24,9 +24,9 @@ from puckbench.metrics.task_registry import TASKS
 LENGTHS_M = (10, 20, 50)
 KITTI_LENGTHS_M = tuple(range(100, 900, 100))
 _LOST_M, _LOST_DEG = 0.5, 5.0
-"""A turn is lost if its motion from the turn before it is wrong by more."""
+"""A turn is lost if the estimated motion from the previous turn is wrong by more."""
 _TOLERANCE = 0.1
-"""Largest difference of a pair's distance from the nominal one, relative to that."""
+"""Largest relative deviation of a pair's distance from the nominal one."""
 _THREADS = 1
 """With more threads, the order of sums and thus the poses of KISS-ICP may vary."""
 
@@ -39,12 +39,12 @@ def odometry(
     voxel_m: float | None = None,
     skip: int = 5,
 ) -> dict[str, Any]:
-    """Return the drift of KISS-ICP, its absolute error, and the number of lost turns.
+    """Return KISS-ICP's drift, absolute error and number of lost turns.
 
-    Turns with returns are corrected for the sensor's motion, to the end of the turn; others are
-    not, and have the pose at the middle of the turn. `voxel_m` is by default a hundredth of
-    `max_range_m`, as in KISS-ICP. The first `skip` turns, when KISS-ICP does not know the motion
-    yet, do not count.
+    Turns with returns are corrected for the sensor's motion, to the end of the turn. Turns without
+    returns are not corrected, and have the pose at the middle of the turn. `voxel_m` is by default
+    a hundredth of `max_range_m`, as in KISS-ICP. The first `skip` turns, when KISS-ICP does not
+    know the motion yet, do not count.
     """
     if len(decoded) < skip + 2:
         raise InputError(f"task odometry: {len(decoded)} turns, of which it skips {skip}")
@@ -62,16 +62,16 @@ def odometry(
 
 
 def moment_of(turns: Sequence[PointCloud]) -> float:
-    """Return the fraction of a turn at which its estimated pose holds."""
+    """Return the time, as a fraction of a turn, at which estimated poses hold."""
     return 1.0 if all(turn.returns is not None for turn in turns) else 0.5
 
 
 def estimated_poses(
     turns: Sequence[PointCloud], is_moving: bool, max_range_m: float, voxel_m: float
 ) -> Floats:
-    """Return the poses (n, 4, 4) of turns by KISS-ICP, relative to the first.
+    """Return KISS-ICP's poses (n, 4, 4) of turns, relative to the first.
 
-    Points are corrected for motion if turns have returns and the sensor `is_moving` in a turn.
+    Points are corrected for motion if turns have returns and the sensor `is_moving` during a turn.
     """
     check_installed("kiss_icp")
     from kiss_icp.config import KISSConfig
@@ -91,12 +91,12 @@ def estimated_poses(
 def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     """Return errors of estimated poses (n, 4, 4) against true ones.
 
-    ``drift_percent`` and ``drift_deg_per_m`` are means over the lengths of 10, 20 and 50 m that fit
-    into the drive; the error over a length is the mean over all pairs of poses this far apart,
-    divided by their distance. Those of one length are ``drift_50m_...``, those over 100 to 800 m
-    ``kitti_...``. ``ate_m`` is the root mean square distance of positions after the best rigid
-    alignment. A turn is lost if its motion since the last turn is wrong by more than 0.5 m or 5
-    degrees.
+    The drift over a length is the mean error of all pairs of poses that are this length of path
+    apart, divided by the length. ``drift_percent`` (translation) and ``drift_deg_per_m`` (rotation)
+    are means over those lengths of 10, 20 and 50 m that fit into the drive. ``drift_50m_...`` is
+    for one length, ``kitti_...`` for 100 to 800 m. ``ate_m`` is the RMS distance of positions after
+    the best rigid alignment. A turn is lost if the motion since the last turn is wrong by more than
+    0.5 m or 5 degrees.
     """
     check_installed("evo")
     from evo.core.metrics import PoseRelation, Unit
@@ -142,7 +142,7 @@ def _relative_errors(both: _Paths, relation: Any, delta: float, unit: Any) -> Fl
 
 
 def _drift(both: _Paths, length_m: int) -> Floats:
-    """Return the drift over a length, in percent and degrees per metre; empty if too long."""
+    """Return the drift over a length in percent and degrees per metre; empty for shorter drives."""
     from evo.core.filters import FilterException
     from evo.core.metrics import PoseRelation, Unit, id_pairs_from_delta
 

@@ -20,7 +20,7 @@ from puckbench.metrics.tasks.odometry import check_installed
 
 _APART_M = (1, 2, 5)
 _TOLERANCE = 0.3
-"""Largest difference of a pair's distance from the nominal one, relative to that."""
+"""Largest relative deviation of a pair's distance from the nominal one."""
 
 
 @TASKS.register("registration", needs=("small_gicp", "evo"))
@@ -35,9 +35,10 @@ def registration(
 ) -> dict[str, Any]:
     """Return GICP's success rate and error for at most `pairs` pairs of turns 1, 2 and 5 m apart.
 
-    It has no initial guess, and pairs points at most `reach_m` apart. Success is a result at most
-    `most_m` and `most_deg` from the true motion between the middles of the turns. The error is the
-    median of successes. Points are not corrected for motion within a turn.
+    GICP has no initial guess, and matches points at most `reach_m` apart. A registration succeeds
+    if it is at most `most_m` and `most_deg` from the true motion between the middles of the turns.
+    The error is the median distance of successes. Points are not corrected for motion within a
+    turn.
     """
     check_installed("evo")
     check_installed("small_gicp")

@@ -1,6 +1,6 @@
 """Models of fixtures on walls and ceilings.
 
-Wall fixtures have their back at y = 0 and the floor at z = 0; ceiling fixtures hang from z = 0.
+Wall fixtures have their back at y = 0 above a floor at z = 0; ceiling fixtures hang from z = 0.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Parametric models of objects: the function of a class makes its variant number `member`."""
+"""Parametric models of objects; the function of an object class makes variant number `member`."""

@@ -1,6 +1,6 @@
 """Ground of a street: a cambered road, kerbs, pavements, yards, and a junction at each end.
 
-The road lies along x, with its crown above y = 0 and its gutters at z = 0. The parts neither
+The road lies along x, with the crown above y = 0 and the gutters at z = 0. The parts neither
 overlap nor leave gaps.
 """
 
@@ -23,7 +23,7 @@ ROAD = LANE + PARKING
 CROWN = 0.025 * ROAD
 """Height of the crown above the gutters, m."""
 KERB, PAVEMENT_Z = 0.12, 0.11
-"""Heights of the kerbs, and of pavements and yards, m."""
+"""Heights of kerbs, and of pavements and yards, m."""
 PROPERTY_Y = ROAD + 3.2
 """Distance of the property line from the centre line, m."""
 HALF_WIDTH = 32.0

@@ -34,7 +34,7 @@ class _Opening:
 
 @dataclass(frozen=True)
 class _Facade:
-    """Design of a facade, in metres; `reveal` is the windows' depth behind it."""
+    """Design of a facade, in metres; `reveal` is the depth of windows behind the facade."""
 
     width: float
     height: float

@@ -43,7 +43,7 @@ _CLEAR_HEIGHT = 4.0
 def make_street(name: str, seed: int, length: float) -> Mesh:
     """Return the labelled mesh of a street along x, centred on the origin.
 
-    `length` is the distance between the cross streets in metres.
+    The cross streets are `length` metres apart.
     """
     street = _Street(
         length, lambda part: Modeller(generator(seed, "street", name, part), _DETAIL, _UNIT)
@@ -60,7 +60,7 @@ def street_origin() -> tuple[float, float, float]:
 
 
 def free_way(length: float) -> tuple[float, float]:
-    """Return the interval of x, m, on which a sensor is at least 1 m from any object."""
+    """Return the interval of x, m, in which a sensor is at least 1 m from any object."""
     return (-length / 2, length / 2)
 
 
@@ -108,7 +108,7 @@ def _lots(cad: Modeller, start: float, end: float) -> Iterator[_Lot]:
 
 
 def _sides() -> tuple[tuple[str, Floats], ...]:
-    """Return name and frame (4, 4) of both sides; x is along the street, y away from it."""
+    """Return the name and frame (4, 4) of each side; x is along, y away from the street."""
     return (("left", np.eye(4)), ("right", pose(turn=180)))
 
 
@@ -211,7 +211,7 @@ def _street_furniture(street: _Street) -> None:
 def _scatter(
     street: _Street, cad: Modeller, frame: Floats, maker: Maker, per_200_m: int, y: float
 ) -> None:
-    """Place items at random free positions along a side, at most `per_200_m` per 200 m of it."""
+    """Place items at random free positions along a side, at most `per_200_m` per 200 m."""
     end = street.length / 2 - 8.0
     for _ in range(max(1, round(per_200_m * street.length / 200.0))):
         street.put(maker(cad), frame @ pose(cad.between(-end, end), y, PAVEMENT_Z))

@@ -11,7 +11,7 @@ _FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
 def tree(cad: Modeller) -> Item:
-    """Make a street tree with a trunk, boughs and a partly transparent crown, 2.2 m in radius."""
+    """Make a street tree with a trunk, boughs and a partly transparent crown of 2.2 m radius."""
     trunk, height = cad.between(0.11, 0.2), cad.between(2.5, 3.4)
     top = height + cad.between(3.0, 4.6)
     boughs, places = [], [np.array([0.0, 0.0, top - 0.9])]
@@ -53,7 +53,7 @@ def hedge(cad: Modeller, length: float) -> Item:
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
     """Make `count` leaves in k ellipsoids with centres `middles` and half axes `radii` (k, 3), m.
 
-    Ellipsoids get leaves by volume, more near their surfaces.
+    Leaves are shared by volume, and denser near the surfaces.
     """
     volumes = radii.prod(axis=1)
     ellipsoid = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())

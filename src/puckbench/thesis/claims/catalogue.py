@@ -14,7 +14,7 @@ Test = Callable[[Evidence], list[Part]]
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim, its section and numbers in the thesis, its test, and figures that show it."""
+    """A claim of the thesis, with section, numbers, test and figures."""
 
     words: str
     section: str
@@ -36,4 +36,4 @@ def _claim(*, test: str, figures: list[str], **texts: str) -> Claim:
 
 
 CLAIMS = tuple(_claim(**entry) for entry in read_yaml(Path(__file__).with_suffix(".yaml")))
-"""In the order of docs/notes/claims.md; claims are numbered from 1."""
+"""Claims in the order of docs/notes/claims.md, numbered from 1."""

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 MIN_ROOMS = 16
 VISIBLE = 0.5
 """Rank correlation that explains a quarter of the variance and, with `MIN_ROOMS` rooms, is
-significant at 5 %. A weaker one is not visible in a scatter plot."""
+significant at 5 %. Weaker correlations are not visible in a scatter plot."""
 MORE_DUPLICATES = 0.05
-"""Fraction of the points: fewer additional duplicates cannot double the bits."""
+"""Minimum difference between shares of duplicate points; a smaller one cannot double the bits."""
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
-    """Test claim 12: Draco's first rate takes more than `TWICE` times the bits per point on scans
-    as on objects, and scans have more duplicate points.
+    """Test claim 12: at Draco's first rate, scans take more than `TWICE` times the bits per point
+    of objects, and have more duplicate points.
     """
     if DRACO not in evidence.codecs:
         return [untested(CODEC_NEEDS[DRACO])]
@@ -50,8 +50,8 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Test claim 13: for each codec, the rank correlation of a room's elongation and its Chamfer
-    distance is below `VISIBLE` in absolute value.
+    """Test claim 13: for each codec, the rank correlation of elongation and Chamfer distance over
+    rooms is below `VISIBLE` in absolute value.
     """
     table = evidence.metrics
     rooms = [

@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
 MIN_RATES = 4
-"""Minimum number of rates of a curve, so that each half has a slope."""
+"""Fewest rates of a curve, so that each half has a slope."""
 MIN_COMMON_RATES = 3
-"""Minimum number of rates at which two curves are compared at equal bits."""
+"""Fewest rates at which two curves are compared at equal bits."""
 MIN_CLOUDS = 4
-"""Minimum number of clouds, in all data sets together, for a statement; quartiles need four."""
+"""Fewest clouds, in all data sets together, for a statement; quartiles need four."""
 MIN_CALLS = 5
-"""Minimum number of timed calls for each rate and data set, over clouds and repetitions."""
+"""Fewest timed calls for each rate and data set, over clouds and repetitions."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, and the roles (the thesis's data sets and codecs) of its data sets and
-    codecs.
+    """Tables of a run, with the roles of data sets and codecs.
 
-    `datasets` maps names to roles; `codecs` and `stand_ins` (codecs derived from the thesis's) map
-    roles to names. If `of_medians` is true, `metrics` contains medians.
+    Roles are the thesis's data sets and codecs. `datasets` maps names to roles; `codecs` and
+    `stand_ins` (codecs derived from the thesis's) map roles to names. If `of_medians` is true,
+    `metrics` contains medians.
     """
 
     metrics: pd.DataFrame | None = None
@@ -67,7 +67,7 @@ class Evidence:
     def medians(self) -> pd.DataFrame:
         """Medians over the clouds for each data set, codec and rate.
 
-        ``codec`` is the codec's role, such as ``gpcc``; ``number`` the index of the rate.
+        ``codec`` is the codec's role, such as ``gpcc``; ``number`` is the index of the rate.
         """
         import pandas as pd
 
@@ -97,8 +97,8 @@ class Evidence:
     def calls(self, codec: str) -> int:
         """Return a codec's number of valid timed calls, the minimum over data sets and rates.
 
-        A call is valid if it was repeated `MIN_REPEATS` times or made while no other job ran; the
-        claims compare a codec with itself.
+        Calls are valid if repeated `MIN_REPEATS` times or made while no other job ran; claims
+        compare a codec with itself.
         """
         if self.metrics is None:
             return 0
@@ -120,8 +120,8 @@ class Evidence:
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
         """Return the ``ratio`` of the medians of two codecs, `tested` to `base`, at equal ``bpp``.
 
-        Values of `base` are interpolated linearly in log bits and log value. The table is empty if
-        a curve has fewer than `MIN_RATES` rates, or both fewer than `MIN_COMMON_RATES` in common.
+        Values of `base` are interpolated linearly on log-log axes. The table is empty with fewer
+        than `MIN_RATES` rates of a curve, or `MIN_COMMON_RATES` common rates.
         """
         import pandas as pd
 

@@ -46,7 +46,7 @@ CODEC_NEEDS = {
 TWICE = 2.0
 """Ratio of squared distances: 3 dB. Halving the grid's step divides squared distances by four."""
 ONE_DB = 1.26
-"""Ratio of squared distances: the width of a marker in Figure 6.6."""
+"""Ratio of squared distances that is as wide as a marker in Figure 6.6."""
 MUCH_LESS_AFFECTED = 17 / 11
 """Factor by which PCGCv2's time grows, from 11 to 17 s, in the thesis's Figure 6.5."""
 COMPARISON_NEEDS = (
@@ -61,7 +61,7 @@ TIME_NEEDS = (
 
 def improves_and_levels_off(evidence: Evidence) -> list[Part]:
     """Test claim 6: CD is lower at the last rate than at the first; over the upper half of the
-    rates it falls by a factor below `TWICE`, except for Draco.
+    rates CD falls by a factor below `TWICE`, except for Draco.
     """
     parts = []
     for codec in (*CLASSICAL, *LEARNED):
@@ -82,15 +82,15 @@ def improves_and_levels_off(evidence: Evidence) -> list[Part]:
 
 
 def learned_match_at_low_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 7: over the lower half of a learned codec's rates, the median ratio of its CD to a
-    classical codec's at equal bits is at most `ONE_DB`.
+    """Test claim 7: over the lower half of a learned codec's rates, the median ratio of learned to
+    classical CD at equal bits is at most `ONE_DB`.
     """
     return _comparisons(evidence, "cd_plane", "matches", _lower_half, lambda ratio: ratio <= ONE_DB)
 
 
 def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 11: at the highest of its rates within G-PCC's range, a learned codec's CD is
-    above G-PCC's at equal bits.
+    """Test claim 11: at the highest rate within G-PCC's range, a learned codec has a greater CD
+    than G-PCC at equal bits.
     """
     return _comparisons(
         evidence, "cd_plane", "loses to", _last, lambda ratio: ratio > 1, (GPCC_AS_RUN, GPCC)
@@ -127,8 +127,8 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
 
 
 def time_grows(evidence: Evidence) -> list[Part]:
-    """Test claim 9: the time at the last rate divided by that at the first is at most
-    `MUCH_LESS_AFFECTED` for PCGCv2, above it for the others, and greatest for G-PCC.
+    """Test claim 9: the ratio of times at the last and first rates is at most `MUCH_LESS_AFFECTED`
+    for PCGCv2, greater for other codecs, and greatest for G-PCC.
     """
     parts, growths, samples = [], {}, []
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
@@ -157,8 +157,8 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
 
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
-    """Test claim 10: the greatest median CD of a data set divided by the least is, in the median
-    over rates, below `TWICE`.
+    """Test claim 10: the ratio of greatest to least median CD over data sets is, in the median over
+    rates, below `TWICE`.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}
@@ -224,7 +224,7 @@ def _comparisons(
 ) -> list[Part]:
     """Return a part of a claim for each learned codec and each codec in `bases`.
 
-    It holds if `holds` is true for the `summary` of the ratios at equal bits on every data set.
+    A part holds if `holds` is true for the `summary` of ratios at equal bits on every data set.
     """
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:

@@ -13,4 +13,3 @@ ALL_ROOMS = (ROOMS, SAMPLED)
 DATASETS = (OBJECTS, ROOMS, SAMPLED, CLEAN, NOISY)
 
 RATES = frozenset(f"r{number}" for number in range(1, 9))
-"""Names of the rates in the thesis."""

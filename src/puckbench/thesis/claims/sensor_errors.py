@@ -21,12 +21,13 @@ MEAN_ROUNDING_M = 0.005
 STD_ROUNDING_M = 0.0005
 """Rounding error of the standard deviation, which the thesis prints to a millimetre."""
 FAR_TOO_WIDE = 2.0
-"""Ratio of standard deviations: the thesis states the real sensor's error as two of them."""
+"""Minimum ratio of standard deviations; the thesis states the real sensor's error as two standard
+deviations."""
 ALMOST_NO_DIFFERENCE = 0.0198 / 0.0186 - 1
-"""Relative difference of the standard deviations with and without divergence in the thesis."""
+"""Relative difference of the thesis's standard deviations with and without divergence."""
 FLAT = BIN_STDS_M[8] / median(BIN_STDS_M)
-"""Largest ratio of a group's standard deviation to the median of all groups that counts as no
-dependence. In Figure 5.15 the thesis calls ratios up to 1.13 flat, and 1.31 an increase."""
+"""Largest ratio of a group's standard deviation to the groups' median that counts as flat. In
+Figure 5.15 the thesis calls ratios up to 1.13 flat, and 1.31, this ratio, an increase."""
 MIN_RESIDUALS = 100
 CAPTURES = "captures of a real VLP-16 (sensor_study: captures)"
 STUDY = "the sensor study (sensor_study)"
@@ -52,7 +53,7 @@ def real_spread(evidence: Evidence) -> list[Part]:
 
 def default_noise_too_wide(evidence: Evidence) -> list[Part]:
     """Test claim 2: residuals of ``hdl64e`` have over `FAR_TOO_WIDE` times the real standard
-    deviation, and are farther from the real distribution than those of ``vlp16``.
+    deviation, and are farther from the real distribution than residuals of ``vlp16``.
     """
     wide, real = _std(evidence, "hdl64e"), _std(evidence, REAL) or REAL_STD_M
     if wide is None:
@@ -97,8 +98,8 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
-    """Test claim 4: with the angle of incidence the range error of ``vlp16_incidence`` rises, but
-    its distance to the true surface rises by less than the square root of the factor in Figure
+    """Test claim 4: with the angle of incidence, the range error of ``vlp16_incidence`` rises, but
+    the distance to the true surface rises by less than the square root of the factor in Figure
     5.15.
     """
     table = evidence.incidence_effect
@@ -126,7 +127,7 @@ def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
     """Test claim 5: the standard deviations of all distances, and of all lasers, are within a
     factor `FLAT` of their median.
 
-    Of captures only the lasers are compared, since each distance has another plane.
+    In captures, only lasers are compared, since each distance has another plane.
     """
     model = "vlp16_divergence"
     parts = [

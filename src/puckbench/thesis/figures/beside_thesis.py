@@ -29,9 +29,9 @@ _WIDE, _FAINT = 4.5, 0.35
 def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figure:
     """Medians per compression rate in thesis figure 6.5 (wide lines) and in this run (thin lines).
 
-    Numbers of clouds and quartiles: figure 6.5. G-PCC truncates coordinates in the thesis. If this
-    run uses other data sets than the thesis, its curves lie higher or lower, but have the same
-    shape.
+    For quartiles and numbers of clouds, see ``fig_6_5``. In the thesis, G-PCC truncates
+    coordinates. With data sets unlike the thesis's, curves of this run lie higher or lower, but
+    have the same shape.
     """
     columns = ("thesis", "here")
     require_rows(thesis_medians, ("dataset", "codec", "rate", "quantity", *columns), "medians")

@@ -33,9 +33,9 @@ _CD = CD_PLANE.within(1e-1, 1e2)
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane) at each codec's middle rate, against a cloud's elongation.
 
-    A marker is a cloud; n: clouds. Lines join at most 12 clouds, to guide the eye. Elongation:
-    shortest over longest side of the bounding box. The thesis reports no visible effect of a room's
-    elongation, without a figure. Zeros (lossless) are not drawn.
+    Markers: n clouds. Lines join at most 12 clouds. Elongation: shortest over longest side of the
+    bounding box. The thesis reports no visible effect of a room's elongation, without a figure.
+    Zeros (lossless) are not drawn.
     """
     numbers = ("elongation", CD_PLANE.column)
     require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")

@@ -34,7 +34,7 @@ _D1 = PlottedMetric("cd_point", "CD, point-to-point", "grid units²", (0.1, 100)
 _ROWS = (BPP.within(0.01, 10), _D1)
 _SCALE = "Scale (small markers: no power of two)"
 _SMALL = 0.55
-"""Relative size of markers at scales that are not powers of two; not all shapes can be hollow."""
+"""Relative size of markers at scales that are not powers of two; some shapes cannot be hollow."""
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#332288", "#777777")
 _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
@@ -45,7 +45,7 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits per point and Chamfer distance (point-to-point) against the scale of its grid.
 
     Medians over n clouds; small markers: scales that are not powers of two. With truncated
-    coordinates the distance rises from 1/2 to 5/8. Not in the thesis.
+    coordinates, the distance rises from scale 1/2 to 5/8. Not in the thesis.
     """
     require_rows(gpcc_scales, (*_COLUMNS, "bpp", "cd_point"), "scales")
     datasets = style.ordered_datasets(gpcc_scales["dataset"])
@@ -70,10 +70,11 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_of_both("gpcc_rounding", title="What truncated coordinates cost G-PCC in distortion")
 def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Ratio of G-PCC's Chamfer distances (point-to-point) with truncated and rounded coordinates.
+    """G-PCC's Chamfer distance (point-to-point) with truncated coordinates, divided by that with
+    rounded coordinates.
 
-    Medians and quartiles over clouds, by scale. Truncation shifts the cloud, except at the scales
-    1/2, 1/4, 1/8 and so on. The thesis truncates; it lacks this figure.
+    Medians and quartiles over clouds, by scale. Truncation shifts the cloud, except at scales 1/2,
+    1/4, 1/8 and so on. The thesis truncates, and lacks this figure.
     """
     label = "CD with truncated over CD with\nrounded coordinates"
     return _draw_ratio(gpcc_scales, "distortion", label, style)
@@ -81,11 +82,12 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_of_both("gpcc_contexts", title="What neighbour contexts save G-PCC in bits")
 def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Ratio of G-PCC's bits with TMC13's default tools and with those of MPEG's test conditions.
+    """G-PCC's bits with TMC13's default tools, divided by bits with the tools of MPEG's test
+    conditions.
 
-    Medians and quartiles over clouds, by scale. The defaults, which the thesis uses, lack
-    neighbours beyond the parent node and intra prediction. Except at scales that are powers of two,
-    truncated coordinates matter too. The thesis lacks this figure.
+    Medians and quartiles over clouds, by scale. The default tools, which the thesis uses, lack
+    contexts of neighbours beyond the parent node, and intra prediction. At scales that are not
+    powers of two, truncated coordinates matter too. The thesis lacks this figure.
     """
     label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
     return _draw_ratio(gpcc_scales, "bits", label, style)

@@ -60,7 +60,7 @@ def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_at_5_m("fig_5_5", title="Floor at 5 m, by laser", number="5.5")
 def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor in front of the wall at 5 m, from above, the sensor on the right (thesis figure
+    """The floor in front of the wall at 5 m, from above; the sensor is on the right (thesis figure
     5.5). Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "x_m", True, style)
@@ -68,30 +68,30 @@ def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_at_5_m("fig_5_6", title="Wall at 5 m from the side", number="5.6")
 def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall at 5 m from the side, depth stretched (thesis figure 5.6).
+    """The wall at 5 m from the side; depths are stretched (thesis figure 5.6).
 
-    Each laser is offset by its bias. Points as in figure 5.2.
+    Each laser's points are offset by the laser's bias. Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "y_m", "z_m", False, style)
 
 
 @_figure_at_5_m("fig_5_7", title="One laser on the wall", number="5.7")
 def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall at 5 m with stretched depth, returns of the middle laser (thesis figure 5.7)."""
+    """Returns of the middle laser from the wall at 5 m; depth stretched (thesis figure 5.7)."""
     return _draw_space(_shown(scans, _FAR_M, "wall"), (20, -50), style, one_laser=True)
 
 
 @_figure_at_5_m("fig_5_8", title="Floor at 5 m from the side", number="5.8")
 def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor in front of the wall at 5 m, from the side, the sensor on the right, height
-    stretched (thesis figure 5.8). Points as in figure 5.2.
+    """The floor in front of the wall at 5 m from the side; heights are stretched, and the sensor is
+    on the right (thesis figure 5.8). Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "z_m", False, style)
 
 
 @_figure_at_5_m("fig_5_9", title="One laser on the floor", number="5.9")
 def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor in front of the wall at 5 m with stretched height, returns of the middle laser
+    """Returns of the middle laser from the floor in front of the wall at 5 m; height stretched
     (thesis figure 5.9).
     """
     return _draw_space(_shown(scans, _FAR_M, "floor"), (20, -50), style, one_laser=True)
@@ -99,16 +99,16 @@ def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_at_5_m("fig_5_16", title="Error models on the wall at 5 m", number="5.16")
 def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall at 5 m by error model, from the side, depth stretched, all in one scale (thesis
-    figure 5.16). Points as in figure 5.2.
+    """The wall at 5 m by error model, from the side; depths are stretched equally in all panels
+    (thesis figure 5.16). Points as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "wall"), style)
 
 
 @_figure_at_5_m("fig_5_17", title="Error models on the floor at 5 m", number="5.17")
 def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor in front of the wall at 5 m by error model, from the side, height stretched, all in
-    one scale (thesis figure 5.17). Points as in figure 5.2.
+    """The floor in front of the wall at 5 m by error model, from the side; heights are stretched
+    equally in all panels (thesis figure 5.17). Points as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "floor"), style)
 

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 _DISTANCES = ("model", "std_m", "emd_m", "emd_low_m", "emd_high_m", "chance_m")
 _MIN_REACH_M = 0.04
 _REACH_SIGMAS = 4.0
-"""Range of the density axis, in standard deviations of the real residuals."""
 _LINES = ("-", "--", "-.", ":")
 
 
@@ -34,11 +33,11 @@ _LINES = ("-", "--", "-.", ":")
 def draw_verdict(
     compared_residuals: pd.DataFrame, model_distances: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Plane residuals of walls in captures, and of error models drawn on the same rays.
+    """Plane residuals of captured walls, and of error models simulated on the same rays.
 
-    Above: densities; n: residuals. Below: earth mover's distance of each model from the real
-    sensor, in mm, with its 95 % interval. A sensor that follows the model exceeds the grey bar with
-    probability 5 %.
+    Top: densities; n: real residuals. Bottom: earth mover's distance of each model's residuals from
+    the real sensor's, in mm, with a 95 % interval. A sensor that follows the model exceeds the grey
+    bar with probability 5 %.
     """
     from matplotlib.figure import Figure
 

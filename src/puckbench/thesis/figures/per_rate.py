@@ -43,8 +43,8 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Medians over clouds at each compression rate, in order of bits (thesis figure 6.5).
 
     Chamfer and squared Hausdorff distance (point-to-plane, squared grid units), encoding and
-    decoding time in seconds. Bars: quartiles over clouds. n: clouds. Ticks at the foot: lossless
-    rates. Unlike in the thesis, times exclude the start of a process.
+    decoding time in seconds. Bars: quartiles. n: clouds. Ticks at the lower edge: lossless rates.
+    Unlike in the thesis, times exclude the start of a process.
     """
     columns = tuple(quantity.column for quantity in _ROWS)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FEW = 12
-"""Number of clouds up to which each one is drawn."""
 _MEDIAN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}
 _MEAN: dict[str, Any] = {"marker": "^", "markersize": 3, "mfc": "#009E73", "mec": "#009E73"}
 _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}

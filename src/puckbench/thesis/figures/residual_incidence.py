@@ -47,8 +47,8 @@ _INCIDENCE = "Incidence angle (rad)"
 def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and floors against the angle of incidence (thesis figure 5.15).
 
-    At most 30,000 random returns each, n. Last panel: mean and standard deviation in bins of the
-    thesis's width; without a capture, dashed: those of the thesis's real sensor.
+    Upper panels: n random returns, at most 30,000. Last panel: mean and standard deviation in bins
+    of the thesis's width; dashed, if there is no capture: values of the thesis's sensor.
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
@@ -68,9 +68,9 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals against the angle of incidence by error model (thesis figure 5.20).
 
-    At most 30,000 random returns each, n. Black lines: one standard deviation around the mean in
-    bins of the thesis's width. As in the thesis, models that are too wide are left out (HDL-64E,
-    Table 5.1 as printed).
+    Points: n random returns, at most 30,000. Black lines: one standard deviation around the mean in
+    bins of the thesis's width. As in the thesis, too noisy models are left out (HDL-64E, Table 5.1
+    as printed).
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)

@@ -45,8 +45,8 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return the models to compare: `REAL`, if there are captures, and a virtual model, preferably
-    of `_VIRTUAL`.
+    """Return the compared models: `REAL`, if captured, and a virtual one, if possible of
+    `_VIRTUAL`.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]
@@ -67,7 +67,7 @@ def residuals_of(table: pd.DataFrame, model: str) -> Floats:
 
 
 def binned_moments(x: Floats, y: Floats, width: float) -> tuple[Floats, Floats, Floats]:
-    """Return centres, means and standard deviations of y in bins of a width from x = 0."""
+    """Return bin centres of x, and means and standard deviations of y, for bins from x = 0."""
     bin_of = (x / width).astype(int)
     bins = np.arange(bin_of.max(initial=0) + 1)
     parts = [y[bin_of == index] for index in bins]

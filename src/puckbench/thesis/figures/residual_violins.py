@@ -38,17 +38,16 @@ _GROUPS = {
     "distance_m": ("Distance from the wall (m)", 1),
     "elevation_deg": ("Laser elevation (\u00b0)", 2),
 }
-"""Label of the axis, and digits of the values, by column."""
 
 
 @_figure("fig_5_10", title="Plane residuals of walls and floors", number="5.10")
 def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and of floors nearer than 30 m, in metres (thesis figure 5.10).
 
-    A plane residual is the signed distance of a return from the plane fitted to its surface. If
-    there are residuals of a virtual sensor with beam divergence, these are shown. Violins: density,
-    mean and extremes; n: residuals. Dashed lines, if there is no capture: standard deviation that
-    the thesis reports for its sensor.
+    A plane residual is the signed distance of a return from the plane fitted to its surface. The
+    virtual sensor has beam divergence, if such residuals exist. Violins: density, mean and
+    extremes; n: residuals. Dashed, if there is no capture: standard deviation of the thesis's
+    sensor.
     """
     check_residuals(residuals)
     rows = near(residuals)
@@ -98,7 +97,7 @@ def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of captures and of every error model, in metres (thesis figure 5.18).
 
-    Walls and floors nearer than 30 m, at most 100,000 random residuals of each model. Below: mean
+    Walls and floors nearer than 30 m; at most 100,000 random residuals of each model. Below: mean
     and standard deviation.
     """
     check_residuals(residuals)
@@ -114,7 +113,7 @@ def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_far_divergence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals at 30 m without and with beam divergence, in metres (thesis figure 5.19).
 
-    At most 100,000 random residuals of each. Below: mean and standard deviation.
+    At most 100,000 random residuals of each model. Below: mean and standard deviation.
     """
     check_residuals(residuals)
     rows = far(residuals)

@@ -24,7 +24,9 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 
 
 def violin_shape(residuals: Floats) -> dict[str, Any]:
-    """Return statistics of residuals (n,) for `Axes.violin`: a Gaussian kernel of Scott's width."""
+    """Return statistics of residuals (n,) for `Axes.violin`, with a Gaussian kernel of Scott's
+    width.
+    """
     low, high, std = float(residuals.min()), float(residuals.max()), float(residuals.std())
     shape: dict[str, Any] = {
         "mean": float(residuals.mean()),
@@ -50,7 +52,9 @@ def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
 
 
 def symmetric_limit(residuals: Floats, min_m: float) -> float:
-    """Return the limit (m) of a symmetric axis: `min_m`, or the extreme rounded up to 5 cm."""
+    """Return the limit (m) of a symmetric axis: the extreme, rounded up to 5 cm, but at least
+    `min_m`.
+    """
     largest = float(np.abs(residuals).max(initial=0.0))
     if largest <= min_m:
         return min_m

@@ -7,13 +7,13 @@ from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
 _MAX_ROWS = 20_000
-"""Maximum number of rows per recording; on each, every error model is simulated twenty times."""
+"""Maximum number of rows per recording, each with twenty simulations of every error model."""
 _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
 
 
 @JOBS.register("joined_table")
 class JoinedTable(OfNames):
-    """Join tables of a kind; `models` has each table's value of the column ``model``."""
+    """Join tables of one kind; `models` are the tables' values in the column ``model``."""
 
     kind: Literal["residuals", "scans"]
     models: tuple[str, ...]

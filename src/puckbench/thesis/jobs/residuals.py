@@ -10,7 +10,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """Base class of jobs that scan a wall and a floor from `distances` (m); at most `keep` rows a
+    """Base class of jobs that scan a wall and a floor from `distances` (m); `keep` limits rows per
     scan.
     """
 

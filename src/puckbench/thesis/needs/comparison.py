@@ -8,7 +8,7 @@ from puckbench.thesis.representatives import codec_roles, dataset_roles, grid_sc
 
 @NEEDS.register("claims")
 def claims_options(plan: Plan) -> Options | None:
-    """Return the roles of data sets and codecs; None without a role and a sensor study."""
+    """Return the roles of data sets and codecs; None without roles if there is no sensor study."""
     datasets = dataset_roles(plan)
     if plan.datasets and not datasets and plan.study is None:
         return None
@@ -24,7 +24,7 @@ def gpcc_scales_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("thesis_medians")
 def thesis_medians_options(plan: Plan) -> Options | None:
-    """Return the roles of data sets and codecs, or None without roles or rates of the thesis."""
+    """Return the roles of data sets and codecs; None without roles or the thesis's rates."""
     datasets, codecs = dataset_roles(plan), codec_roles(plan)
     has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
     return {"datasets": datasets, "codecs": codecs} if datasets and has_rates else None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
-"""The compared models; the thesis chose `vlp16_divergence` (section 5.5.3)."""
+"""Compared models; the thesis chose `vlp16_divergence` (section 5.5.3)."""
 WALL_KEYS = ["capture", "distance_m", "run"]
 REPLICATES = 20
 _FRAME_RAD = np.radians(15.0)
@@ -30,9 +30,9 @@ def default_models() -> dict[str, ErrorModel]:
 
 
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Join the wall rows of the captures' residual tables; ``capture`` counts from 1.
+    """Join the rows of walls in captures' residual tables; ``capture`` numbers tables from 1.
 
-    Raises InputError if there are no walls, or no columns for a calibration.
+    Raises InputError if a table has no wall, or lacks columns for a calibration.
     """
     import pandas as pd
 
@@ -56,10 +56,10 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return the residuals of `real_walls`, and of each model in `replicates` simulations on the
-    same rays, from least-squares planes.
+    """Return residuals of `real_walls` and of `replicates` simulations of each model on the same
+    rays, all from least-squares planes.
 
-    A `Calibrated` model draws another device for each capture and replicate.
+    A `Calibrated` model draws a new device for each capture and replicate.
     """
     import pandas as pd
 

@@ -32,17 +32,16 @@ COLUMNS = {
         "incidence_rad",
     ),
 }
-"""Columns of joined tables of residuals and of points, which figures and statistics use."""
+"""Columns of joined tables, by kind, that figures and statistics use."""
 
 MAX_ROWS = 500_000
-"""Maximum number of rows kept of each table, chosen at random: captures can have any length."""
+"""Maximum number of random rows kept of each table, since captures can have any length."""
 
 
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
     """Concatenate the columns ``COLUMNS[kind]`` of Parquet tables.
 
-    `files` has an error model's name and a path for each table. Raises InputError if a column is
-    missing.
+    `files` are pairs of an error model's name and a path. Raises InputError if a column is missing.
     """
     table = pd.concat([_part(*file, COLUMNS[kind]) for file in files], ignore_index=True)
     return table.astype({"model": "category", "surface": "category"})

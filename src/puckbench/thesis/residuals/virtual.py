@@ -55,7 +55,7 @@ def residual_table(
 
 
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    """Return a scan's residuals in firing order, the wall's first.
+    """Return a scan's residuals in firing order, the wall's before the floor's.
 
     A point belongs to the surface that its nominal ray hits; cropping would remove noisy points.
     """

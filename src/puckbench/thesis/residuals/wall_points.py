@@ -15,9 +15,9 @@ from puckbench.thesis.residuals.virtual import Procedure
 
 SURFACES = ("wall", "floor", "surroundings")
 COLUMNS = joining.COLUMNS["scans"]
-"""Columns of a table of points. The wall is at y = 0, the floor at z = 0, the sensor at
-y = `distance_m`, z = 1; `range_error_m` is the measured range minus the true one. The surface
-"surroundings" is the remaining part of the room."""
+"""Columns of a table of points. The wall is at y = 0, the floor at z = 0, the sensor at y =
+`distance_m`, z = 1 m; `range_error_m` is measured minus true range. "surroundings" is the rest of
+the room."""
 
 
 def wall_points(

@@ -27,7 +27,7 @@ def claims(
     codecs: Mapping[str, str],
     stand_ins: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
-    """The 14 claims of the thesis, with the verdicts of this run and what was measured.
+    """The 14 claims of the thesis, with verdicts and measurements of this run.
 
     ``thesis_verdict`` is the verdict on the thesis's medians. docs/notes/claims.md has the rules.
 

@@ -18,8 +18,8 @@ BINS = len(BIN_STDS_M)
 def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     """Mean and standard deviation of the plane residuals in ten bins of the angle of incidence.
 
-    Bins of thesis figure 5.15, beside the standard deviations of its real sensor. Walls and floors
-    nearer than 30 m.
+    Bins and ``thesis_real_std_m``, the real sensor's standard deviations, are from thesis figure
+    5.15. Walls and floors are nearer than 30 m.
     """
     near = residuals[residuals["distance_m"] < FAR_M]
     table = incidence_bins(near)
@@ -31,9 +31,9 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
 def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFrame:
     """Range error and distance from the surface by error model and angle of incidence.
 
-    A range error e moves a point e cos(theta) off the surface (section 5.6). Standard
-    deviations are predicted, and measured from the true surface (scans at 1 and 5 m) and from the
-    fitted plane (all distances below 30 m).
+    At incidence theta, a range error e moves a point e cos(theta) off the surface (section 5.6).
+    Standard deviations of this distance are predicted, measured from the true surface (scans at 1
+    and 5 m), and measured from the fitted plane (all distances below 30 m).
 
     Parameters
     ----------

@@ -30,16 +30,15 @@ def model_distances(
 ) -> pd.DataFrame:
     """Earth mover's distance of each error model's wall residuals from those of real sensors.
 
-    In metres, with a 95 % interval. A sensor that follows the model exceeds ``chance_m`` with 5 %
-    probability.
+    Distances are in metres, with 95 % intervals. A sensor that follows the model exceeds the
+    distance ``chance_m`` with 5 % probability.
 
     Parameters
     ----------
     compared
         Table of `compared_residuals`.
     resamples
-        Bootstrap samples of walls and lasers, since residuals of one laser on one wall share a
-        bias.
+        Number of bootstrap samples of pairs (wall, laser); residuals of a pair share a bias.
 
     Raises
     ------
@@ -102,8 +101,8 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances (m) of single replicates to all residuals
-    (`total`); nan for fewer than two.
+    """Return the 95 % quantile of distances (m) between each replicate and all residuals (`total`);
+    nan for fewer than two replicates.
     """
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"
-"""Value of a key in rows over all its values; of the distance, over those below `FAR_M`."""
+"""Value of a key in rows that combine all values of the key (of the distance, all below
+`FAR_M`)."""
 
 _PLACE = ("surface", "distance_m")
 _SURFACES = ("wall", "floor")
@@ -27,9 +28,9 @@ def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     """Statistics of the plane residuals (thesis procedure 1), in metres.
 
     One row per error model ("real" for captures), surface, distance from the wall, and laser; "all"
-    combines surfaces, lasers, or distances below 30 m. 95 % intervals have the half widths
-    ``mean_half_m`` and ``std_half_m``, from repeated ``scans``, since returns of one scan share a
-    plane and the lasers' biases.
+    combines surfaces, lasers, or distances below 30 m. ``mean_half_m`` and ``std_half_m``, half
+    widths of 95 % intervals, come from repeated ``scans``, since returns of one scan share a plane
+    and the lasers' biases.
     """
     import pandas as pd
 
@@ -77,7 +78,7 @@ def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 
 
 def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -> pd.Series[float]:
-    """Return the contribution of each scan to the variance of the sum of `errors`.
+    """Return each scan's contribution to the variance of the sum of `errors`.
 
     Deviations are from the mean over scans of the same place; for a single scan, from zero.
     """
