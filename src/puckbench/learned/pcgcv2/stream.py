@@ -143,7 +143,7 @@ def _read_block(reader: Reader) -> CodedBlock:
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
     """Raise InputError if the numbers of voxels at strides 1, 2, 4 and 8 are impossible.
 
-    A voxel has one to eight children on average; voxels at stride 2 may also have none.
+    A voxel has one to eight children on average; at stride 2, none are possible too.
     """
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (

@@ -154,10 +154,9 @@ def _first_place(xyz: Floats, left: Floats) -> Floats:
 def _without_turning(
     xyz: Floats, whole: NDArray[np.bool_], left: Floats
 ) -> tuple[Floats, list[_Beam]]:
-    """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
+    """Undo the sensor's pitch and roll in a revolution, fitted to elevations by least squares.
 
-    Both are fitted to elevations by least squares. `whole` is the mask of returns; `left` as in
-    `_first_place`.
+    Returns the points and the lasers. `whole` is the mask of returns; `left` as in `_first_place`.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -236,8 +235,6 @@ def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]
 
 @dataclass(frozen=True)
 class _Columns:
-    """Azimuths of firing columns, relative azimuths of lasers, and sense of rotation."""
-
     azimuths_deg: Floats
     turned_deg: Floats
     clockwise: bool
