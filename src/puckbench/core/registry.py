@@ -216,7 +216,7 @@ def _imported(name: str) -> ModuleType:
 
 
 def _imported_file(path: Path) -> ModuleType:
-    """Import a file that is in no package, as the documentation of importlib shows.
+    """Import a file that is in no package, as importlib's documentation shows.
 
     The module gets a unique name, because files may have equal names, and an entry in
     `sys.modules`, where pickle looks for a class's module.

@@ -62,7 +62,6 @@ class OutputJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables whose rows come from the files of many jobs."""
         plan, tables = self.plan, {}
         if plan.datasets:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
@@ -114,7 +113,6 @@ class OutputJobs:
         return table_entry(name).category
 
     def table_options(self, table: str) -> Options:
-        """Return the options of a table's function, from its needs and the configuration."""
         if not table.startswith("bd_rate"):
             needs = table_entry(table).needs
             return {name: value for need in needs for name, value in self._met[need].items()}
@@ -126,7 +124,6 @@ class OutputJobs:
 
     @property
     def anchor(self) -> str:
-        """The codec with which BD-rates compare the others, by default the first."""
         anchor = self.plan.anchor
         if anchor not in self.plan.codecs:
             codecs = ", ".join(self.plan.codecs)
@@ -171,7 +168,6 @@ class OutputJobs:
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
     def figure_labels(self, name: str) -> tuple[str, str]:
-        """Return the category and title of a figure for Snakemake's report."""
         entry = figure_entry(name)
         return entry.category, entry.title
 

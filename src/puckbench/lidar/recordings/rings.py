@@ -154,7 +154,7 @@ def _first_place(xyz: Floats, left: Floats) -> Floats:
 def _without_turning(
     xyz: Floats, whole: NDArray[np.bool_], left: Floats
 ) -> tuple[Floats, list[_Beam]]:
-    """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
+    """Undo the sensor's pitch and roll in a revolution, fitted to elevations by least squares.
 
     Least squares fit pitch, roll and the lasers' parameters to elevations. `whole` is the mask of
     returns; `left` is as in `_first_place`.
@@ -236,8 +236,6 @@ def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]
 
 @dataclass(frozen=True)
 class _Columns:
-    """Azimuths of firing columns, relative azimuths of lasers, and sense of rotation."""
-
     azimuths_deg: Floats
     turned_deg: Floats
     clockwise: bool
