@@ -27,7 +27,7 @@ def images(seed: int, columns: int, lasers: int, farthest: int, roughness: int) 
         ImageJob(2, (signals * ranges >> 8).clip(0, 0xFF), 0xFF, around, seen),
         ImageJob(3, (signals * 7).clip(0, 0xFFFF), 0xFFFF, around, seen),
         ImageJob(4, few, 0xFFFF, around),
-        ImageJob(5, np.where(few, 3, ranges), farthest, like=around),
+        ImageJob(5, np.where(few, 3, ranges), farthest, reference=around),
     ]
 
 

@@ -42,7 +42,6 @@ class _CompletedParser(argparse.ArgumentParser):
 
 
 def _names(place: str) -> list[str]:
-    """Return the names in a registry, mapping or list, or those that a function returns."""
     module, _, name = place.partition(":")
     source = getattr(import_module(f"puckbench.{module}"), name)
     if isinstance(source, Registry):

@@ -17,7 +17,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """List options of data sets or, with ``--check``, actual and published numbers of clouds."""
     if options.check:
         trust([options.check])
         return _checked(options.check, options.options)

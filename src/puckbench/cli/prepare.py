@@ -75,7 +75,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the prepared cloud; return its description, shortened unless ``--json`` is set."""
     description = _prepared(options)
     return description if options.json else {k: description[k] for k in _SHOWN if k in description}
 

@@ -112,7 +112,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | None:
-    """Write the configuration, run the workflow, and print or return the results."""
     path, words = _configuration(options)
     prints_summary = not (options.json or words)
     status = _run_workflow(

@@ -1,21 +1,7 @@
 """The interface of codecs: a class with rates, `_encode` and `_decode`, registered by name.
 
 `puckbench.codecs.facts` has the properties that plans and figures need. A user's codec is one
-file::
-
-    from puckbench.codecs.base import Codec
-    from puckbench.codecs.registry import CODECS
-
-    @CODECS.register("raw")
-    class Raw(Codec):
-        title = "Raw floats"
-        rates = {"r1": {"kind": "<f2"}, "r2": {"kind": "<f4"}}
-
-        def _encode(self, points, parameters):
-            return parameters["kind"].encode() + points.astype(parameters["kind"]).tobytes()
-
-        def _decode(self, stream):
-            return np.frombuffer(stream[3:], stream[:3].decode()).reshape(-1, 3).astype(float)
+file; CONTRIBUTING.md has an example.
 """
 
 from __future__ import annotations

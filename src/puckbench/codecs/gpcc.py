@@ -242,7 +242,6 @@ class OwnCodec(GridCodec):
         return cloud_with(points, values)
 
     def _decoded(self, stream: bytes) -> tuple[Floats, dict[str, NDArray[Any]]]:
-        """Decode points in units of the input's grid, and attributes by name."""
         from puckbench.gpcc.attributes.cloud import decode_cloud
 
         decoded = decode_cloud(stream)
@@ -275,7 +274,6 @@ class OwnCodec(GridCodec):
         return decode_geometry(stream).positions()
 
     def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
-        """Encode points on the grid to a stream without wrapper."""
         from puckbench.gpcc.attributes.cloud import encode_cloud
 
         tools = self._tools(parameters, angular=points.sensor is not None)

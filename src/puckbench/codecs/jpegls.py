@@ -1,9 +1,9 @@
 """Range images compressed by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
-A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder writes ranges in
-quanta, near-lossless with errors of at most half a step, from which the decoder recovers the steps
-exactly. Lossless coding of the step numbers takes more bits, since the contexts of JPEG-LS
-distinguish small values less well.
+A lossy rate rounds ranges to steps of several quanta of the sensor. Ranges are written in quanta,
+near-lossless with errors of at most half a step, from which the decoder recovers the steps exactly.
+Coding the step numbers losslessly takes more bits, since JPEG-LS's contexts distinguish small
+values less well.
 """
 
 from __future__ import annotations

@@ -197,7 +197,6 @@ class LearnedByLambda(Learned[R]):
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """Return the weights with this digest; raise InputError if they have no rate `rate`."""
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")

@@ -1,11 +1,10 @@
 """The codecs PCGCv1, as its authors published it, and PCGCv1+, which is puckbench's.
 
-A rate has the Lagrangian weight of the training (`lmbda`), the number of voxels per unit length
-(`scale`), and the ratio of decoded to input voxels (`rho`), as in PCC Arena's table and the thesis.
-The network is made for dense surfaces. PCGCv1+ coarsens the grid of a sparse cloud until voxels
-have a mean of `mean_occupied_children` occupied children. PCGCv1 drops cubes with fewer than
-`min_points` points; with the option `sparse_cubes`, PCGCv1+ encodes them losslessly by the octree
-coder of `gpcc`.
+A rate has the Lagrangian weight of the training (`lmbda`), voxels per unit length (`scale`), and
+the ratio of decoded to input voxels (`rho`), as in PCC Arena's table and the thesis. PCGCv1+
+coarsens the grid of a sparse cloud until voxels have a mean of `mean_occupied_children` occupied
+children, since the network is made for dense surfaces. PCGCv1 drops cubes with fewer than
+`min_points` points; with `sparse_cubes`, PCGCv1+ encodes them losslessly by `gpcc`'s octree coder.
 """
 
 from __future__ import annotations

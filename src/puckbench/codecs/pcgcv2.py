@@ -1,8 +1,8 @@
 """The codecs PCGCv2, as its authors published it, and PCGCv2+, which is puckbench's.
 
-Points are rounded to voxels, and equal voxels are merged. The network is made for dense surfaces.
-PCGCv2 encodes a cloud on the grid of the input, [0, 1023] in the thesis. PCGCv2+ coarsens the grid
-of a sparse cloud until voxels have a mean of `mean_occupied_children` occupied children. `lmbda` is
+Points are rounded to voxels, and equal voxels are merged. PCGCv2 uses the grid of the input, [0,
+1023] in the thesis. PCGCv2+ coarsens the grid of a sparse cloud until voxels have a mean of
+`mean_occupied_children` occupied children, since the network is made for dense surfaces. `lmbda` is
 the Lagrangian weight of the training, `rho` the ratio of decoded to input voxels.
 """
 

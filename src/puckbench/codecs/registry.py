@@ -173,8 +173,8 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
 def _rates(codec: type[Codec], changes: Entry) -> dict[str, dict[str, Any]]:
     """Return the parameters of the requested ``rates`` and ``metric_rates`` by name.
 
-    For each key, an entry has a mapping with these parameters, or names of rates; by default all
-    rates. ``rates`` may include lengths too.
+    Both are mappings with these parameters, or names of rates; by default all rates. ``rates`` may
+    include lengths.
     """
     tables: dict[str, Entry] = {"rates": codec.rates, "metric_rates": codec.metric_rates}
     requested = {key: changes[key] for key in tables if changes.get(key) is not None}

@@ -1,8 +1,7 @@
 """The codec RENO as published, for clouds in metres on grids with power-of-two steps.
 
-The authors' parameter posQ is the step in mm. The encoder divides coordinates in mm, relative to a
-corner 131,072 mm below the origin, by posQ and rounds them, one half to even. Except for such
-halves, decoded points are those of `gpcc` with merged duplicates at the same step.
+The authors' parameter posQ is the step in mm (see `puckbench.learned.reno`). Except for ties in
+rounding, decoded points are those of `gpcc` with merged duplicates at the same step.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Entropy coding and stream formats that several codecs use.
 
-`code` is a binary arithmetic coder. `code_bit` adds context mixing, which estimates the probability
-of each bit. Both use integers only, so that all machines decode identically. `Framing`, `Reader`
-and the LEB128 functions write and read bytes. Damaged streams raise
-`puckbench.core.errors.InputError`.
+`code` is a binary arithmetic coder; `code_bit` adds context mixing. Both use integers only, so that
+all machines decode identically. `Framing`, `Reader` and the LEB128 functions write and read bytes.
+Damaged streams raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

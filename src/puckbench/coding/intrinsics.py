@@ -12,9 +12,8 @@ function           codec                           time saved
 ``add_products``   ``reno``                        88 %
 =================  ==============================  ==========
 
-A plain loop (``..._loop``) with the same results replaces them if llvmlite cannot write the vector
-code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, not
-overlapping.
+Plain loops (``..._loop``) with the same results replace them without llvmlite's vector code, or if
+``NUMBA_BOUNDSCHECK=1``. Arrays are flat, contiguous, and do not overlap.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Functions compiled by numba, and cached on disk until one of their source files changes.
 
-Numba's cache checks only a function's own file, and may reuse machine code with an outdated
-function of another file. Here the name of the cache folder is a digest of the function's file and
-of all files that it imports.
+Numba's cache checks only a function's own file, and may use outdated code of other files. Here the
+cache folder's name is a digest of the function's file and of all files that it imports.
 
 With ``NUMBA_BOUNDSCHECK=1``, indices outside arrays raise IndexError in compiled loops, which are
 then three times slower and cached separately.

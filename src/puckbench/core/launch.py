@@ -2,9 +2,9 @@
 
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 
-The kernel counts the memory of the starting process as memory of the command: started by the
-benchmark, a program's peak would include the benchmark's clouds. Prints seconds, peak memory in KiB
-and exit status (negative: a signal) as JSON; the command's output goes to standard error.
+The kernel counts the starting process's memory as the command's: started by the benchmark, a peak
+would include the benchmark's clouds. Prints seconds, peak memory in KiB and exit status (negative:
+a signal) as JSON; the command's output goes to standard error.
 """
 
 import json

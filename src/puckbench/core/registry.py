@@ -11,9 +11,8 @@ find the plug-in ``a_b``, it first imports the module ``a_b`` or else ``a``. Oth
 plug-ins as entry points in the group ``puckbench.<kind>s``.
 
 A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to a class or function of the user.
-Loading it runs code. Therefore `load` refuses all places except those passed to `trust`, which are
-named on the command line or in a configuration. Names in streams, tables and other data are never
-trusted.
+Loading it runs code, so `load` accepts only places passed to `trust`, which the command line or a
+configuration names. Names in streams, tables and other data are never trusted.
 """
 
 from __future__ import annotations
@@ -218,10 +217,9 @@ def _imported(name: str) -> ModuleType:
 
 
 def _imported_file(path: Path) -> ModuleType:
-    """Import a file that is in no package, as the documentation of importlib shows.
+    """Import a file that is in no package, as importlib's documentation shows.
 
-    The module gets a unique name, because files may have equal names, and is put in `sys.modules`,
-    where pickle looks for the module of a class.
+    The module gets a unique name in `sys.modules`, where pickle looks for a class's module.
     """
     name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name in sys.modules:

@@ -167,10 +167,10 @@ def recordings_at(text: str, suffixes: Collection[str] = RECORDING_SUFFIXES) -> 
     The folder of a ROS 2 bag is one recording. A compressed copy next to its original is ignored.
     """
 
-    def is_wanted(path: Path) -> bool:
+    def is_accepted(path: Path) -> bool:
         return is_bag_folder(path) or _is_recording(path, suffixes)
 
-    return paths_at(text, _below, is_wanted, "recordings", suffixes)
+    return paths_at(text, _below, is_accepted, "recordings", suffixes)
 
 
 def is_bag_folder(path: Path) -> bool:

@@ -112,23 +112,24 @@ class FileSet(DataSet):
 def paths_at(
     text: str,
     below: Callable[[Path], Iterable[Path]],
-    is_wanted: Callable[[Path], bool],
+    is_accepted: Callable[[Path], bool],
     what: str,
     suffixes: Iterable[str],
 ) -> list[Path]:
-    """Return a path, or the wanted ones among those below a folder or those that match a pattern
-    (``data/*.las``).
+    """Return the path `text`, or accepted paths below a folder or of a pattern (``data/*.las``).
+
+    Raises InputError if there are none.
     """
     path = Path(text)
-    if path.is_dir() and not is_wanted(path):
-        paths = without_duplicates(filter(is_wanted, below(path)))
+    if path.is_dir() and not is_accepted(path):
+        paths = without_duplicates(filter(is_accepted, below(path)))
         if not paths:
             raise InputError(f"{text}: no {what} ({', '.join(suffixes)})")
         return paths
     if path.exists():
         return [path]
     matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-    paths = without_duplicates(filter(is_wanted, matches))
+    paths = without_duplicates(filter(is_accepted, matches))
     if not paths:
         raise InputError(f"{text}: no such file or folder (expected {what})")
     return paths

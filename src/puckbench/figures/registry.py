@@ -1,14 +1,9 @@
 """The registry of figures.
 
-A figure is a function, whose docstring is the caption::
-
-    @FIGURES.register("fig_6_4", title="Point counts", category="Clouds", number="6.4")
-    def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-        \"\"\"Number of points per cloud in each data set (thesis figure 6.4).\"\"\"
-
-Parameters besides ``style`` are inputs: a DataFrame is the table of that name, a PointCloud an
-example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``). Planning
-imports these modules, so matplotlib and pandas are imported in functions.
+A figure is a function, whose docstring is the caption; CONTRIBUTING.md has an example. Parameters
+besides ``style`` are inputs: a DataFrame is the table of that name, a PointCloud an example cloud
+(``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``). Planning imports these
+modules, so matplotlib and pandas are imported in functions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Search of nearest positions in a growing set, with k-d trees whose sizes are powers of two.
+"""Search for nearest positions in a growing set, with k-d trees whose sizes are powers of two.
 
 A new position and all trees below the first unused size are merged to one tree (Bentley's
 logarithmic method). Of equally near positions, the first visited is kept, as in TMC13.

@@ -191,7 +191,7 @@ def _digit_positions(levels: list[int]) -> Ints:
 
 
 def sorted_rows(points: Ints, corner: Ints, levels: list[int], tree: Tree) -> NDArray[Any]:
-    """Return the indices that sort points (n, 3) along their octree, equal ones as in TMC13."""
+    """Return the indices that sort points (n, 3) along their octree; ties as in TMC13."""
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     if len(tree.keys) == len(keys):
         return np.argsort(keys)

@@ -47,7 +47,6 @@ def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
 
 
 def tum_bytes(times: Floats, poses: Floats) -> bytes:
-    """Return the content of a TUM file."""
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)

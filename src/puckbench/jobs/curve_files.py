@@ -100,7 +100,6 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """Read rows from files, without keys that have no value."""
     import pyarrow as pa
     from pyarrow import parquet
 

@@ -44,7 +44,6 @@ def write_coded_drive(path: Path, rates: Mapping[str, CodedDrive]) -> None:
 
 
 def read_coded_drive(path: Path) -> dict[str, CodedDrive]:
-    """Read coded turns by rate; raise InputError if the archive has none."""
     members = read_archive(path)
     rates = {}
     for name, data in members.items():

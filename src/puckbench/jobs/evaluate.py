@@ -72,7 +72,6 @@ class Originals:
 
     @cached_property
     def attributed(self) -> PointCloud:
-        """The encoded cloud, with its returns if it has them."""
         return with_returns(self.reference.cloud, self._cloud)
 
 

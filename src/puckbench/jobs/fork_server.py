@@ -1,10 +1,10 @@
 """A process that imports the packages that jobs need, and runs each job in a fork of itself.
 
 Imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s; the *server* makes them once. A
-*client*, started by Snakemake for a job, sends arguments, environment, folder and output streams to
-the server, and waits for the exit status of the forked *job*. The client runs the job itself
-without a server (on another node, in a container, with another number of threads, or with
-``PUCKBENCH_FORK_SERVER=off``), or if the forked job was killed. Only the user can open the socket.
+*client*, started by Snakemake for a job, sends arguments, environment, folder and output streams,
+and waits for the exit status of the forked *job*. It runs the job itself if the fork was killed or
+there is no server: on another node, in a container, with another number of threads, or with
+``PUCKBENCH_FORK_SERVER=off``. Only the user can open the socket.
 """
 
 from __future__ import annotations

@@ -79,8 +79,6 @@ class Recovery(Recovering):
 
 @JOBS.register("recovery_curve")
 class RecoveryCurve(Recovering):
-    """Compare the primitives of all streams of a curve with the scene's labels."""
-
     def run(self, curve: Path, points: Path, scene: Path, rows: Path) -> dict[str, Any]:
         labelled, coded = LabelledPoints(points, scene), read_curve(curve)
         with naming(curve):

@@ -1,11 +1,10 @@
 """Point reconstruction for voxel codecs: place as many points as the input had.
 
 A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
-block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. Therefore each block gets the mean number of points, or more if more voxels are expected to
-be occupied, side by side at the centroid of the occupancy probabilities, projected onto the plane
-of the neighbouring blocks. If the network is confident of the kept voxels, points are placed per
-voxel.
+block were occupied, only that one or two were; on a dense grid several points share a voxel.
+Therefore each block gets the mean number of points, or more if more voxels are expected to be
+occupied, side by side at the centroid of the occupancy probabilities, projected onto the plane of
+the neighbouring blocks. If the network is confident of the kept voxels, each gets points.
 """
 
 from __future__ import annotations
@@ -125,7 +124,7 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
     """Place about `counts` (m,) points side by side around centres (m, 3), on local planes.
 
-    Centres lie within 1/2 of distinct integers; a plane is fitted to those around each.
+    Centres lie within 1/2 of distinct integers.
     """
     from puckbench.geometry.tangent_planes import fit_tangent_planes
 

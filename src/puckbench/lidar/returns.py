@@ -52,24 +52,27 @@ class Beams:
 
     Parameters
     ----------
+    elevations_deg
+        Angles above the horizontal plane.
     heights_mm
-        Heights above the sensor's origin (Velodyne's vertical corrections).
+        Heights of beams' starts above the sensor's origin (Velodyne's vertical corrections).
     delays
-        Times of firing as a fraction of the time between firing columns.
+        Times of firing as fractions of the time between columns.
     clockwise
-        Direction of rotation, seen from above, and of azimuths, which are 0 forward (y).
+        Whether the sensor turns clockwise, seen from above, and azimuths from 0, forward (y),
+        increase clockwise.
     azimuths_deg
-        Azimuths relative to that of the column; empty: all 0.
+        Azimuths relative to the column's; empty: all 0.
     sideways_mm
         Distances of beams from the axis, in the direction of rotation; empty: all 0.
     radial_mm
         Distances from the axis, in the direction of the column's azimuth, at which beams start and
         from which ranges are measured; empty: all 0.
     range_mm
-        Additions to ranges; empty: all 0.
+        Lengths added to ranges; empty: all 0.
     near_right_mm, near_forward_mm
-        Additions instead, for a return 2.4 m beside and 1.93 m before or behind the sensor; linear
-        to 25.04 m (HDL-64E manual); empty: the same.
+        Lengths added instead to the range from which x is computed, at x = 2.4 m, or y, at
+        y = 1.93 m; linear to `range_mm` at 25.04 m (HDL-64E manual); empty: `range_mm`.
     """
 
     elevations_deg: tuple[float, ...]
@@ -239,9 +242,9 @@ class Returns:
     def _near(
         self, distance: Floats, right: Floats, forward: Floats, lasers: NDArray[np.intp]
     ) -> tuple[Floats, Floats]:
-        """Return additions (n,), m, to distances along both axes (velodyne_decoder's formula).
+        """Return the near corrections (n,), m, along x and y (velodyne_decoder's formula).
 
-        The height's is their mean; the manual's is that of y.
+        Heights get their mean; in the manual, the correction along y.
         """
         beams = self.beams
         far = np.asarray(beams.range_mm or (0.0,) * beams.lasers)[lasers] / 1000
@@ -308,7 +311,7 @@ class Returns:
 
 
 def _returned(turn: Turn) -> NDArray[np.bool_]:
-    """Return the mask (kinds, columns, lasers) of returns; a repeated return counts once."""
+    """Return the mask (kinds, columns, lasers) of returns; equal returns of a beam count once."""
     is_return = turn.ranges > 0
     if len(is_return) > 1:
         is_return[1:] &= turn.ranges[1:] != turn.ranges[:1]

@@ -134,7 +134,7 @@ def sensor_names() -> list[str]:
 def load_sensor(name_or_path: str | Path) -> Sensor:
     """Load a shipped sensor by name, or another one from a YAML file.
 
-    A calibration of an HDL-64E (db.xml, or a YAML file of ROS's velodyne_pointcloud) is one, too.
+    The file may be the calibration of an HDL-64E (db.xml, or YAML of ROS's velodyne_pointcloud).
     """
     path = Path(name_or_path)
     if path.suffix not in {".yaml", ".yml", ".xml"}:

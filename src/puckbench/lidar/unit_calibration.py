@@ -1,8 +1,8 @@
-"""Calibration of one unit of an HDL-64E: from its packets, from VeloView's XML or ROS's YAML files.
+"""Calibration of an individual HDL-64E: from its packets, VeloView's XML or ROS's YAML files.
 
-Packets of an HDL-64E repeat the calibration every 4,160 packets (HDL-64E S3 User's Manual
-63-HDL64ES3, Appendix E; S2 alike): each has a type and a value of one byte, of which 1,820 form a
-message. Corrections of intensities (focal distance and slope) are not applied.
+A packet has one byte of the calibration, which repeats every 4,160 packets (HDL-64E S3 User's
+Manual 63-HDL64ES3, Appendix E; the S2 is alike). Corrections of intensities (focal distance and
+slope) are not applied.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _STATES = b"HMSDNYGTV"
 _S3_TYPE = ord("W")
 _OF_LASER = np.dtype([("laser", "u1"), ("values", "<i2", 7)])
 _PER_UNIT = np.array([100, 100, 1, 1, 1, 1, 1])
-"""Per degree and millimetre, in the order of `_Laser`."""
+"""Units of the values per degree or millimetre, in the order of `_Laser`."""
 _DB_NAMES = (
     "vertCorrection", "rotCorrection", "distCorrection", "distCorrectionX", "distCorrectionY",
     "vertOffsetCorrection", "horizOffsetCorrection",
@@ -49,7 +49,10 @@ class _Laser(NamedTuple):
 
 
 def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
-    """Return fields of a `Sensor` from the last two bytes (p, 2) of packets, or None."""
+    """Return a calibration, as fields of a `Sensor`, from the last two bytes (p, 2) of packets.
+
+    Returns None if it is incomplete.
+    """
     message = status[~np.isin(status[:, 0], list(_STATES)), 1].tobytes()
     for match in re.finditer(re.escape(_START), message):
         body = message[match.start() : match.start() + _MESSAGE_BYTES]
@@ -64,7 +67,7 @@ def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
 
 
 def calibration_beside(recording: Path) -> Path | None:
-    """Return the file with a recording's name and the suffix .xml, .yaml or .yml, or None."""
+    """Return the file with a recording's name and suffix .xml, .yaml or .yml; None if missing."""
     paths = (recording.with_suffix(suffix) for suffix in (".xml", ".yaml", ".yml"))
     return next((path for path in paths if path.is_file() and path != recording), None)
 
@@ -74,7 +77,7 @@ def is_s3(status: NDArray[np.uint8]) -> bool:
 
 
 def read_calibration(path: Path) -> dict[str, Any]:
-    """Read the fields of a `Sensor` from VeloView's XML file (db.xml)."""
+    """Read a calibration, as fields of a `Sensor`, from VeloView's XML file (db.xml)."""
     text = read_bytes(path).decode("utf-8", "replace")
     points = re.findall(r"<px\b.*?</px>", text, re.DOTALL)
     lasers = [dict(re.findall(r"<(\w+)_>\s*([^<\s]+)\s*</\1_>", point)) for point in points]
@@ -84,7 +87,7 @@ def read_calibration(path: Path) -> dict[str, Any]:
 
 
 def calibration_of_ros(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a `Sensor` from the content of a YAML file of velodyne_pointcloud."""
+    """Return a calibration, as fields of a `Sensor`, from velodyne_pointcloud's YAML content."""
     return _parsed(options["lasers"], "laser_id", _ROS_NAMES, 180 / np.pi, 1000.0)
 
 

@@ -1,15 +1,9 @@
 """The registry of optional metrics, which a configuration names under `metrics`.
 
-A metric is a registered function::
-
-    @METRICS.register("centroid", columns={"centroid_m": "Distance between the centroids"})
-    def centroid(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-        \"\"\"Return the distance between the centroids.\"\"\"
-        offset = reference.xyz.mean(axis=0) - decoded.xyz.mean(axis=0)
-        return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
-
-Each key becomes a column of the results and should end in its unit; `columns` explains them. Both
-clouds are in one coordinate frame, with ``reference.about["scale"]`` units per metre.
+A metric is a registered function of two clouds, the reference and the decoded one; CONTRIBUTING.md
+has an example. Each key of its result becomes a column of the results and should end in its unit;
+`columns` explains them. Both clouds are in one coordinate frame, with ``reference.about["scale"]``
+units per metre.
 """
 
 from __future__ import annotations

@@ -1,15 +1,10 @@
 """The registry of tables computed from a run's results.
 
-A table is a function; its docstring up to the first section is the caption::
-
-    @TABLES.register("machines", title="Machines and versions")
-    def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-        \"\"\"Machines on which times were measured.\"\"\"
-
-DataFrame parameters are inputs: "metrics" (all results), "clouds", "residuals" and "scans" (of all
-error models), "compared" (real walls and error models on the same rays), or another table; optional
-with a default. Other parameters are options. Planning imports these modules: import pandas in
-functions.
+A table is a function, whose docstring up to the first section is the caption; CONTRIBUTING.md has
+an example. DataFrame parameters are inputs: "metrics" (all results), "clouds", "residuals" and
+"scans" (of all error models), "compared" (real walls and error models on the same rays), or another
+table; optional with a default. Other parameters are options. Planning imports these modules: import
+pandas in functions.
 """
 
 from __future__ import annotations

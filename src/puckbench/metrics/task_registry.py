@@ -1,14 +1,9 @@
 """The registry of tasks: measures of decoded drives, which a drive names under `tasks`.
 
-A task is a registered function::
-
-    @TASKS.register("nearest")
-    def nearest(drive: Drive, decoded: Sequence[PointCloud]) -> dict[str, float]:
-        \"\"\"Return the smallest distance of a point.\"\"\"
-
-Each key becomes a column of the results and should end in its unit. Decoded turns have ``returns``
-if the codec keeps the order and times of firings. Further parameters are options. With
-``needs=("package",)``, runs without the package omit the task.
+A task is a registered function of a `Drive` and its decoded turns; CONTRIBUTING.md has an example.
+Each key of its result becomes a column of the results and should end in its unit. Decoded turns
+have ``returns`` if the codec keeps the order and times of firings. Further parameters are options.
+With ``needs=("package",)``, runs without the package omit the task.
 """
 
 from __future__ import annotations

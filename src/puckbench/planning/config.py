@@ -120,7 +120,6 @@ class Sensing(Model):
         return self.make == "scan"
 
     def scan_settings(self, scene: str, seed: int) -> Options:
-        """Return the settings of the scan of a scene."""
         origin = self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
         kept = {key: getattr(self, key) for key in _OF_SCANS}
         return {**kept, "origin": origin, "seed": seed}

@@ -94,7 +94,6 @@ class DriveJobs:
         return {"scene": f"{file}.ply", "about": f"{file}.json"}
 
     def files(self, name: str, drive: str) -> dict[str, list[str]]:
-        """Return the files of a drive's clouds, and that of its poses."""
         entry = self.entries[name]
         files = (file for cloud in entry.clouds[drive] for file in entry.scenes.files(cloud))
         poses = [entry.settings.poses] if entry.settings.poses else []

@@ -1,8 +1,8 @@
 """Fingerprints of code: a job runs again when the code that makes its output changes.
 
-That code is the job's module, its plug-in's, and all their imports, without comments, docstrings
-and help texts. The command line and the registries are excluded, so that a new plug-in does not
-repeat other jobs. A YAML file with the name of a module is included.
+That code is the job's module, its plug-in's, all their imports, and YAML files with their names,
+without comments, docstrings and help texts. The command line and the registries are excluded, so
+that a new plug-in does not repeat other jobs.
 """
 
 from __future__ import annotations

@@ -62,7 +62,6 @@ class OutputJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables whose rows come from the files of many jobs."""
         plan, tables = self.plan, {}
         if plan.datasets:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
@@ -116,7 +115,6 @@ class OutputJobs:
         return table_entry(name).category
 
     def table_options(self, table: str) -> Options:
-        """Return the options of a table's function, from its needs and the configuration."""
         if not table.startswith("bd_rate"):
             needs = table_entry(table).needs
             return {name: value for need in needs for name, value in self._met[need].items()}
@@ -128,7 +126,6 @@ class OutputJobs:
 
     @property
     def anchor(self) -> str:
-        """The codec with which BD-rates compare the others, by default the first."""
         anchor = self.plan.anchor
         if anchor not in self.plan.codecs:
             codecs = ", ".join(self.plan.codecs)
@@ -139,7 +136,6 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
-        """Figures with available inputs and needs, with the files of their inputs."""
         inputs = self._cloud_inputs() | self._study_inputs()
         return {
             name: {needed: inputs[needed] for needed in entry.inputs}
@@ -173,7 +169,6 @@ class OutputJobs:
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
     def figure_labels(self, name: str) -> tuple[str, str]:
-        """Return the category and title of a figure for Snakemake's report."""
         entry = figure_entry(name)
         return entry.category, entry.title
 

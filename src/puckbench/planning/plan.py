@@ -284,7 +284,7 @@ class Plan:
 
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
-        """Rates that a cloud is too large for, by data set, cloud and codec."""
+        """Rates at which a codec cannot encode a large cloud, by data set, cloud and codec."""
         rates_by_curve = {
             (dataset, cloud, codec): self._too_fine(codec, extent)
             for dataset, sides in self.extents.items()
@@ -299,7 +299,7 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """Return the rates of a codec on a cloud, none if its job failed earlier."""
+        """Return the rates at which a codec encodes a cloud; none if its job failed earlier."""
         if f"{dataset}/{cloud}/{codec}" in self.config.failed:
             return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
@@ -361,7 +361,6 @@ class Plan:
 
     @cached_property
     def coded(self) -> tuple[DataSetPlan, ...]:
-        """The data sets with a cloud that a codec encodes."""
         names = {dataset for dataset, _, _ in self.curves}
         return tuple(data for name, data in self.datasets.items() if name in names)
 
@@ -448,7 +447,7 @@ class Plan:
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
 
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the complete entry of a codec with these rates (parameters by name) only."""
+        """Return a codec's complete entry with these rates (parameters by name) only."""
         entry = {key: value for key, value in self.codecs[codec].items() if key != "metric_rates"}
         if all(map(self.opened[codec].is_length, rates)):
             return {**entry, "rates": {}, "metric_rates": rates}

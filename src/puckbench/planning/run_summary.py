@@ -155,7 +155,7 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def aligned(rows: Sequence[Sequence[str]], left: int = 2) -> Iterator[str]:
-    """Yield a line for each row of cells, in columns of which the first `left` align left."""
+    """Yield a line for each row of cells; the first `left` columns align left, the others right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = [

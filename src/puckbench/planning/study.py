@@ -53,7 +53,6 @@ class StudyJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables with the rows of all error models and captures."""
         models, captures = tuple(self.study.models), self.capture_files()
         residuals = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
         points = tuple(f"wall_points/{model}.parquet" for model in models)

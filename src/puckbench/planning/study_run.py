@@ -64,7 +64,7 @@ def study_configuration(
 def _stored(reference: ReferenceResults) -> Options:
     """Return the keys of a study's configuration that define clouds and metrics.
 
-    Raises InputError if they name code, which would come from an untrusted file.
+    Raises InputError if they name code, which is not trusted.
     """
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):

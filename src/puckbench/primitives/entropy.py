@@ -1,8 +1,8 @@
 """Binary arithmetic coding with a probability mixed from three contexts.
 
-Adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005, "Adaptive
-weighing of context models for lossless data compression"), in integers, so that all machines decode
-identically. The ``code_...`` functions encode the argument, or decode and return it.
+Adaptive probabilities are mixed in the logistic domain with learnt weights, as in
+`coding.context_mixing`, in integers, so that all machines decode identically. The ``code_...``
+functions encode the argument, or decode and return it.
 """
 
 from __future__ import annotations

@@ -2,9 +2,8 @@
 
 A surface alone reproduces neither the positions nor the noise of its points. Voxels alone reproduce
 both, but locate the surface less precisely. A hybrid moves each voxel along the normal of the
-nearest surface point, by a transmitted fraction of the distance for each class of distances. The
-decoder also keeps surface points in occupied voxels, so that the decoded cloud is as dense as the
-input.
+nearest surface point, by a transmitted fraction of the distance for each class of distances. It
+also keeps surface points in occupied voxels, so that the cloud is as dense as the input.
 """
 
 from __future__ import annotations
@@ -124,8 +123,9 @@ def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
 def _best_candidate(
     coded_surface: CodedSurface, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the hybrid of least cost among all keep distances (see `HybridHeader`), with and
-    without displaced voxels.
+    """Return the hybrid of least cost among all keep distances (see `HybridHeader`).
+
+    Both with and without displaced voxels.
     """
     grid, groups, surface = coded.grid, coded.groups, coded_surface.decoded()
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
@@ -160,8 +160,7 @@ def _nearest_planes(
 ) -> LocalPlanes:
     """Return the tangent planes at the surface points nearest to the voxels' points.
 
-    Raises InputError if the search takes too long, as near the centre of a sphere, where all its
-    points are about equally far.
+    Raises InputError if the search takes too long, as near the centre of a sphere.
     """
     nearest = nearest_within(points, tree, _MAX_SEARCH_STEPS)
     if nearest is None:

@@ -42,7 +42,7 @@ class Leaves(NamedTuple):
 
 
 class PlaneOctree(NamedTuple):
-    """An octree of planes, as far as it is coded."""
+    """The coded part of an octree of planes."""
 
     geometry: OctreeGeometry
     leaves: Leaves

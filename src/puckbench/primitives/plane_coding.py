@@ -1,8 +1,8 @@
 """Coding of a leaf's plane: a neighbouring leaf's plane, or a new one predicted from it.
 
-The encoder signals a neighbour's plane by its index, as in the merge mode of video codecs, or a new
-plane, fitted to the leaf's whole region (see `region_merging`) and quantised more finely for larger
-regions.
+The encoder signals the index of a neighbour's plane, as in the merge mode of video codecs, or a new
+plane, fitted to the leaf's whole region (see `region_merging`); larger regions are quantised more
+finely.
 """
 
 from __future__ import annotations

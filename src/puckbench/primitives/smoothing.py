@@ -193,7 +193,6 @@ def _list_neighbours(
     radius: float,
     neighbours: Floats,
 ) -> int:
-    """Write offsets and weights (4, n) of a sample's neighbours; return their number."""
     # Each step is a separate loop over whole rows, so that the compiler can vectorise it.
     p, q, r = sample
     a, b, c = normal

@@ -1,8 +1,7 @@
 """Coding of further images of a turn, of up to 16 bits: signal, reflectivity, near infrared, flags.
 
-A pixel is coded as binary decisions around a prediction by least squares, as ranges are. A return's
-reflectivity is nearly a function of its range and signal; the sum of five learnt logarithms
-estimates it. Variables are named as in `ranges`.
+A pixel is coded as binary decisions around a prediction by least squares, as ranges are. `gains`
+estimates reflectivities from ranges and signals. Variables are named as in `ranges`.
 """
 
 from __future__ import annotations

@@ -146,11 +146,11 @@ def _code_images(
 
 
 def _code_mixed(
-    kind: OusterKind, state: _State, turn_ranges: NDArray[Any], nearest: Ints, given: list[Image],
+    kind: OusterKind, state: _State, turn_ranges: NDArray[Any], nearest: Ints, sources: list[Image],
     widths: list[int], parts: Parts, effort: Effort,
 ) -> list[Image]:  # fmt: skip
     lasers = kind.layout.lasers
-    ranges, images = list(map(padded, turn_ranges)), list(map(padded, given))
+    ranges, images = list(map(padded, turn_ranges)), list(map(padded, sources))
     jobs = [
         _Job(number, kind.channels[number], image, width, parts.open(image.size * _DECISIONS))
         for number, (image, width) in enumerate(zip(images, widths, strict=True))
@@ -191,10 +191,10 @@ def _code_mixed(
 
 
 def _code_quickly(
-    kind: OusterKind, state: _State, turn_ranges: NDArray[Any], nearest: Ints, given: list[Image],
+    kind: OusterKind, state: _State, turn_ranges: NDArray[Any], nearest: Ints, sources: list[Image],
     widths: list[int], parts: Parts,
 ) -> list[Image]:  # fmt: skip
-    ranges, images = list(map(framed, turn_ranges)), [*given]
+    ranges, images = list(map(framed, turn_ranges)), [*sources]
     coded: dict[int | None, Words] = {}
     state.images.keep([number for number, width in enumerate(widths) if width])
     for is_dependent in (False, True):

@@ -1,6 +1,7 @@
-"""Estimates of reflectivities, each nearly a function of the return's range and signal.
+"""Estimates of reflectivities from the ranges and signals of returns.
 
-The logarithm of the factor is the sum of five learnt ones.
+A reflectivity is nearly gain * signal * range^2. The logarithm of the gain is a constant plus five
+entries of learnt tables: by range, laser and range, laser, signal, and the sum of the others.
 """
 
 from __future__ import annotations
@@ -26,26 +27,25 @@ _TABLES = 5
 _VARIANCE = 1 << 24
 """The variance 1 (squared octave)."""
 _FIRST_VARIANCES = np.array([1.0, 0.05, 1.0, 0.05, 0.05])
-"""Variances of entries of the tables of ranges, lasers' ranges, lasers, signals and sums before
-the first estimate,"""
-_ADDED_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
-"""and their least variances, by which the tables adapt to changes."""
+"""Variances of the entries of the five tables before the first estimate, in squared octaves."""
+_LEAST_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
+"""Least variances of the entries of each table, so that they adapt to changes."""
 _LEAST_NOISE, _MOST_NOISE = _VARIANCE >> 13, _VARIANCE // 25
-"""Limits of the variance of what no table explains."""
+"""Limits of the variance of the error that no table explains."""
 _ROUNDING = round(0.2 * _VARIANCE)
 """Variance of the logarithm of a value v because it is rounded, times v squared."""
 _EARLY_GAIN = -81633 << 8
-"""Logarithm of a reflectivity of 16 bits less those of signal and squared range (mm): that of the
-early firmware of two sensors."""
+"""Initial constant for reflectivities of 16 bits, from two sensors with early firmware (ranges in
+mm)."""
 
 
 class Gains(NamedTuple):
-    logarithms: Ints  # that are summed, in 2**-20 octaves: all tables, then a constant,
-    variances: Ints  # and the variances of their errors
+    logarithms: Ints  # entries of all tables, then the constant, in 2**-20 octaves
+    variances: Ints  # of the errors of the entries
     starts: Ints  # first entry of each table, and the constant
-    places: Ints  # places in the tables, in 1 / 256
-    memory: Ints  # estimate in 2**-20 octaves, its value, variance of its error
-    of_mantissas: Words  # tables
+    places: Ints  # of the last estimate in the tables, in 1 / 256 entries
+    memory: Ints  # last estimate, in 2**-20 octaves; its value; variance of errors
+    of_mantissas: Words  # logarithms, see `_tables`
     powers: Words
     farthest: int  # largest reflectivity
 
@@ -86,9 +86,9 @@ def _power(gains: Gains, logarithm: int) -> int:
 
 @inlined
 def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
-    """Return a reflectivity (1 / FINE) estimated from range and signal; 0 if one of them is 0.
+    """Estimate a reflectivity, in 1 / FINE, from range and signal; 0 if one of them is 0.
 
-    `learn_estimate` corrects the last estimate.
+    Stores what `learn_estimate` needs.
     """
     if distance == 0 or signal == 0:
         return 0
@@ -112,8 +112,8 @@ def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
 
 @inlined
 def estimated_only(gains: Gains, distance: int, signal: int, laser: int) -> int:
-    """Return what `estimated` does, but change nothing, which takes less time."""
-    is_given, starts = distance > 0 and signal > 0, gains.starts
+    """Estimate a reflectivity as `estimated` does, but change no array, which is faster."""
+    has_both, starts = distance > 0 and signal > 0, gains.starts
     distance, signal = _logarithm(gains, max(distance, 1)), _logarithm(gains, max(signal, 1))
     total = int(gains.logarithms[starts[5]]) + (signal + 2 * distance << 8)
     total += _gain(gains, distance)
@@ -121,7 +121,7 @@ def estimated_only(gains: Gains, distance: int, signal: int, laser: int) -> int:
     total += int(gains.logarithms[starts[2] + laser]) + _gain(gains, (starts[3] << 8) + signal)
     total += _gain(gains, (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8))
     estimate = _within(gains, _power(gains, total >> 8))
-    return estimate if is_given else 0
+    return estimate if has_both else 0
 
 
 @inlined
@@ -133,7 +133,7 @@ def _within(gains: Gains, estimate: int) -> int:
 
 @inlined
 def _start_range(gains: Gains) -> None:
-    """Initialise an entry of the table of ranges with its learnt neighbour."""
+    """Initialise an unlearnt entry of the table of ranges with its learnt neighbour."""
     sums, variances, first = gains.logarithms, gains.variances, gains.places[0] >> 8
     low, high = variances[first] == _VARIANCE, variances[first + 1] == _VARIANCE
     if low and not high:
@@ -151,7 +151,10 @@ def _gain(gains: Gains, place: int) -> int:
 
 @inlined
 def learn_estimate(gains: Gains, value: int) -> None:
-    """Share an error among the entries by their variances: a Kalman filter without covariances."""
+    """Correct the entries of the last estimate, given the true `value`.
+
+    A Kalman filter without covariances: each entry's share of the error depends on its variance.
+    """
     places, sums, variances, memory = gains.places, gains.logarithms, gains.variances, gains.memory
     if gains.farthest == MAX_VALUE:
         value += max(memory[1] - value + (1 << 15), 0) >> 16 << 16
@@ -184,4 +187,4 @@ def learn_estimate(gains: Gains, value: int) -> None:
             gain = variance * inverse >> 24
             sums[place] += error * gain >> 16
             left = variances[place] - (variance * gain >> 16)
-            variances[place] = max(left, _ADDED_VARIANCES[k])
+            variances[place] = max(left, _LEAST_VARIANCES[k])

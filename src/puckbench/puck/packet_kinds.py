@@ -1,7 +1,7 @@
 """Formats of packets in recordings, and coding of packets as records of turns.
 
-Each turn of an Ouster is followed by the further fields of its packets; of an HDL-64E, or an Alpha
-Prime in dual return mode, by the bytes of its packets that are not the turn's.
+A second record follows a turn if its packets hold more: an Ouster's further fields, an HDL-64E's
+status bytes, or the blocks without lasers of an Alpha Prime in dual return mode.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _OUSTER_CODE_BYTES = 3
 
 
 class PacketFormat(NamedTuple):
-    """How to find packets in bytes: pieces of these lengths, with `hole` bytes between them."""
+    """A format of packets in a file: pieces (IP fragments) of these lengths, `hole` bytes apart."""
 
     pieces: list[int]
     hole: int
@@ -68,9 +68,9 @@ _HOLES = (50, 52, 54, 68)
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
-    """Return the formats of packets to search for, the likeliest first.
+    """Return the formats of packets to search for, in this order.
 
-    Those of Ousters need metadata beside the recording.
+    An Ouster's come first, if its metadata is beside the recording.
     """
     metadata = metadata_beside(recording)
     try:
@@ -85,7 +85,7 @@ def formats_of(recording: Path) -> list[PacketFormat]:
 
 
 def decode_kind(body: bytes) -> Kind:
-    """Decode the body of a LAYOUT record; raise InputError if packets have no such layout."""
+    """Decode the body of a LAYOUT record; raise InputError if no packets have it."""
     layout, code = decode_layout(body)
     if len(code) == _OUSTER_CODE_BYTES:
         return OusterKind.decode(layout, code)
@@ -115,7 +115,7 @@ class _CodedTurn(NamedTuple):
         return count_ranges(layout, self.body) if kind is None else count_values(kind, self.body)
 
     def kind_with_signals(self) -> OusterKind | None:
-        """Return the kind of an Ouster whose turns have their reflectivities among the fields."""
+        """Return an Ouster's kind if reflectivities are coded with the fields, else None."""
         layout, code = decode_layout(self.layout)
         kind = OusterKind.decode(layout, code) if len(code) == _OUSTER_CODE_BYTES else None
         return kind if kind and PROFILES[kind.profile].signals else None
@@ -124,8 +124,8 @@ class _CodedTurn(NamedTuple):
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
     """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
 
-    Decoding starts at the last key turn up to `first`. An Ouster's signals and ambient light have
-    no place in a turn: `decompress` restores them.
+    Decoding starts at the last key turn up to `first`. Turns lack an
+    Ouster's signals and ambient light, which `decompress` restores.
     """
     layout: bytes | None = None
     turns: list[_CodedTurn] = []

@@ -124,7 +124,7 @@ def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
 def _solve(sums: Floats, variance: float, plane: Floats) -> float:
     """Fit a plane by Cholesky's method, write it to `plane`, and return the sum of squared errors.
 
-    A small diagonal term (ridge) keeps undetermined slopes near zero.
+    A small diagonal term keeps undetermined slopes near zero.
     """
     ridge = variance * sums[10] / max(sums[0], 1.0) / (_SLOPE * _SLOPE)
     ridge += 1e-12 * (sums[1] + sums[4] + sums[6])

@@ -1,8 +1,8 @@
-"""Coding of the images of an Ouster's turn at effort `fast`: ranges, reflectivities and others.
+"""Coding of an Ouster's images at effort `fast`: ranges, signals, reflectivities and others.
 
-Least squares predict a value from neighbouring pixels and the previous turn. The error's symbol has
-the probability that it had in its context, the size of errors around the pixel; bits of low weight
-are stored. Symbols are coded by asymmetric numeral systems (rANS; Duda 2013).
+Adaptive least squares predict a pixel from its neighbours and the previous turn. The prediction
+error is split into a symbol and low bits, which are stored. Symbols are coded by asymmetric numeral
+systems (rANS; Duda 2013) with adaptive frequencies; their context is the size of nearby errors.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ _LOW = 1 << 31
 """Least state of a coder between symbols."""
 _STATE_WORDS, _WORD_BYTES = 4, 4
 _DENSE, _OCTAVES = 48, 26
-"""Numbers of symbols for errors of one size each, and for larger ones of each sign."""
+"""Numbers of symbols for single small errors, and for octaves of larger ones of each sign."""
 _ZERO = _DENSE + 2 * _OCTAVES
 _SYMBOLS = _ZERO + 1
 _LEVELS = 20
 _CONTEXTS = 8 * _LEVELS
 """Contexts: which of three neighbours are 0, and levels of the errors around the pixel."""
 _COUNT = 24
-"""Weight of a symbol."""
+"""Increase of a symbol's count when it is coded."""
 _MOST_COUNTS = 1 << 17
 _FEATURES = 8
 _CLIP = 60 * FINE
-"""Limit of features; larger differences of ranges are other surfaces, those of others clipped."""
+"""Limit of features: larger differences of ranges (edges) become 0, those of others are clipped."""
 _FEW_BITS = 16
 """A coder's state has room for a symbol and this number of bits."""
 _LARGEST = 1 << 17
-"""Limit of coefficients, in 2**-16."""
+"""Limit of coefficients, in units of 2**-16."""
 _RIDGE = 5000
 _LEARNT = 64
-"""Columns after which only every fourth is learnt, and every fourth laser's estimate."""
+"""After this number of columns, only every fourth column and every eighth laser are learnt."""
 _MOST_ERROR = 1 << 16
 _FIRST_ERROR = 48
 _FEW = 32
@@ -62,54 +62,61 @@ _DAMAGED = "the stream is damaged (an image of a turn)"
 
 
 class _Coder(NamedTuple):
-    registers: NDArray[np.uint64]  # place in the next arrays, and states of two coders in turn
-    words: NDArray[np.uint32]  # that a reader reads, then 0
-    tokens: NDArray[np.uint64]  # that a writer makes; none in a reader
+    registers: NDArray[
+        np.uint64
+    ]  # index of the next word or token, states of two alternating coders
+    words: NDArray[np.uint32]  # of the stream, and a final 0; only in a reader
+    tokens: NDArray[np.uint64]  # to be coded, one for each pixel; empty in a reader
 
 
 class _Model(NamedTuple):
     counts: Words  # (contexts, symbols)
-    seen: Ints  # (contexts,), sums of the counts when tables were made
+    totals: Ints  # (contexts,), sums of the counts when tables were made
     pairs: NDArray[np.uint32]  # (contexts, symbols), 2 ** 16 times a frequency plus its start
     slots: NDArray[np.uint8]  # (contexts, _SLOTS), symbols
     products: Ints  # (features, features), weighted sums of products of features
-    targets: Ints
+    moments: Ints  # (features,), weighted sums of products of features and responses
     coefficients: Ints
     x: Words  # (features, lasers), of a column
     weighted: Words
-    columns: Words  # (6, lasers), of a column: see `_code_column`
+    columns: (
+        Words  # (6, lasers), of a column: sums, errors, contexts, estimates, responses, weights
+    )
     error: Words  # (lasers,), running means of errors
     coded: Ints  # number of columns
     gains: Gains
-    has_signals: bool  # a reflectivity, which depends on range and signal
-    has_like: bool
+    has_signals: bool  # whether pixels are reflectivities, which depend on range and signal
+    has_reference: bool
     is_range: bool
     farthest: int
 
 
 class _Image(NamedTuple):
-    """Arrays (PAD + columns + PAD, 1 + lasers + 1), with copies of the outer lasers."""
+    """Arrays (PAD + columns + PAD, 1 + lasers + 1), whose borders repeat the outer lasers."""
 
     values: Words
-    held: Words  # last values above 0, less their estimates, in 1 / FINE
+    held: Words  # last nonzero value of the laser, less its estimate, in 1 / FINE
     errors: Words  # absolute prediction errors, in 1 / FINE
 
 
 class ImageJob(NamedTuple):
-    """An image to code.
+    """An image to encode or decode.
 
     Parameters
     ----------
     number
-        Of the image in a turn.
+        Index of the image within a turn.
     values
-        (columns, lasers); a decoder uses only the shape.
+        Pixels (columns, lasers); a decoder uses only the shape.
+    farthest
+        Largest possible pixel.
     ranges
-        Of its returns, unless it is of ranges, as `ImageCoder.code` returns them.
+        Ranges of the same returns with borders (see `framed`); None if the pixels are ranges.
     signals
-        Of a reflectivity's returns.
-    like
-        Image that `values` resemble.
+        Signals of the same returns with borders, if the pixels are reflectivities.
+    reference
+        Similar image with borders, from which pixels are predicted: for ranges of second returns,
+        those of the first.
     """
 
     number: int
@@ -117,26 +124,26 @@ class ImageJob(NamedTuple):
     farthest: int
     ranges: Words | None = None
     signals: Words | None = None
-    like: Words | None = None
+    reference: Words | None = None
 
 
 def _new_model(job: ImageJob) -> _Model:
     lasers = job.values.shape[1]
     x = np.zeros((_FEATURES, lasers), np.int32)
-    counts, seen, pairs, slots = _first_tables()
+    counts, totals, pairs, slots = _first_tables()
     return _Model(
-        counts.copy(), seen.copy(), pairs.copy(), slots.copy(),
+        counts.copy(), totals.copy(), pairs.copy(), slots.copy(),
         np.zeros((_FEATURES, _FEATURES), np.int64), np.zeros(_FEATURES, np.int64),
         np.zeros(_FEATURES, np.int64), x, x.copy(), x[:6].copy(),
         np.full(lasers, _FIRST_ERROR, np.int32), np.zeros(1, np.int64),
         new_gains(lasers, job.farthest), job.signals is not None,
-        job.like is not None, job.ranges is None, job.farthest,
+        job.reference is not None, job.ranges is None, job.farthest,
     )  # fmt: skip
 
 
 @cache
 def _first_tables() -> tuple[Words, Ints, NDArray[np.uint32], NDArray[np.uint8]]:
-    """Return the first counts, their sums, pairs and slots."""
+    """Return the initial counts, totals, pairs and slots of a `_Model`."""
     counts = np.zeros((_CONTEXTS, _SYMBOLS))
     for context in range(_CONTEXTS):
         empty, level = divmod(context, _LEVELS)
@@ -162,15 +169,15 @@ def _first_tables() -> tuple[Words, Ints, NDArray[np.uint32], NDArray[np.uint8]]
 
 @compiled_in_place
 def _make_tables(
-    counts: Words, seen: Ints, pairs: NDArray[np.uint32], slots: NDArray[np.uint8]
+    counts: Words, totals: Ints, pairs: NDArray[np.uint32], slots: NDArray[np.uint8]
 ) -> None:
     for context in range(_CONTEXTS):
         total = 0
         for symbol in range(_SYMBOLS):
             total += counts[context, symbol]
-        if total - seen[context] > 32 * _COUNT:
+        if total - totals[context] > 32 * _COUNT:
             _make_table(counts[context], pairs[context], slots[context], total)
-            seen[context] = total >> 1 if total > _MOST_COUNTS else total
+            totals[context] = total >> 1 if total > _MOST_COUNTS else total
 
 
 @inlined
@@ -197,20 +204,20 @@ def _make_table(
 @compiled_in_place
 def _code_image(
     model: _Model, coder: _Coder, image: _Image, before: _Image, ranges: Words, signals: Words,
-    like: Words, nearest: Ints,
+    reference: Words, nearest: Ints,
 ) -> bool:  # fmt: skip
     """Encode or decode an image; return False if the decoded stream ended early.
 
-    A writer reads the values, a reader writes them; both fill the other arrays of `image`. For
-    `before` and `nearest` see `ranges.code_ranges`.
+    An encoder reads `image.values`, a decoder writes them; both write the other arrays of `image`.
+    `before` and `nearest` are as in `ranges.code_ranges`.
     """
     for c in range(PAD, PAD + len(nearest)):
         t = nearest[c - PAD]
-        then = before.held[t] if t > 0 else image.held[c - 1]
-        _begin_column(model, image, before, ranges, then, c, t)
-        _estimate_column(model, ranges[c], signals[c], like[c])
-        _code_column(model, coder, image, then, c)
-        _learn_column(model, image, ranges[c], signals[c], then, c)
+        previous = before.held[t] if t > 0 else image.held[c - 1]
+        _begin_column(model, image, before, ranges, previous, c, t)
+        _estimate_column(model, ranges[c], signals[c], reference[c])
+        _code_column(model, coder, image, previous, c)
+        _learn_column(model, image, ranges[c], signals[c], previous, c)
         if len(coder.tokens) == 0 and coder.registers[0] >= len(coder.words):
             return False
     return True
@@ -232,14 +239,14 @@ def _write_feature(model: _Model, k: int, later: Words, earlier: Words, i: int, 
 
 @inlined
 def _begin_column(
-    model: _Model, image: _Image, before: _Image, ranges: Words, then: Words, c: int, t: int
+    model: _Model, image: _Image, before: _Image, ranges: Words, previous: Words, c: int, t: int
 ) -> None:
-    """Compute what does not depend on the column itself."""
+    """Compute features and contexts that need no pixel of the column."""
     held, errors = image.held, image.errors
     west, west2 = held[c - 1], held[c - 2]
     _write_feature(model, 0, west2, west, 1, 1)
     _write_feature(model, 1, held[c - 3], west, 1, 1)
-    _write_feature(model, 5, then, west, 1, 1)
+    _write_feature(model, 5, previous, west, 1, 1)
     _write_feature(model, 7, west2, west, 0, 0)
     if not model.is_range:
         _write_feature(model, 3, west, west, 0, 1)
@@ -268,19 +275,19 @@ def _begin_column(
 
 
 @inlined
-def _estimate_column(model: _Model, ranges: Words, signals: Words, like: Words) -> None:
+def _estimate_column(model: _Model, ranges: Words, signals: Words, reference: Words) -> None:
     estimates = model.columns[3]
     if model.has_signals:
         for laser in range(len(estimates)):
             distance, signal = int(ranges[laser + 1]), int(signals[laser + 1])
             estimates[laser] = estimated_only(model.gains, distance, signal, laser)
-    elif model.has_like:
+    elif model.has_reference:
         for laser in range(len(estimates)):
-            estimates[laser] = FINE * like[laser + 1]
+            estimates[laser] = FINE * reference[laser + 1]
 
 
 @inlined
-def _code_column(model: _Model, coder: _Coder, image: _Image, then: Words, c: int) -> None:
+def _code_column(model: _Model, coder: _Coder, image: _Image, previous: Words, c: int) -> None:
     values, held, errors = image.values[c], image.held[c], image.errors[c]
     sums, around, empty, estimates = (
         model.columns[0], model.columns[1], model.columns[2], model.columns[3],
@@ -294,7 +301,7 @@ def _code_column(model: _Model, coder: _Coder, image: _Image, then: Words, c: in
     for laser in range(len(sums)):
         base, estimate = west[laser + 1], estimates[laser]
         mean = w2 * _bounded(below - west[laser], model.is_range)
-        mean += w6 * _bounded(below - then[laser], model.is_range)
+        mean += w6 * _bounded(below - previous[laser], model.is_range)
         mean = base + ((sums[laser] + mean) >> 16) + estimate
         mean = min(max(mean, FINE), FINE * model.farthest)
         centre = (mean + FINE // 2) // FINE
@@ -386,14 +393,14 @@ def _refilled(
 
 @inlined
 def _learn_column(
-    model: _Model, image: _Image, ranges: Words, signals: Words, then: Words, c: int
+    model: _Model, image: _Image, ranges: Words, signals: Words, previous: Words, c: int
 ) -> None:
     error, errors, coded = model.error, image.errors[c], model.coded[0]
     for laser in range(len(error)):
         error[laser] += (errors[laser + 1] - error[laser]) >> 2
     if coded & 3 == 0 or coded < _LEARNT:
         _write_feature(model, 2, image.held[c], image.held[c - 1], 0, 0)
-        _write_feature(model, 6, image.held[c], then, 0, 0)
+        _write_feature(model, 6, image.held[c], previous, 0, 0)
         _write_weights(model, image, c)
         _learn_linear(model)
     if model.has_signals:
@@ -406,17 +413,17 @@ def _learn_column(
     coded += 1
     model.coded[0] = coded
     if coded & 63 == 0 or (coded < 64 and coded & (coded - 1) == 0):
-        _make_tables(model.counts, model.seen, model.pairs, model.slots)
+        _make_tables(model.counts, model.totals, model.pairs, model.slots)
 
 
 @inlined
 def _write_weights(model: _Model, image: _Image, c: int) -> None:
-    """Write the targets of a column, and their weights: less where errors are large."""
+    """Write a column's responses of the least squares, and weights, smaller for large errors."""
     values, held, west, errors = image.values[c], image.held[c], image.held[c - 1], image.errors[c]
-    around, wanted, weights = model.columns[1], model.columns[4], model.columns[5]
+    around, responses, weights = model.columns[1], model.columns[4], model.columns[5]
     for k in range(len(weights)):
         weights[k] = 256 if values[k + 1] > 0 and errors[k + 1] <= _CLIP else 0
-        wanted[k] = held[k + 1] - west[k + 1] if weights[k] > 0 else 0
+        responses[k] = held[k + 1] - west[k + 1] if weights[k] > 0 else 0
     for bound in range(8, 15):
         for k in range(len(weights)):
             weights[k] >>= 1 if around[k] > 1 << bound else 0
@@ -424,12 +431,12 @@ def _write_weights(model: _Model, image: _Image, c: int) -> None:
 
 @inlined
 def _learn_linear(model: _Model) -> None:
-    x, wanted, weights = model.x, model.columns[4], model.columns[5]
-    products, targets, coefficients = model.products, model.targets, model.coefficients
+    x, responses, weights = model.x, model.columns[4], model.columns[5]
+    products, moments, coefficients = model.products, model.moments, model.coefficients
     for i in range(_FEATURES):
-        weighted, own = model.weighted[i], x[i]
+        weighted, feature = model.weighted[i], x[i]
         for k in range(len(weights)):
-            weighted[k] = own[k] * weights[k] >> 8
+            weighted[k] = feature[k] * weights[k] >> 8
         for j in range(i + 1):
             other, total = x[j], 0
             for k in range(len(weights)):
@@ -438,10 +445,10 @@ def _learn_linear(model: _Model) -> None:
             products[j, i] = products[i, j]
         total = 0
         for k in range(len(weights)):
-            total += weighted[k] * wanted[k]
-        targets[i] += total - (targets[i] >> 5)
+            total += weighted[k] * responses[k]
+        moments[i] += total - (moments[i] >> 5)
     for i in range(_FEATURES):
-        residual = targets[i] << 16
+        residual = moments[i] << 16
         for j in range(_FEATURES):
             residual -= products[i, j] * coefficients[j]
         solution = coefficients[i] + residual // (products[i, i] + _RIDGE)
@@ -450,7 +457,7 @@ def _learn_linear(model: _Model) -> None:
 
 @compiled_in_place
 def _write_words(coder: _Coder, out: NDArray[np.uint32]) -> int:
-    """Code the tokens, from the last to the first, to the end of `out`; return the first place."""
+    """Code the tokens, last first, to the end of `out`; return the index of the first word."""
     place, next_state, state = len(out), np.uint64(_LOW), np.uint64(_LOW)
     for k in range(coder.registers[0], 0, -1):
         token = coder.tokens[np.uint64(k - 1)]
@@ -476,7 +483,7 @@ def _write_words(coder: _Coder, out: NDArray[np.uint32]) -> int:
 
 
 def framed(values: NDArray[Any]) -> Words:
-    """Return an image (columns, lasers) with a frame around it, as a context of others."""
+    """Return an image (columns, lasers) with borders, of zeros, as other images' jobs need it."""
     framed = np.zeros((len(values) + 2 * PAD, values.shape[1] + 2), np.int32)
     framed[PAD:-PAD, 1:-1] = values
     return framed
@@ -490,11 +497,11 @@ class ImageCoder:
         self._coded: dict[int, _Image] = {}
 
     def keep(self, numbers: Container[int]) -> None:
-        """Forget the last images with other numbers, which the next turn lacks."""
+        """Forget the previous turn's images with other numbers, which the next turn lacks."""
         self._coded = {k: image for k, image in self._coded.items() if k in numbers}
 
     def encode(self, jobs: list[ImageJob], nearest: Ints) -> tuple[list[Words], list[bytes]]:
-        """Return the images, as later jobs need them, and a part of the stream for each."""
+        """Encode images; return each with borders, and its part of the stream."""
         coded = in_threads(lambda job: self._code(job, nearest, None), jobs)
         return [image for image, _ in coded], [part for _, part in coded]
 
@@ -526,8 +533,8 @@ class ImageCoder:
         none = image.values  # arrays that are not used
         is_complete = _code_image(
             model, coder, image, former or image, none if job.ranges is None else job.ranges,
-            none if job.signals is None else job.signals, none if job.like is None else job.like,
-            rows,
+            none if job.signals is None else job.signals,
+            none if job.reference is None else job.reference, rows,
         )  # fmt: skip
         self._coded[job.number] = image
         if not part:
@@ -538,7 +545,7 @@ class ImageCoder:
 
 
 def _listed(image: NDArray[Any]) -> bytes:
-    """Return a list of the values above 0 and their places, or nothing unless they are few."""
+    """Return the nonzero pixels and their indices, compressed, or nothing if they are many."""
     if _FEW * np.count_nonzero(image) > image.size:
         return b""
     places = np.flatnonzero(image)

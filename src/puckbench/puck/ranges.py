@@ -298,8 +298,8 @@ def _predict(
     """Predict a range, and return five values.
 
     They are a base range, the predicted difference from it in quarter quanta, the level of recent
-    errors (activity), whether the previous turn has a return here (1 or 0), and the index of the
-    experts' scales (situation).
+    errors (activity), whether the previous turn has a return here, and the index of the experts'
+    scales (situation).
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)

@@ -1,8 +1,7 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-Some values are guessed, and coded only if a flag says that the guess is wrong: for a second return
-equal to the first, the first's value; for a firing without a return, that of the laser's last
-firing without a return.
+Some values are guessed; a flag says whether the guess is right. The guess for a second return equal
+to the first is the first's value; for a firing without a return, that of the laser's last one.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Smoothing of decoded ranges: returns are moved along their rays to fitted planes.
 
 Biases of lasers, estimated from planes that several lasers hit, are subtracted. A return leaves its
-quantisation interval by at most three standard deviations. Returns of a plane that scatter by more
-than the noise (as on leaves) are moved less. The last bits of results depend on how a machine
+quantisation interval by at most three standard deviations, and moves less if its plane's returns
+scatter by more than the noise (as on leaves). The last bits of results depend on how a machine
 rounds sines and square roots.
 """
 
@@ -138,7 +138,6 @@ def smoothed_ranges(
 
 
 def _noise(ranges: Floats) -> float:
-    """Estimate the standard deviation of ranges from second differences within rows."""
     parts = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
     is_complete = (parts[0] > 0) & (parts[1] > 0) & (parts[2] > 0)
     if not is_complete.any():

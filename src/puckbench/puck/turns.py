@@ -343,7 +343,7 @@ def _code_images(
     has_values = flags & _REFLECTIVITIES and turn.reflectivities is not None
     state.images.keep(range(len(turn.ranges) * (2 if has_values else 1)))
     for kind, image in enumerate(turn.ranges):
-        job = ImageJob(kind, image, farthest, like=ranges[0] if kind else None)
+        job = ImageJob(kind, image, farthest, reference=ranges[0] if kind else None)
         ranges += parts.code_images(state.images, [job], nearest)
     if flags & _REFLECTIVITIES and turn.reflectivities is not None:
         jobs = [

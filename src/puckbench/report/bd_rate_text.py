@@ -39,7 +39,6 @@ def delta_note(row: _Row | None) -> str:
 
 
 def holds_zero(row: _Row) -> bool:
-    """Whether the confidence interval (for two clouds, the range) contains 0 or is missing."""
     low, high = _ends(row)
     return not (low > 0 or high < 0)
 

@@ -146,7 +146,6 @@ _TIME = re.compile(r"(en|de)code_(s|ms_per_turn|real_time)(_\w+)?")
 
 
 def is_time(column: str) -> bool:
-    """Whether a column depends on a codec's times."""
     return _TIME.fullmatch(column) is not None
 
 
@@ -199,6 +198,5 @@ def has_label(column: str) -> bool:
 
 
 def ordered_labels(columns: list[str]) -> list[ColumnLabel]:
-    """Return labels of columns sorted by group, without `DESCRIPTIVE_COLUMNS`."""
     labels = [column_label(name) for name in columns if name not in DESCRIPTIVE_COLUMNS]
     return sorted(labels, key=lambda item: GROUPS.index(item.group))

@@ -95,7 +95,6 @@ def findings(
     scan_errors: pd.DataFrame | None,
     style: FigureStyle,
 ) -> Findings:
-    """Return findings from results, the table ``bd_rate``, and errors of unencoded scans."""
     anchor = "" if deltas is None else style.of_codec(deltas["anchor"].iloc[0]).title
     datasets = [
         _of_dataset(
@@ -246,7 +245,6 @@ def _least(medians: pd.DataFrame, rate: str | None, codec: str) -> Cell:
 
 
 def distance_text(value: float, column: str) -> str:
-    """Return a distance with unit; metres are converted to millimetres."""
     if column_label(column).unit == "m":
         return f"{value * 1000:.3g}\N{NO-BREAK SPACE}mm"
     return f"{value:.3g} {column_label(column).unit}".replace(" ", "\N{NO-BREAK SPACE}")

@@ -184,7 +184,6 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
 
 
 def write_drive_results(path: Path, drives: pd.DataFrame, about: Mapping[str, Any]) -> None:
-    """Write the results of a study of drives, whose rows have digests."""
     _write(path, _rounded(drives), about)
 
 
@@ -249,6 +248,5 @@ def _rounded(table: Any) -> pd.DataFrame:
 
 
 def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the rows of a table as JSON values, without missing values."""
     rows: list[dict[str, Any]] = json.loads(table.to_json(orient="records", double_precision=10))
     return [{key: value for key, value in row.items() if value is not None} for row in rows]

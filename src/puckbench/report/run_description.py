@@ -54,7 +54,6 @@ def describe_run(
     machine: Mapping[str, str],
     style: FigureStyle,
 ) -> RunDescription:
-    """Describe a run from its tables and its checked configuration, which may be empty."""
     return RunDescription(
         datasets=tuple(_datasets(configuration, metrics, clouds, style)),
         codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),
@@ -131,7 +130,6 @@ def _as_yaml(configuration: Mapping[str, Any]) -> str:
 
 
 def this_machine() -> dict[str, str]:
-    """Return versions of programs and libraries, system and processor."""
     versions = installed_versions()
     return {
         "puckbench": __version__,

@@ -75,7 +75,6 @@ def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
 
 
 def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
-    """Return which of the rectangles `others` (k, 4, 2) overlap `rectangle` (separating axes)."""
     rectangle_axes = np.broadcast_to(
         np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
     )

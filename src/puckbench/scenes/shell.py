@@ -102,7 +102,7 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
 
 
 def _recess(opening: Opening) -> tuple[Surface, Surface]:
-    """Make the sides and the back of an opening, in which the wall is at y = 0."""
+    """Make the sides and back of an opening in a wall at y = 0."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
     return whole.select(0, 1, 4, 5), whole.select(3)

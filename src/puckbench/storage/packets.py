@@ -1,4 +1,4 @@
-"""Encoder and decoder for returns as data packets of the sensor, as in recordings.
+"""Encoder and decoder of returns as a Velodyne's data packets.
 
 A stream's body is:
 
@@ -29,13 +29,14 @@ from puckbench.lidar.turns import Turn
 
 _FEW_PACKETS = 1024
 _MANY_PACKETS, _BYTES_PER_PACKET = 1 << 15, 64
-"""Packets allowed in any stream, and bytes that allow another: each packet has hundreds of returns,
-and those of a stream of 1 MB take some seconds."""
+"""Number of packets allowed in any stream, and number of bytes that allow another packet: decoding
+a stream of 1 MB takes some seconds at most."""
 
 
 def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> bytes:
-    """Encode returns as data packets, with 0 for missing times and reflectivities; raise InputError
-    unless they fill packets of a Velodyne with the shipped description.
+    """Encode returns as data packets; missing times and reflectivities become 0.
+
+    Raises InputError unless the returns fill packets of a shipped Velodyne.
     """
     kind = check_whole_packets(returns)
     parts = [packets_of(kind, _completed(turn, kind)) for turn in returns.turns]

@@ -36,7 +36,6 @@ def coded_colours(colours: Values, matrix: int | None, bitdepth: int) -> Values:
 
 
 def decoded_colours(values: Values, matrix: int | None, bitdepth: int) -> Values:
-    """Convert coded components (n, 3) to red, green, blue; inverse of `coded_colours`."""
     first, second, third = values.T
     if matrix == BT709:
         y, u, v = first.astype(np.float64), second - _HALF, third - _HALF

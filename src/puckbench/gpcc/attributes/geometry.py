@@ -68,7 +68,6 @@ class SlicePoints:
     def levels(
         self, aps: AttributeParameterSet, header: AttributeHeader, memory: WorkingMemory
     ) -> Levels:
-        """Return an attribute's levels of detail, reusing the last result."""
         # As in TMC13, an attribute also reuses levels from other coordinates than its own.
         key = (
             aps.num_pred_nearest_neighbours_minus1,

@@ -1,4 +1,4 @@
-"""Search of the three nearest neighbours of points in a level of detail.
+"""Search for the three nearest neighbours of points in a level of detail.
 
 Candidates are points of coarser levels, first in the same and adjacent cells, and preceding points
 of the same level. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`, `MortonIndexMap3d`.
@@ -51,7 +51,11 @@ PRECEDING_NEIGHBOURS = np.array(
 
 
 class Atlas(NamedTuple):
-    """Grid of 128^3 cells: first and last + 1 of each one's points; `filled` cells in `used`."""
+    """Grid of 128^3 cells.
+
+    cells: (128^3, 2) index of each cell's first point and of the last + 1, or -1.
+    used: codes of occupied cells; filled: (1,) their number.
+    """
 
     cells: Indices
     used: Indices
@@ -70,8 +74,8 @@ class SearchOptions(NamedTuple):
     """Options of a level.
 
     cell_bits: log2 of the cells' side.
-    inter_range, intra_range: number of candidates before and after the point, in coarser levels
-        and in the same level.
+    inter_range: number of candidates before and after the centre in coarser levels.
+    intra: whether points of the same level are candidates, `intra_range` of them.
     most: number of neighbours.
     mask_bits: ignored low bits of coordinates.
     most_distance: squared distance beyond which only the nearest neighbour is used, or -1.
@@ -155,7 +159,7 @@ def clear(atlas: Atlas) -> None:
 def holds_near_point(
     positions: Positions, indices: Indices, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
-    """Return whether preceding cells hold a point within a radius (squared: radius2) of `point`."""
+    """Return whether a preceding cell's first point is near `point` (squared distance: radius2)."""
     for offset in PRECEDING_NEIGHBOURS:
         other = neighbour_code(cell, offset)
         if other >> _CELL_BITS != cell >> _CELL_BITS:
@@ -227,10 +231,10 @@ def _distance(positions: Positions, k: int, x: int, y: int, z: int) -> int:
 class Query(NamedTuple):
     """A point, and the candidates among which its neighbours are searched.
 
-    low, high: their first and last index.
-    centre: index from which they are visited, or -1 if they are in ascending order.
+    low, high: indices of the first and the last candidate.
+    centre: index where the search starts, or -1 for a search in ascending order.
     coarser: number of points in coarser levels.
-    nearest, second: neighbours so far, or -1; they precede equidistant candidates.
+    nearest, second: the two nearest points so far, or -1; they rank before all candidates.
     """
 
     x: int
@@ -245,41 +249,41 @@ class Query(NamedTuple):
 
 
 @inlined
-def _rank(of: Query, k: int) -> int:
-    """Return a candidate's place in the search.
+def _rank(query: Query, k: int) -> int:
+    """Return a candidate's rank, which decides between equidistant candidates.
 
-    The order is, from the centre, 0, 1, -1, 2, -2, then all above, then all below.
+    Ranks follow the offset from the centre: 0, 1, -1, 2, -2, then all larger, then all smaller.
     """
-    if of.centre < 0:
-        return of.coarser + k
-    away = k - of.centre
+    if query.centre < 0:
+        return query.coarser + k
+    away = k - query.centre
     if abs(away) <= _NEAR_RANGE:
         return 2 + (2 * away - 1 if away > 0 else -2 * away)
-    return 2 + _NEAR_RANGE + (away if away > 0 else of.coarser - away)
+    return 2 + _NEAR_RANGE + (away if away > 0 else query.coarser - away)
 
 
 @inlined
-def _index(of: Query, key: int) -> int:
-    """Return the index of a candidate of coarser levels; see `_with`."""
+def _index(query: Query, key: int) -> int:
+    """Return the index of a candidate of coarser levels from its key (see `_with`)."""
     rank = (key & _RANKS) - 2
     if key == _FAR:
         return integer(-1)
     if rank < 0:
-        return of.nearest if rank == -2 else of.second
+        return query.nearest if rank == -2 else query.second
     if rank <= 2 * _NEAR_RANGE:
-        return of.centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
-    if rank <= of.coarser + _NEAR_RANGE:
-        return of.centre + rank - _NEAR_RANGE
-    return of.centre + of.coarser + _NEAR_RANGE - rank
+        return query.centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
+    if rank <= query.coarser + _NEAR_RANGE:
+        return query.centre + rank - _NEAR_RANGE
+    return query.centre + query.coarser + _NEAR_RANGE - rank
 
 
 @inlined
-def _with(best: Best, of: Query, distance: int, k: int) -> Best:
-    """Insert a candidate into the three nearest; each is its distance * 2^32 + its rank."""
+def _with(best: Best, query: Query, distance: int, k: int) -> Best:
+    """Insert a candidate into the three smallest keys: distance * 2^32 + rank."""
     a, b, c = best
-    if k < of.low or k > of.high or k == of.nearest or k == of.second:  # noqa: PLR1714
+    if k < query.low or k > query.high or k == query.nearest or k == query.second:  # noqa: PLR1714
         return best
-    key = integer(distance) << _RANK_BITS | _rank(of, k)
+    key = integer(distance) << _RANK_BITS | _rank(query, k)
     if key >= c or key == a or key == b:  # noqa: PLR1714, SIM109
         return best
     if key < a:
@@ -288,32 +292,32 @@ def _with(best: Best, of: Query, distance: int, k: int) -> Best:
 
 
 @inlined
-def _search_span(best: Best, of: Query, positions: Positions, first: int, last: int) -> Best:
-    for k in range(max(first, of.low), min(last, of.high) + 1):
-        distance = _distance(positions, k, of.x, of.y, of.z)
+def _search_span(best: Best, query: Query, positions: Positions, first: int, last: int) -> Best:
+    for k in range(max(first, query.low), min(last, query.high) + 1):
+        distance = _distance(positions, k, query.x, query.y, query.z)
         if distance <= best[2] >> _RANK_BITS:
-            best = _with(best, of, distance, k)
+            best = _with(best, query, distance, k)
     return best
 
 
 @inlined
-def _search_boxes(best: Best, of: Query, among: Boxes) -> tuple[Best, int]:
+def _search_boxes(best: Best, query: Query, candidates: Boxes) -> tuple[Best, int]:
     """Search all candidates; return the nearest and the number of operations."""
-    top = len(among.starts) - 1
-    work, level, k = 0, top, of.low >> _FAN_LOG2 * top << _FAN_LOG2 * top
-    while k <= of.high:
+    top = len(candidates.starts) - 1
+    work, level, k = 0, top, query.low >> _FAN_LOG2 * top << _FAN_LOG2 * top
+    while k <= query.high:
         size = 1 << _FAN_LOG2 * level
-        first, last = max(k, of.low), min(k + size - 1, of.high)
+        first, last = max(k, query.low), min(k + size - 1, query.high)
         if first <= last:
             work += 1
-            box = among.starts[level] + (k >> _FAN_LOG2 * level)
-            least = _box_distance(among.boxes, box, of.x, of.y, of.z) << _RANK_BITS
-            if least | _rank(of, min(max(first, of.centre), last)) < best[2]:
+            box = candidates.starts[level] + (k >> _FAN_LOG2 * level)
+            least = _box_distance(candidates.boxes, box, query.x, query.y, query.z) << _RANK_BITS
+            if least | _rank(query, min(max(first, query.centre), last)) < best[2]:
                 if level > 1:
                     level -= 1
                     continue
                 work += 4
-                best = _search_span(best, of, among.positions, first, last)
+                best = _search_span(best, query, candidates.positions, first, last)
         k += size
         while level < top and (k >> _FAN_LOG2 * level) & _FAN_MASK == 0:
             level += 1
@@ -321,9 +325,9 @@ def _search_boxes(best: Best, of: Query, among: Boxes) -> tuple[Best, int]:
 
 
 class Candidates(NamedTuple):
-    """Points in the cells around the current one, and their distances from the current point.
+    """Points in the current cell and its neighbours, and their distances from the current point.
 
-    Parts of a list of fixed length.
+    Only the first items of the arrays are used.
     """
 
     x: Indices
@@ -337,11 +341,12 @@ class Grid(NamedTuple):
     """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`.
 
     bias: factors (3,) of distances.
-    ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
-    candidates: these points, unless they are too many; those in the current cell first.
+    ranges: (27, 2) first and last + 1 of the points in the current cell and its neighbours.
+    candidates: these points, unless they are too many; the current cell's come first.
     state: (6,) block and code of the current cell; points that are in the atlas; number of ranges;
         number of their points; whether none of the cells is in another block.
-    complete: whether to skip empty blocks. In TMC13, the first one ends the filling of the atlas.
+    complete: whether to skip empty blocks. In TMC13, the first empty block ends the filling of
+        the atlas.
     following: whether to leave out cells that precede the current one.
     """
 
@@ -391,17 +396,17 @@ def _dense_cell_bits(codes: Ints, density: int) -> int:
 
 
 @inlined
-def _enter_cell(of: Grid, code: int) -> None:
-    """Find the points in the cells around a code; codes must ascend."""
-    state, shift = of.state, of.shift
+def _enter_cell(grid: Grid, code: int) -> None:
+    """Find the points in a code's cell and its neighbours; codes must ascend from call to call."""
+    state, shift = grid.state, grid.shift
     if code >> shift == state[1]:
         return
     block_shift = min(63, shift + _CELL_BITS)
     block, cell = code >> block_shift, code >> shift
     if block != state[0]:
-        _fill_atlas(of, block, block_shift)
+        _fill_atlas(grid, block, block_shift)
     state[1], state[3], state[4], state[5] = cell, 0, 0, 1
-    if not of.atlas.filled[0]:
+    if not grid.atlas.filled[0]:
         state[5] = 0
         return
     low, high = neighbour_code(cell, 0), neighbour_code(cell, 56)
@@ -411,30 +416,30 @@ def _enter_cell(of: Grid, code: int) -> None:
             | _chosen(low, cell, high, offset, Y_BITS, 1)
             | _chosen(low, cell, high, offset, Z_BITS, 0)
         )
-        if of.following and other < cell:
+        if grid.following and other < cell:
             continue
         if other >> _CELL_BITS != block:
             state[5] = 0
             continue
         place = other & (_CELLS - 1)
-        if of.atlas.cells[place, 0] >= 0:
-            of.ranges[state[3], 0] = of.atlas.cells[place, 0]
-            of.ranges[state[3], 1] = of.atlas.cells[place, 1]
+        if grid.atlas.cells[place, 0] >= 0:
+            grid.ranges[state[3], 0] = grid.atlas.cells[place, 0]
+            grid.ranges[state[3], 1] = grid.atlas.cells[place, 1]
             state[3] += 1
-            state[4] += of.atlas.cells[place, 1] - of.atlas.cells[place, 0]
-    if state[4] <= len(of.candidates.x):
-        _gather(of)
+            state[4] += grid.atlas.cells[place, 1] - grid.atlas.cells[place, 0]
+    if state[4] <= len(grid.candidates.x):
+        _gather(grid)
 
 
 @inlined
-def _fill_atlas(of: Grid, block: int, block_shift: int) -> None:
-    state = of.state
-    clear(of.atlas)
+def _fill_atlas(grid: Grid, block: int, block_shift: int) -> None:
+    state, codes = grid.state, grid.codes
+    clear(grid.atlas)
     state[0] = block
-    while of.complete and state[2] < len(of.codes) and of.codes[state[2]] >> block_shift < block:
+    while grid.complete and state[2] < len(codes) and codes[state[2]] >> block_shift < block:
         state[2] += 1
-    while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift == block:
-        set_cell(of.atlas, of.codes[state[2]] >> of.shift, state[2])
+    while state[2] < len(codes) and codes[state[2]] >> block_shift == block:
+        set_cell(grid.atlas, codes[state[2]] >> grid.shift, state[2])
         state[2] += 1
 
 
@@ -445,36 +450,36 @@ def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: 
 
 
 @inlined
-def _gather(of: Grid) -> None:
-    n, near = integer(0), of.candidates
-    for r in range(of.state[3]):
-        for k in range(of.ranges[r, 0], of.ranges[r, 1]):
-            near.x[n], near.y[n] = of.positions[k, 0], of.positions[k, 1]
-            near.z[n], near.indices[n] = of.positions[k, 2], k
+def _gather(grid: Grid) -> None:
+    n, near = integer(0), grid.candidates
+    for r in range(grid.state[3]):
+        for k in range(grid.ranges[r, 0], grid.ranges[r, 1]):
+            near.x[n], near.y[n] = grid.positions[k, 0], grid.positions[k, 1]
+            near.z[n], near.indices[n] = grid.positions[k, 2], k
             n += 1
 
 
 @inlined
-def _search_cells(best: Best, of: Query, among: Grid, code: int) -> tuple[Best, int]:
-    """Search the cells around a point, if they are not too full.
+def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best, int]:
+    """Search a point's cell and its neighbours, unless they hold too many points.
 
     The result is final if the third distance is less than the returned distance.
     """
-    _enter_cell(among, code)
-    total, near = among.state[4], among.candidates
+    _enter_cell(grid, code)
+    total, near = grid.state[4], grid.candidates
     if total > len(near.x):
         return best, integer(0)
-    _measure(near, total, of.x, of.y, of.z)
+    _measure(near, total, query.x, query.y, query.z)
     first = integer(0)
-    if among.following:
-        first = of.low - among.ranges[0, 0]
+    if grid.following:
+        first = query.low - grid.ranges[0, 0]
     for n in range(first, total):
         if near.distances[n] <= best[2] >> _RANK_BITS:
-            best = _with(best, of, near.distances[n], integer(near.indices[n]))
-    side, reach = integer(1) << among.shift // 3, among.state[5] * _FAR
+            best = _with(best, query, near.distances[n], integer(near.indices[n]))
+    side, reach = integer(1) << grid.shift // 3, grid.state[5] * _FAR
     for axis in range(3):
-        bias = among.bias[axis]
-        place = of.x if axis == 0 else of.y if axis == 1 else of.z
+        bias = grid.bias[axis]
+        place = query.x if axis == 0 else query.y if axis == 1 else query.z
         if bias > 1:
             place //= bias
         place &= side - 1
@@ -497,8 +502,8 @@ def _measure(near: Candidates, count: int, x: int, y: int, z: int) -> None:
 class Level(NamedTuple):
     """Points of a level, and those of coarser levels, both sorted by their codes.
 
-    near: cells of the coarser points in which neighbours are searched first.
-    coarser_grid, same_level_grid: smaller or larger cells that hold a few points each.
+    near: grid of the coarser points; the search starts in a point's cell and its neighbours.
+    coarser_grid, same_level_grid: grids with a few points in each cell, for a fast search.
     """
 
     codes: Ints
@@ -513,8 +518,8 @@ class Level(NamedTuple):
 def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: int) -> int:
     """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
 
-    Indices from the number of coarser points on are those of the same level. Returns what is left
-    of `work`, the limit of operations; negative if exceeded.
+    Indices from the number of coarser points on are those of the same level. Returns what remains
+    of `work`, the permitted number of operations; negative if exceeded.
     """
     coarser_codes = level.near.codes
     coarser_count, following = len(coarser_codes), integer(0)
@@ -547,7 +552,7 @@ def _place(level: Level, i: int) -> tuple[int, int, int]:
 
 @inlined
 def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
-    """Return the distances and indices of the three nearest; equidistant ones in search order."""
+    """Return distances and indices of the three nearest coarser points in near cells."""
     x, y, z = _place(level, i)
     a, b, c = integer(_FAR), integer(_FAR), integer(_FAR)
     first, second, third = integer(-1), integer(-1), integer(-1)
@@ -590,20 +595,20 @@ def _search_coarser(
     count = len(level.coarser.positions)
     centre = following if indices[0] < 0 else indices[0]
     low, high = max(0, centre - options.inter_range), min(count - 1, centre + options.inter_range)
-    of = Query(x, y, z, low, high, centre, count, indices[0], indices[1])
+    query = Query(x, y, z, low, high, centre, count, indices[0], indices[1])
     reach = integer(0)
     if level.coarser_grid.complete:
-        best, reach = _search_cells(best, of, level.coarser_grid, level.codes[i])
+        best, reach = _search_cells(best, query, level.coarser_grid, level.codes[i])
         work += level.coarser_grid.state[4]
     if best[2] >> _RANK_BITS >= reach:
         first, end = centre - _NEAR_RANGE, centre + _NEAR_RANGE
-        best = _search_span(best, of, level.coarser.positions, first, end)
-        best, spent = _search_boxes(best, of, level.coarser)
+        best = _search_span(best, query, level.coarser.positions, first, end)
+        best, spent = _search_boxes(best, query, level.coarser)
         work += spent
     return (
-        best[0] & ~_RANKS | _index(of, best[0]) if best[0] != _FAR else best[0],
-        best[1] & ~_RANKS | _index(of, best[1]) if best[1] != _FAR else best[1],
-        best[2] & ~_RANKS | _index(of, best[2]) if best[2] != _FAR else best[2],
+        best[0] & ~_RANKS | _index(query, best[0]) if best[0] != _FAR else best[0],
+        best[1] & ~_RANKS | _index(query, best[1]) if best[1] != _FAR else best[1],
+        best[2] & ~_RANKS | _index(query, best[2]) if best[2] != _FAR else best[2],
     ), work
 
 
@@ -617,15 +622,15 @@ def _search_same_level(
     last = len(positions) - 1
     near_end, high = min(last, i + 1 + _NEAR_RANGE), min(last, i + 1 + options.intra_range)
     none = integer(-1)
-    of = Query(x, y, z, i + 1, max(near_end, high), none, offset, none, none)
+    query = Query(x, y, z, i + 1, max(near_end, high), none, offset, none, none)
     reach, work = integer(0), integer(0)
     if level.same_level_grid.shift:
-        best, reach = _search_cells(best, of, level.same_level_grid, level.codes[i])
+        best, reach = _search_cells(best, query, level.same_level_grid, level.codes[i])
         work += level.same_level_grid.state[4]
     if best[2] >> _RANK_BITS < reach:
         return best, work
-    best = _search_span(best, of, positions, i + 1, near_end)
-    best, spent = _search_boxes(best, of, level.same_level)
+    best = _search_span(best, query, positions, i + 1, near_end)
+    best, spent = _search_boxes(best, query, level.same_level)
     return best, work + spent
 
 
@@ -657,7 +662,8 @@ def nearest_neighbours(
 
     retained: points of coarser levels.
     bias: factors (3,) of distances.
-    work: as for `find_nearest`. In `predictors`, neighbours are points.
+    work: as for `find_nearest`.
+    predictors: output; `neighbours` are indices of points, not yet places in coding order.
     """
     same_level = order[part]
     scale = bias.astype(np.int32)

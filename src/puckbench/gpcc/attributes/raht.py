@@ -1,18 +1,16 @@
 """Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
 
-`forward` returns quantised coefficients and the decoder's reconstruction, `inverse` the
-reconstruction. Both take ascending Morton codes. Attributes and coefficients are (n, c) for c = 1
-or 3 components; coefficients are in the order in which `residuals.py` codes them. The
-reconstruction is not clipped to the bit depth.
+`forward` returns quantised coefficients, in the order in which `residuals.py` codes them, and the
+decoder's reconstruction; `inverse` returns the reconstruction. It is not clipped to the bit depth.
+Both take ascending Morton codes; attributes and coefficients are (n, c) for c = 1 or 3 components.
 
 From the root to the points, each block of up to eight children is transformed to its mean, which
 the parent's reconstruction gives, and one coefficient fewer than it has children. The transform of
-a prediction, interpolated from the parent and its neighbours, is subtracted from the coefficients.
-Points with equal positions come last. Fixed-point numbers have 15 fractional bits; products are
-rounded half away from zero.
+a prediction, interpolated from the parent and its neighbours, is subtracted. Points with equal
+positions come last. Fixed-point numbers have 15 fractional bits, rounded half away from zero.
 
-In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits, ours 64: streams differ for clouds with
-sums above 2^31 (33,000 points of 16 bits).
+Sums of attributes have 32 bits in TMC13 (`RAHT.cpp`) and 64 here: streams differ for sums above
+2^31 (33,000 points of 16 bits).
 """
 
 from __future__ import annotations
@@ -278,8 +276,7 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
     """Return the mean offset of each node at its first point, as TMC13 rounds it.
 
-    Nodes are halved along one axis at a time. A node's offset replaces that of its lower half, with
-    the same first point.
+    Nodes are halved along one axis at a time; a node's offset replaces that of its lower half.
     """
     means = offsets << _REGION_FRACTION
     firsts, joints = np.empty(65, dtype=np.int64), np.empty(65, dtype=np.int64)
@@ -431,7 +428,7 @@ def _find_neighbours(
 ) -> int:
     """Write the neighbours that touch a child, the node included; return their number.
 
-    Directions that touch no child are left out, and not read.
+    Directions that touch no child are not read.
     """
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
@@ -453,7 +450,6 @@ def _find_neighbours(
 def _prediction(
     setting: _Setting, parents: _Level, parent: int, octant: int, weight: int
 ) -> tuple[int, int, int]:
-    """Interpolate a child's attributes from its parent and neighbours of similar values."""
     means = parents.means
     low = high = share = first = second = third = integer(0)
     for i in range(_TOUCHING.shape[1]):
@@ -524,7 +520,6 @@ def _transform_block(
 def _fill_buffer(
     setting: _Setting, nodes: _Level, first: int, parents: _Level, parent: int, reliable: bool
 ) -> None:
-    """Write the children's weights, attributes times the weight's root, and prediction."""
     buffer, components = setting.buffer, parents.means.shape[1]
     rank = 0
     for octant in range(8):

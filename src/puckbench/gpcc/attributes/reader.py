@@ -63,14 +63,12 @@ class AttributeReader:
         self._branches: list[AttributeReader] = []
 
     def branch(self) -> AttributeReader:
-        """Return a reader of the next slices, which may run in another thread."""
         branch = AttributeReader()
         branch._aps, branch._memory = self._aps, self._memory
         self._branches.append(branch)
         return branch
 
     def expect(self, sps: SequenceParameterSet, count: int) -> None:
-        """Raise InputError if the attributes of a slice of `count` points are not supported."""
         if len(sps.attributes) > MAX_ATTRIBUTES:
             raise InputError(f"G-PCC stream: more than {MAX_ATTRIBUTES} attributes")
         for attribute in sps.attributes:

@@ -89,7 +89,6 @@ def cloud_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
-    """Return the row of a cloud from its description."""
     about = read_object(file)
     if missing := sorted({*_OF_CLOUDS, "name", "size_m"} - about.keys()):
         raise InputError(f"{file}: not the description of a prepared cloud, without {missing[0]}")

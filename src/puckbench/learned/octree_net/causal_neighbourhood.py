@@ -1,8 +1,8 @@
 """Causal neighbourhood of a voxel's children: cells known before they are coded.
 
-A voxel's children and the cells around them form 4x4x4 cells; the children are the inner eight.
-Cell (x, y, z) is bit ``x + 4 y + 16 z`` of a mask. A cell is unknown while its parent is occupied
-but not coded yet.
+A voxel's children, the inner eight of 4x4x4 cells, and the cells around them are bits of a mask:
+cell (x, y, z) is bit ``x + 4 y + 16 z``. A cell is unknown while its parent is occupied but not
+coded yet.
 """
 
 from __future__ import annotations

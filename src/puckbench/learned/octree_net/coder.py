@@ -150,7 +150,6 @@ class OctreeLevel(Generic[F]):
         return OctreeLevel(self.network, self.pool, voxels, child_features)
 
     def _code_children(self, code: Code) -> tuple[F, Rows]:
-        """Return the updated features, and the occupied children's slots (8 * row + child)."""
         table = self.voxels.neighbours
         features = self.network.convolved(self.features, table, self.pool)
         symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)

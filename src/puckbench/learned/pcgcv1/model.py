@@ -1,10 +1,8 @@
 """The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyper-prior.
 
-It is that of section III and figure 5 of the paper (see `puckbench.learned.pcgcv1`), with the
-authors' names of layers, and may serve several rates (see `gains`).
-
-Convolutions pad as TensorFlow's 'same': a stride of two pads one voxel at the far end only, and a
-transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
+It is that of section III and figure 5 of the paper, with the authors' names of layers, and may
+serve several rates (see `gains`). Convolutions pad as TensorFlow's 'same': a stride of two pads one
+voxel at the far end only, and a transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 """
 
 from __future__ import annotations

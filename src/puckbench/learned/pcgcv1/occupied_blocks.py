@@ -1,8 +1,8 @@
 """Occupied blocks of cubes.
 
 A block is the 4x4x4 voxels of one position of the latent. Networks trained with blocks omit the
-latent of empty blocks. Their decoder places at least one voxel in each occupied block and none
-elsewhere, which avoids holes and outliers. The paper has no such blocks.
+latent of empty blocks; their decoder places voxels in all occupied blocks and only there, which
+avoids holes and outliers. The paper has no such blocks.
 """
 
 from __future__ import annotations

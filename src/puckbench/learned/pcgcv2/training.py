@@ -1,10 +1,10 @@
 """Training of PCGCv2: the rate-distortion loss and the optimiser step.
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
-dominates. R is the bits of the latent per point, D the mean binary cross entropy of each scale's
-candidate voxels, in bits. Scales are weighted by their voxels' side (equally by the authors), since
-a voxel lost at stride 4 cannot be recovered. Uniform noise replaces rounding. In training, a
-scale's voxels are the occupied ones and those that the network selects.
+dominates. R is the bits of the latent per point; uniform noise replaces rounding. D is the mean
+binary cross entropy, in bits, of each scale's candidate voxels: the occupied ones and those that
+the network selects. Scales are weighted by their voxels' side (equally by the authors), since a
+voxel lost at stride 4 cannot be recovered.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Lasers of an unknown sensor, fitted to its points.
 
-A laser's points lie on a cone, whose elevation and height are fitted as to the rings of a data set
-(`rings.fitted_cone`); the azimuth relative to other lasers follows from the times of the points, as
-the sensor turns uniformly in a message.
+A laser's points lie on a cone, whose elevation and height are fitted as to a data set's rings
+(`rings.fitted_cone`). Relative azimuths follow from the points' times, as the sensor turns
+uniformly in a message.
 """
 
 from __future__ import annotations

@@ -289,7 +289,7 @@ def checks_of(payloads: Payloads) -> Payloads:
 
 @cache
 def _crc_tables() -> NDArray[np.uint64]:
-    """Return the CRC of each byte (256,) followed by 0 to 7 zero bytes, (8, 256)."""
+    """Return the CRCs (8, 256) of each byte, followed by 0 to 7 zero bytes."""
     tables = np.zeros((8, 256), np.uint64)
     tables[0] = np.arange(256)
     for _ in range(8):

@@ -1,15 +1,13 @@
 """Conversion between data packets of Velodyne sensors and turns (range images of revolutions).
 
 Manuals: VLP-16 63-9243 Rev. E, chapter 9; HDL-32E 63-9113 Rev. M, appendix C; VLP-32C 63-9325;
-HDL-64E 63-HDL64ES2 and 63-HDL64ES3, which have one format; VLS-128 63-9483, section 9.3.
+HDL-64E 63-HDL64ES2 and 63-HDL64ES3 (one format); Alpha Prime (VLS-128) 63-9483, section 9.3.
 
-All banks of a firing of an Alpha Prime (VLS-128) have the same azimuth, that of its first lasers
-(section 9.5 of the manual, velodyne_decoder, a recording of TIER IV's). ROS's driver interpolates
-from block to block, so that three of four banks do not turn during a firing. The manual pauses for
-2.665 us after half of the lasers, velodyne_decoder for twice that.
+All banks of an Alpha Prime's firing have the azimuth of its first lasers (section 9.5 of the
+manual, velodyne_decoder, a recording by TIER IV). ROS's driver instead interpolates between blocks.
 
-Packets of an HDL-64E name neither the sensor nor the return mode. Their flags and equal azimuths
-reveal them (as in velodyne_decoder); a single return counts as the strongest.
+Packets of an HDL-64E name neither sensor nor return mode, which follow from flags and equal
+azimuths, as in velodyne_decoder. A single return counts as the strongest.
 """
 
 from __future__ import annotations
@@ -74,7 +72,7 @@ class PacketKind:
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Numbers of blocks in a packet, (firings, kinds of return, banks), strongest first."""
+        """Indices of the blocks in a packet, (firings, kinds of return, banks), strongest first."""
         return _blocks(self.product, self.mode)
 
     @property
@@ -126,7 +124,6 @@ def _blocks(product: int, mode: int) -> NDArray[np.int64]:
 
 @cache
 def _flags(product: int, mode: int) -> NDArray[np.int64]:
-    """Return the flags of the blocks with lasers."""
     blocks = _blocks(product, mode)
     flags = np.zeros(blocks.size, np.int64)
     flags[blocks] = BANK_FLAGS[: blocks.shape[2]]
@@ -160,7 +157,7 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
     for start in range(0, len(places), _MOST_AT_ONCE):
         some = places[start : start + _MOST_AT_ONCE]
         packets = data[some[:, None] + np.arange(PACKET_BYTES)]
-        some[~(is_whole(packets) & _is_known(kind_codes(packets)))] = -1
+        some[~(is_whole(packets) & _is_supported(kind_codes(packets)))] = -1
     return without_overlaps(places[places >= 0])
 
 
@@ -189,7 +186,7 @@ def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDA
 def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
     """Split packets (p, 1206) into revolutions; each begins with the packet that passes azimuth 0.
 
-    Parts also end where sensor or return mode change, or at a `Layout`'s most blocks.
+    A part also ends where the sensor or return mode changes, or after `Layout.max_blocks` blocks.
     """
     codes = kind_codes(payloads)
     ends = np.flatnonzero((np.diff(codes, axis=0) != 0).any(axis=1)) + 1
@@ -220,13 +217,13 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Return which packets (p, 1206) have valid flags and azimuths, equal in a firing's blocks.
+    """Return for each packet (p, 1206) whether its flags and azimuths are valid.
 
-    Packets of unknown sensors are compared with the VLP-16's.
+    Blocks of a firing must have equal azimuths. Packets of unknown sensors count as a VLP-16's.
     """
     packets, is_valid = _viewed(payloads)["blocks"], np.zeros(len(payloads), np.bool_)
     codes = kind_codes(payloads)
-    codes[~_is_known(codes)] = VLP16, STRONGEST_MODE
+    codes[~_is_supported(codes)] = VLP16, STRONGEST_MODE
     for code in np.unique(codes, axis=0).tolist():
         rows, numbers = np.flatnonzero((codes == code).all(axis=1)), _blocks(*code)
         azimuths = packets["azimuth"][rows][:, numbers]
@@ -236,15 +233,15 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
     return is_valid
 
 
-def _is_known(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _is_supported(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.isin(codes[:, 0], list(SENSORS)) & np.isin(codes[:, 1], list(MODES))
 
 
 def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Returns:
     """Decode packets (p, 1206) to returns; the first and the last revolution may be incomplete.
 
-    The default sensor is that of the packets' product code. Raises InputError for damaged packets,
-    or several sensors or return modes.
+    The product code determines the default sensor. Raises InputError for damaged packets, or
+    several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
@@ -271,7 +268,7 @@ def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> Recorded
 
 
 def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
-    """Return how often the azimuth of firings passed 0 before each return."""
+    """Return each return's turn: how often the azimuth has passed 0."""
     passed, previous = 0, 0
     numbers: list[NDArray[np.int64]] = []
     for turn in returns.turns:
@@ -288,7 +285,7 @@ def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
 def packets_of(kind: PacketKind, turn: Turn, rest: Payloads | None = None) -> Payloads:
     """Convert a turn back to packets (p, 1206), the inverse of `turn_of`.
 
-    `rest` are the bytes (p, r) at `PacketKind.rest`, by default 0.
+    `rest` holds the bytes (p, r) at `PacketKind.rest`, by default 0.
     """
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:

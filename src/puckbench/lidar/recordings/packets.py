@@ -1,9 +1,8 @@
 """Format of data packets of Velodyne sensors, and logs of packets.
 
 A packet has 12 blocks, each with a flag, an azimuth (0.01 degrees) and 32 returns (distance,
-reflectivity): two firings of a VLP-16, a firing of 32 lasers, or a bank of 32 lasers of a larger
-sensor, which its flag names. The time is that of its first firing (VLP-16 User Manual 63-9243 Rev.
-E, chapter 9).
+reflectivity): two firings of a VLP-16, one of 32 lasers, or of a larger sensor's bank of 32 lasers,
+which the flag names. The time is the first firing's (VLP-16 User Manual 63-9243 Rev. E, chapter 9).
 """
 
 from __future__ import annotations

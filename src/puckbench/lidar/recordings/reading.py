@@ -183,7 +183,7 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
 
 
 def _unit(log: PacketLog, source: Path) -> Sensor | None:
-    """Return an HDL-64E with the calibration beside a recording, in it, or else a nominal one."""
+    """Return an HDL-64E with the calibration beside the recording or in it, or a nominal one."""
     if log.sensor or kind_codes(log.payloads[:1])[0, 0] != HDL64E:
         return None
     status = log.payloads[:, -2:]

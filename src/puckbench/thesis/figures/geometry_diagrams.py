@@ -50,7 +50,6 @@ def draw_sweep(style: FigureStyle) -> Figure:
 
 
 def ray_end(angle: float) -> Floats:
-    """Return the end (2,), in m, of a ray `angle` radians above the horizon."""
     direction = np.array([np.cos(angle), np.sin(angle)])
     start = np.array([0.0, _SENSOR_HEIGHT_M])
     to_wall = _WALL_M / direction[0] if direction[0] > 1e-9 else np.inf

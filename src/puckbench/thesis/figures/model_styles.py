@@ -86,7 +86,6 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
 
 
 def counted(title: str, returns: int) -> str:
-    """Return a title with the number of drawn returns."""
     return f"{title} (n = {returns:,})"
 
 
