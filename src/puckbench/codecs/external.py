@@ -57,7 +57,6 @@ class ExternalCodec(Codec):
         return super().decode(stream)
 
     def cost(self, here: Cost) -> Cost:
-        """Return the time and memory of the last call's programs."""
         return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:

@@ -104,7 +104,6 @@ class Learned(Codec, Generic[W]):
         return f"{path.stem} {_digest(path)}" if path else ""
 
     def weights_files(self) -> list[Path]:
-        """Return the weights files of this network; raise InputError if there are none."""
         return self.network.files(self._where())
 
     def _where(self) -> str:

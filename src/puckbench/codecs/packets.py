@@ -35,7 +35,6 @@ class PacketsCodec(ReturnsCodec):
         return Framing(self.magic, 1, self.title)
 
     def check_returns(self, returns: Returns) -> None:
-        """Raise InputError if the returns do not fill whole packets."""
         check_whole_packets(returns)
 
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:

@@ -204,7 +204,6 @@ def code_num_bits(
 
 @inlined
 def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Three:
-    """Encode or decode the second residual (x, y, z) of angular coding."""
     return (
         _code_component2(coder, contexts, 0, residual[0]),
         _code_component2(coder, contexts, 1, residual[1]),

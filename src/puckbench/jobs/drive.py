@@ -73,7 +73,6 @@ class DriveOfClouds(Job):
         return (self.loader,)
 
     def run(self, drive: Path, clouds: tuple[Path, ...] = ()) -> dict[str, Any]:
-        """Write the drive; `clouds` are the files that the data set reads."""
         scenes = open_scene_set(self.loader, self.options, self.seed)
         loaded = [scenes.load(name) for name in self.names]
         made = self._drive(loaded)

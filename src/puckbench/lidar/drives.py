@@ -96,7 +96,6 @@ class Drive:
 
     @cached_property
     def points(self) -> int:
-        """Number of points of all turns."""
         return sum(map(len, self.turns))
 
 

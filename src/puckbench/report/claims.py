@@ -81,5 +81,4 @@ def _split_verdict(verdict: str) -> tuple[str, str]:
 
 
 def measured_parts(text: str) -> tuple[str, ...]:
-    """Split the measurements of a claim, which semicolons separate."""
     return tuple(part for part in _SEPARATOR.split(text) if part)

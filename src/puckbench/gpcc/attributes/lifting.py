@@ -87,7 +87,6 @@ def unweighted(scaled: int, root: int) -> int:
 
 
 def inverse_transform(levels: Levels, weights: Ints, transformed: Ints) -> None:
-    """Invert the lifting transform of values (n, components) in place."""
     sums = np.empty(len(weights), dtype=np.int64)
     updates = np.empty_like(transformed)
     for start, end in zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True):

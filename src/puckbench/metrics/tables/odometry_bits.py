@@ -121,7 +121,6 @@ def reference_of(rows: pd.DataFrame, measure: str, has_times: bool) -> Reference
 
 
 def mean_curve(rows: pd.DataFrame, measure: str) -> pd.DataFrame:
-    """Return a codec's rates, the lowest first, with means over the drives."""
     mean = rows.groupby("rate", as_index=False).agg(
         {"bpp": "mean", measure: "mean", "has_times": "all", "lost_turns": "sum"}
     )
