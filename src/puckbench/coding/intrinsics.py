@@ -12,8 +12,8 @@ function           codec                           time saved
 ``add_products``   ``reno``                        88 %
 =================  ==============================  ==========
 
-Plain loops (``..._loop``) with the same results replace them without llvmlite's vector code, or if
-``NUMBA_BOUNDSCHECK=1``. Arrays are flat, contiguous, and do not overlap.
+Plain loops (``..._loop``) with the same results replace them if llvmlite cannot write vector code,
+or with ``NUMBA_BOUNDSCHECK=1``. Arrays are flat, contiguous, and do not overlap.
 """
 
 from __future__ import annotations

@@ -124,8 +124,8 @@ class _CodedTurn(NamedTuple):
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
     """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
 
-    Decoding starts at the last key turn up to `first`. Turns lack an
-    Ouster's signals and ambient light, which `decompress` restores.
+    Decoding starts at the last key turn up to `first`. Turns lack an Ouster's signals and ambient
+    light, which `decompress` restores.
     """
     layout: bytes | None = None
     turns: list[_CodedTurn] = []

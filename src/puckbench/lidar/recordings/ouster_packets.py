@@ -47,11 +47,11 @@ class Rest(NamedTuple):
     images
         (columns, lasers) for each channel.
     heads
-        (columns, bytes), headers of columns.
+        (columns, bytes) headers of columns.
     outsides
         (packets, bytes) before and after the columns of packets; a correct CRC-64 is stored as 0.
     remainders
-        (columns,) of times, in `unit` ns.
+        (columns,) times modulo 1 us, in `unit` ns.
     """
 
     images: list[NDArray[np.uint16]]
@@ -99,7 +99,7 @@ class OusterKind:
 
     @property
     def pieces(self) -> list[int]:
-        """Bytes of a packet in each fragment."""
+        """Length in bytes of each IP fragment."""
         if not self.is_fragmented:
             return [self.size]
         edges = [0, *range(_FRAGMENT_BYTES - _UDP_BYTES, self.size, _FRAGMENT_BYTES), self.size]
@@ -115,7 +115,7 @@ class OusterKind:
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """All bits of a pixel but ranges, and reflectivities that do not depend on signals."""
+        """Bits of a pixel that a turn lacks: all but ranges, and reflectivities without signals."""
         profile = PROFILES[self.profile]
         signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
         dependent = [
