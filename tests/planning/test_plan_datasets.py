@@ -17,6 +17,8 @@ from puckbench.datasets.base import GeneratedSet
 
 
 class Clouds(GeneratedSet):
+    of_clouds = True
+
     def names(self):
         return ["office_1"]
 """
