@@ -27,7 +27,7 @@ class LazOptions(Model):
 class Laz(Codec):
     """LAZ (LAS 1.2, point format 0), which keeps the order of points.
 
-    A rate is the step to which coordinates are rounded.
+    Each rate rounds coordinates to multiples of a step.
     """
 
     title = "LAZ"

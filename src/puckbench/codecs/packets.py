@@ -28,7 +28,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """Decompress at most `most` bytes of data; raise InputError if longer or damaged."""
+        """Decompress to at most `most` bytes; raise InputError if there are more, or damage."""
 
     @property
     def _framing(self) -> Framing:

@@ -203,7 +203,7 @@ def _selected(
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
-    """Whether a codec can decode a mesh with labelled primitives (see `Codec.decode_mesh`)."""
+    """Return whether a codec decodes a mesh with labelled primitives (see `Codec.decode_mesh`)."""
     return bool((changes or {}).get("surfaces", codec_class(name, changes).surfaces))
 
 

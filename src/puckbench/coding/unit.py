@@ -1,4 +1,4 @@
-"""Header with the unit, the length of a grid step, by which a cloud in metres is divided.
+"""Header with the unit: the grid step in metres, by which coordinates are divided.
 
 The stream is
 

@@ -33,9 +33,9 @@ _PARALLEL = 0.7
 class CapturedRooms(FolderSet):
     """Rooms captured by a headset, in JSON files (five in the npm package @iwer/sem).
 
-    Meshes are in metres, rotated to z up. A triangle's label is the smallest parallel plane patch
-    (wall, door, ...) within 5 cm; else the smallest box (table, sofa, ...) around the triangle,
-    else the smallest parallel patch within 15 cm, else "clutter". All surfaces are "freeform".
+    Meshes are in metres, rotated to z up. A triangle has the label of the smallest parallel plane
+    patch (wall, door, ...) within 5 cm; else of the smallest box (table, sofa, ...) around it; else
+    of the smallest parallel patch within 15 cm; else "clutter". All surfaces are "freeform".
     """
 
     of_clouds: ClassVar[bool] = False

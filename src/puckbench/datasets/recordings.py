@@ -54,7 +54,7 @@ class RecordingSet(DataSet):
 
     @abstractmethod
     def _numbers(self, path: Path) -> range:
-        """Return the numbers of the clouds in a recording; raise InputError if it is unusable."""
+        """Return the indices of a recording's clouds; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
         """Read all recordings; return the names of `unusable` recordings, then those of clouds."""

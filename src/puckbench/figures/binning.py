@@ -24,7 +24,7 @@ class Curve(NamedTuple):
 
 
 def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> Curve:
-    """Return medians in at most `bins` bins of x with equal numbers of values.
+    """Return medians of x and y in at most `bins` equally filled bins of x.
 
     The edges are quantiles of x. Pairs that contain nan are ignored.
     """

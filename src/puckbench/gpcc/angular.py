@@ -81,7 +81,7 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 def tangent_of(height: int, root: int) -> int:
     """Return the tangent of a point's elevation.
 
-    height: the point's height, in half coding units.
+    height: twice the point's height, in coding units.
     root: inverse horizontal distance.
     """
     product = height * root

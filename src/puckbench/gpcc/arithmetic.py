@@ -44,8 +44,8 @@ class Encoder(NamedTuple):
 class Decoder(NamedTuple):
     """Arithmetic decoder.
 
-    state: code value; range; number of bits of the code value beyond 16; numbers of bytes read and
-        in the stream; 1 if there is a `bypass`, otherwise 0; index of the next bit in `bypass`.
+    state: code value; range; the code value's bits in excess of 16; bytes read; bytes in the
+        stream; 1 if there is a `bypass`, otherwise 0; index of the next bit in `bypass`.
     bypass: bypass bits of a separate stream, one bit per byte.
     """
 

@@ -108,7 +108,7 @@ class Nodes(NamedTuple):
 class Source(NamedTuple):
     """A level of the octree to encode.
 
-    first_leaf: index of each node's first leaf, then the number of leaves.
+    first_leaf: index of each node's first leaf; finally, the number of leaves.
     leaves: Morton code of each leaf.
 
     Other fields: see `tree.TreeLevel` and `tree.Tree`.

@@ -43,7 +43,7 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """Return the parameters of a slice; raise InputError if unsupported."""
+    """Return a slice's spherical coordinate parameters; raise InputError if unsupported."""
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
     if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:

@@ -169,7 +169,7 @@ def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDA
 
 
 def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
-    """Make laspy's `LasData` (LAS 1.2) of points (n, 3) at ``offset + step * steps``, m."""
+    """Make laspy's `LasData` (LAS 1.2) of points (n, 3) at ``offset + step * steps`` metres."""
     import laspy
 
     header = laspy.LasHeader(point_format=point_format, version="1.2")

@@ -31,7 +31,7 @@ class Table(Job):
     def run(
         self, out: tuple[Path, ...], columns: Path | None = None, **inputs: Path
     ) -> dict[str, Any]:
-        """Write the table (.csv, .parquet, .tex) and the dictionary of its columns."""
+        """Write the table (.csv, .parquet, .tex) and descriptions of its columns."""
         from puckbench.io.tables import read_table
         from puckbench.jobs.table_files import write_result
 

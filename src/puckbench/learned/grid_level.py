@@ -80,7 +80,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
     """Return, for each density, voxels of points (n, 3) on the finest grid that reaches it.
 
-    The input's grid is coarsened by whole octaves; no grid is used twice.
+    Grid steps are the input's step times powers of two; each grid is returned once.
     """
     octaves = {
         math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children

@@ -32,8 +32,8 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     """Return the measured returns of a scan of whole revolutions, or the true ones if `clean`.
 
     Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees. Returns are
-    left out if the rounded range is 0 or exceeds 16 bits (`MAX_RANGE` if the sensor's longest range
-    exceeds 16 bits).
+    left out if the rounded range is 0 or exceeds 16 bits (for sensors with longer ranges:
+    `MAX_RANGE`).
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")

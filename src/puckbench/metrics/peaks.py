@@ -43,7 +43,7 @@ def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
 
 
 def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Remove, with a warning, the PSNRs of data sets whose results have several peaks."""
+    """Remove, with a warning, the PSNRs of data sets whose results differ in the peak."""
     if PEAK not in metrics:
         return metrics
     of_sets = metrics.groupby("dataset")[PEAK]

@@ -343,7 +343,7 @@ class Plan:
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
-        """Curves whose decoded primitives are compared with the scenes' labels."""
+        """Rate-distortion curves whose primitives are compared with the scenes' labels."""
         return tuple(
             curve
             for curve in self.curves
@@ -460,7 +460,7 @@ class Plan:
     def checked_scenes(self, where: str, value: Sensing) -> ScenePlan:
         """Return the scene set of a data set or drive.
 
-        Raises InputError if there is none, or it does not fit `make`, or a codec is unknown.
+        Raises InputError if it is missing or unsuited to `value.make`, or a codec is unknown.
         """
         scenes = self.scenes.get(value.scenes)
         if scenes is None:

@@ -20,7 +20,7 @@ _MAX_QUERIES, _MAX_FAST_QUERIES = 20_000, 8_000
 
 
 class Distortion(NamedTuple):
-    """Mean squared errors in squared units of 1/1023 of the extent, means of both directions."""
+    """Mean squared errors, averaged over both directions; the unit of length is extent / 1023."""
 
     point: float  # point to point, against the cloud
     plane: float  # point to plane, against the cloud

@@ -1,7 +1,8 @@
 """Estimates of reflectivities from the ranges and signals of returns.
 
-A reflectivity is nearly gain * signal * range^2. The logarithm of the gain is a constant plus five
-entries of learnt tables: by range, laser and range, laser, signal, and the sum of the others.
+A reflectivity is nearly gain * signal * range^2. The logarithm of the gain is a constant plus one
+entry of each of five learnt tables. Their indices are: range; laser and range; laser; signal; the
+sum of the other four entries.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def new_gains(lasers: int, farthest: int) -> Gains:
 
 @cache
 def _tables() -> tuple[Words, Words]:
-    """Return the logarithms of 1 + k / 4096, and 2 ** (k / 4096) in 2 ** -15."""
+    """Return 4096 log2(1 + k / 4096) and 2^15 * 2^(k / 4096), both rounded, for k < 4096."""
     k = np.arange(_OCTAVE) / _OCTAVE
     logarithms, powers = np.rint(_OCTAVE * np.log2(1 + k)), np.rint(2**15 * 2**k)
     return logarithms.astype(np.int32), powers.astype(np.int32)

@@ -216,7 +216,7 @@ class PacketsDecoder:
         return self._turn is not None
 
     def add_turn(self, body: bytes) -> tuple[int, Payloads | None]:
-        """Decode a turn; return its number of returns and, unless fields follow, its packets."""
+        """Decode a turn; return its point count, and its packets if no fields belong to it."""
         if self.is_waiting:
             raise InputError(DAMAGED)
         turn = self._turns.decode(body)

@@ -5,7 +5,7 @@ adaptive least squares, and coded as binary decisions around the predictions. Lo
 a range to the nearest multiple of the step, or to the adjacent multiple towards the prediction if
 lambda times the saved rate exceeds the increase of the squared error.
 
-c is the index of the current column in arrays, t that of the nearest column in the previous turn
+In arrays, c is the index of the current column, t that of the nearest column of the previous turn
 (0: none). "West" is the same laser one column earlier; "below" and "above" are the neighbouring
 lasers.
 """

@@ -28,8 +28,8 @@ class Placement:
         "wall": on the floor, back to a wall. "mounted": on a wall. "floor": anywhere on the floor.
         "ceiling": hanging. "fixed": at `at`, without a check of collisions.
     at
-        Position (x, y) or (x, y, z), m, or at walls (wall index, share of the wall's length); by
-        default random.
+        Position in metres, (x, y) or (x, y, z); at walls (wall index, share of the wall's length);
+        by default random.
     turn, turn_range
         Rotation about z and its random deviation, in degrees, if `at` is set.
     """

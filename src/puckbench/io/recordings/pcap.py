@@ -83,7 +83,7 @@ class Capture:
 
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the complete UDP datagrams; raise InputError if no link layer is supported."""
+    """Read the complete UDP datagrams; raise InputError if all link layers are unsupported."""
     if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
     packets, datagrams, fragments = CapturedPackets(data), list[Datagram](), _Fragments()

@@ -98,7 +98,7 @@ def _check_base(tree: CodedTree) -> None:
 
 
 def max_nodes(tree: CodedTree) -> int:
-    """Return the maximum number of network-coded voxels in all levels of a stream of this size."""
+    """Return how many network-coded voxels, over all levels, a stream of this tree can hold."""
     return _NODES + _NODES_PER_BYTE * sum(map(len, tree.symbols))
 
 

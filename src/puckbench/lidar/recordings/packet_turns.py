@@ -173,7 +173,7 @@ def _with_flags(
 
 
 def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
-    """Return the ascending places of packets of `size` bytes that overlap no earlier packet."""
+    """Return the ascending offsets of packets of `size` bytes that overlap no earlier one kept."""
     if (np.diff(places) >= size).all():
         return places
     kept: list[int] = []

@@ -1,4 +1,4 @@
-"""Messages of the ROS driver velodyne_msgs, in ROS's notation."""
+"""Message definitions of the ROS package velodyne_msgs."""
 
 SCAN = "velodyne_msgs/msg/VelodyneScan"
 MESSAGES = {
