@@ -30,7 +30,7 @@ class ExternalCodec(Codec):
     """
 
     output: str = ""
-    """Text that the last program printed."""
+    """Output of the program that ran last."""
     _cost: Cost | None = None
 
     @property

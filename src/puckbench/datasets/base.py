@@ -144,7 +144,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Select names by an option: a list of names, the number of names to take, or None for all."""
+    """Return the names that an option selects: those listed, the first n, or (None) all."""
     if requested is None:
         return available
     if isinstance(requested, int):

@@ -17,7 +17,7 @@ class FrameSet(FolderSet):
     returns: bool = False
     """Whether to recover the sensor's returns from the points; by default, scenes are clouds."""
     keep_missing: bool = False
-    """Whether to keep points at the sensor, which stand for missing returns."""
+    """Whether to keep missing returns, which are points at the sensor's position."""
 
     @property
     def of_returns(self) -> bool:

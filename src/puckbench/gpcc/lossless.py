@@ -31,7 +31,7 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Encode the distinct voxels of an array (n, 3) of integers of any sign.
+    """Encode the distinct voxels of an array (n, 3) of integers, which may be negative.
 
     Raises
     ------

@@ -27,7 +27,7 @@ from puckbench.jobs.registry import JOBS
 LAS = (".las", ".laz")
 _log = logging.getLogger(__name__)
 _MOST_UNLIKE = 0.5
-"""Largest allowed share of decoded points without a matching original point."""
+"""Largest allowed fraction of decoded points that match no original point."""
 _Model = tuple[Path, PointCloud]
 
 

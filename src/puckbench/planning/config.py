@@ -80,7 +80,7 @@ _OF_SCANS = ("sensor", "errors", "error_options", "sweep", "height_m", "anywhere
 
 
 class Sensing(Model):
-    """Keys that data sets and drives share, most of them for the virtual sensor."""
+    """Configuration keys of both data sets and drives; most describe the virtual sensor."""
 
     title: str | None = Field(None, description="Title in figures; by default the entry's name.")
     scenes: str = Field(description="Name of a scene set.")

@@ -113,7 +113,7 @@ class UserRun:
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
     """Notes, by subject, on turns, rates and units that the run leaves out by default."""
     _bags: dict[Path, bool] = field(default_factory=dict, init=False, repr=False)
-    """Whether each bag contains clouds, not data packets."""
+    """For each bag: True if it contains clouds, False if it contains data packets."""
 
     def configuration(self) -> Options:
         paths_by_kind = self._sorted_paths()

@@ -77,7 +77,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate `Distortion.surface` from at most `_MAX_FAST_QUERIES` queries per direction."""
+        """Estimate `Distortion.surface` from at most `_MAX_FAST_QUERIES` points per direction."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]

@@ -100,11 +100,7 @@ def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
     places[2] = starts[2] + laser << 8
     places[3] = (starts[3] << 8) + signal
     _start_range(gains)
-    total = int(gains.logarithms[starts[5]]) + (signal + 2 * distance << 8)
-    for k in range(4):
-        total += _gain(gains, places[k])
-    places[4] = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
-    total += _gain(gains, places[4])
+    places[4], total = _total(gains, distance, signal, laser)
     gains.memory[0] = total
     estimate = _power(gains, total >> 8)
     gains.memory[1] = estimate // FINE
@@ -114,15 +110,23 @@ def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
 @inlined
 def estimated_only(gains: Gains, distance: int, signal: int, laser: int) -> int:
     """Estimate a reflectivity as `estimated` does, but change no array, which is faster."""
-    has_both, starts = distance > 0 and signal > 0, gains.starts
+    has_both = distance > 0 and signal > 0
     distance, signal = _logarithm(gains, max(distance, 1)), _logarithm(gains, max(signal, 1))
+    _, total = _total(gains, distance, signal, laser)
+    estimate = _within(gains, _power(gains, total >> 8))
+    return estimate if has_both else 0
+
+
+@inlined
+def _total(gains: Gains, distance: int, signal: int, laser: int) -> tuple[int, int]:
+    """Return the index in the last table, and an estimate, from logarithms of range and signal."""
+    starts = gains.starts
     total = int(gains.logarithms[starts[5]]) + (signal + 2 * distance << 8)
     total += _gain(gains, distance)
     total += _gain(gains, (starts[1] + laser * _COARSE_BINS << 8) + (distance >> _COARSE))
     total += int(gains.logarithms[starts[2] + laser]) + _gain(gains, (starts[3] << 8) + signal)
-    total += _gain(gains, (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8))
-    estimate = _within(gains, _power(gains, total >> 8))
-    return estimate if has_both else 0
+    last = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
+    return last, total + _gain(gains, last)
 
 
 @inlined

@@ -36,7 +36,7 @@ _WIDEN = 3.0
 """A return may leave its quantisation interval by this number of standard deviations of the noise.
 """
 _WIDEN_STEPS = 0.1
-"""A return may always leave the interval by this number of steps: large steps hide the noise."""
+"""Number of steps by which any return may leave the interval, as large steps hide the noise."""
 _MOST_NOISE_M = 0.05
 """Limit of the estimated noise: larger estimates come from leaves."""
 _SCATTER = 5.0

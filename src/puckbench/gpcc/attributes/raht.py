@@ -132,15 +132,19 @@ def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8
     return touching, upwards, octants
 
 
+def _touched(touching: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Return, for each occupancy, number and directions of the neighbours that touch a child."""
+    touched = np.zeros((256, _DIRECTIONS), dtype=np.uint8)
+    for occupancy in range(1, 256):
+        directions = np.unique(touching[[k for k in range(8) if occupancy >> k & 1]])[1:]
+        touched[occupancy, 0] = len(directions)
+        touched[occupancy, 1 : 1 + len(directions)] = directions
+    return touched
+
+
 _PAIRS, _ORDER, _OWNERS = _block_plan()
 _TOUCHING, _UPWARDS, _OCTANTS = _adjacency()
-_TOUCHED = np.zeros((256, _DIRECTIONS), dtype=np.uint8)
-"""For each occupancy: number and directions of the neighbours that touch a child."""
-for _occupancy in range(1, 256):
-    _octants = [octant for octant in range(8) if _occupancy >> octant & 1]
-    _directions = np.unique(_TOUCHING[_octants])[1:]
-    _TOUCHED[_occupancy, 0] = len(_directions)
-    _TOUCHED[_occupancy, 1 : 1 + len(_directions)] = _directions
+_TOUCHED = _touched(_TOUCHING)
 _WEIGHTS = np.array([4] + 6 * [2] + 12 * [1], dtype=np.int64)
 _DIVISORS = np.rint(2.0**_FRACTION / np.maximum(np.arange(14), 1)).astype(np.int64)
 

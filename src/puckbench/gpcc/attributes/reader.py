@@ -45,7 +45,7 @@ COLOUR, REFLECTANCE = 0, 1
 
 
 class AttributeReader:
-    """Decoder of attribute data units; see `coder.AttributeUnits`."""
+    """Decoder of the attributes of a stream; implements `coder.AttributeUnits`."""
 
     def __init__(self) -> None:
         self._aps: dict[int, AttributeParameterSet] = {}

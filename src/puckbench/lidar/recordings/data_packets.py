@@ -59,7 +59,7 @@ def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
     codes = kind_codes(payloads)
     has_known_kind = np.isin(codes[:, 0], list(PRODUCTS)) & np.isin(codes[:, 1], list(MODES))
     return np.select(
-        [2 * flags <= BLOCKS, ~is_whole(payloads), ~has_known_kind],
+        [2 * flags <= BLOCKS, ~is_whole(payloads, codes), ~has_known_kind],
         [PayloadKind.FOREIGN, PayloadKind.DAMAGED, PayloadKind.UNKNOWN],
         PayloadKind.WHOLE,
     ).astype(np.int8)

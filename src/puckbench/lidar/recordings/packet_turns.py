@@ -157,7 +157,8 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
     for start in range(0, len(places), _MOST_AT_ONCE):
         some = places[start : start + _MOST_AT_ONCE]
         packets = data[some[:, None] + np.arange(PACKET_BYTES)]
-        some[~(is_whole(packets) & _is_supported(kind_codes(packets)))] = -1
+        codes = kind_codes(packets)
+        some[~(is_whole(packets, codes) & _is_supported(codes))] = -1
     return without_overlaps(places[places >= 0])
 
 
@@ -216,13 +217,14 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
     )
 
 
-def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
+def is_whole(payloads: Payloads, codes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
     """Return for each packet (p, 1206) whether its flags and azimuths are valid.
 
     Blocks of a firing must have equal azimuths. Packets of unknown sensors count as a VLP-16's.
+    `codes` are the packets' `kind_codes`, if they have been computed.
     """
     packets, is_valid = _viewed(payloads)["blocks"], np.zeros(len(payloads), np.bool_)
-    codes = kind_codes(payloads)
+    codes = kind_codes(payloads) if codes is None else codes.copy()
     codes[~_is_supported(codes)] = VLP16, STRONGEST_MODE
     for code in np.unique(codes, axis=0).tolist():
         rows, numbers = np.flatnonzero((codes == code).all(axis=1)), _blocks(*code)

@@ -190,11 +190,12 @@ def _unit(log: PacketLog, source: Path) -> Sensor | None:
     if log.sensor or kind_codes(log.payloads[:1])[0, 0] != HDL64E:
         return None
     status = log.payloads[:, -2:]
-    nominal, beside = load_sensor(SENSORS[HDL64E]), calibration_beside(source)
-    sensor = load_sensor(beside) if beside else nominal
-    if not beside and (calibration := calibration_in_packets(status)):
+    sensor = nominal = load_sensor(SENSORS[HDL64E])
+    if beside := calibration_beside(source):
+        sensor = load_sensor(beside)
+    elif calibration := calibration_in_packets(status):
         sensor = nominal.replaced(**calibration)
-    elif not beside:
+    else:
         logging.getLogger(__name__).warning(
             "%s: nominal angles and distances of an HDL-64E's lasers; put the calibration of the "
             "unit (db.xml) beside it as %s",
