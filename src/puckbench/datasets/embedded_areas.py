@@ -5,8 +5,6 @@ from pydantic import PositiveFloat, PositiveInt
 from puckbench.datasets.base import GeneratedSet, look_up, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
-from puckbench.scenes.building import AREAS, room_types
-from puckbench.scenes.rooms import make_room, origin, room_box
 
 
 @LOADERS.register("embedded_areas")
@@ -26,10 +24,15 @@ class EmbeddedAreas(GeneratedSet):
     """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
+        from puckbench.scenes.building import AREAS
+
         kept = select_names("areas", self.areas, list(AREAS))
         return sorted(name for area in kept for name in _rooms_of(area)[: self.rooms])
 
     def load(self, name: str) -> Scene:
+        from puckbench.scenes.building import room_types
+        from puckbench.scenes.rooms import make_room, origin, room_box
+
         kind = look_up(room_types(), name, "the generated building")
         mesh = make_room(name, self.seed, self.detail)
         about = self._about(seed=self.seed, detail=self.detail)
@@ -38,4 +41,6 @@ class EmbeddedAreas(GeneratedSet):
 
 
 def _rooms_of(area: str) -> list[str]:
+    from puckbench.scenes.building import room_types
+
     return [name for name in room_types() if name.startswith(f"{area}_")]

@@ -11,8 +11,6 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.sweethome3d import SweetHome3D
 from puckbench.geometry.mesh import Mesh
-from puckbench.scenes.room_catalogue import ROOMS
-from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
 
 
 @LOADERS.register("embedded_rooms")
@@ -30,12 +28,16 @@ class EmbeddedRooms(GeneratedSet):
     generated ones."""
 
     def names(self) -> list[str]:
+        from puckbench.scenes.room_catalogue import ROOMS
+
         return sorted(select_names("rooms", self.rooms, list(ROOMS)))
 
     def files(self, name: str) -> list[Path]:
         return self._catalogues.catalogues() if self._catalogues else []
 
     def load(self, name: str) -> Scene:
+        from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
+
         credit = {"credit": self._catalogues.credit()} if self._catalogues else {}
         return Scene(
             name,
