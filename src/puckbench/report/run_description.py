@@ -39,11 +39,21 @@ class RunDescription:
     machine: Mapping[str, str]
     configuration: str
     dataset_heads: tuple[str, ...] = (
-        *("Data set", "Name", "Scenes", "Clouds are", "Error model", "Clouds", "Points, median"),
+        "Data set",
+        "Name",
+        "Scenes",
+        "Clouds are",
+        "Error model",
+        "Clouds",
+        "Points, median",
         "Peak of PSNRs",
     )
     codec_heads: tuple[str, ...] = (
-        *("Codec", "Name", "Version and weights", "Rates", "Changed in the configuration"),
+        "Codec",
+        "Name",
+        "Version and weights",
+        "Rates",
+        "Changed in the configuration",
     )
 
 
