@@ -123,7 +123,7 @@ def test_slices_and_merged_points_keep_the_values_of_constant_attributes() -> No
 def test_slices_in_threads_give_the_bytes_and_order_of_one_thread(
     transform: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    options = GpccOptions(slice_max_points=1500, merge_duplicates=False)
+    options = GpccOptions(slice_max_points=200, merge_duplicates=False)
     values = {"reflectance": reflectances(POINTS)}
     chosen = {"reflectance": AttributeOptions(transform=transform)}
     results = []
@@ -135,6 +135,20 @@ def test_slices_in_threads_give_the_bytes_and_order_of_one_thread(
             (stream, decoded.points.tolist(), decoded.attributes["reflectance"].tolist())
         )
     assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("place", [1, 2], ids=["after its first use", "after a later slice"])
+def test_a_parameter_set_must_precede_its_use(place: int) -> None:
+    """Slices are decoded at the end of the stream, with the parameter sets that preceded them."""
+    options = GpccOptions(slice_max_points=200, merge_duplicates=False)
+    stream = encode_cloud(POINTS, {"reflectance": reflectances(POINTS)}, options)
+    units = list(syntax.payloads(stream))
+    (late,) = [unit for unit in units if unit[0] == syntax.ATTRIBUTE_PARAMETER_SET]
+    uses = [k for k, unit in enumerate(units) if unit[0] == syntax.ATTRIBUTE_DATA_UNIT]
+    units.insert(uses[place - 1] + 1, late)
+    units.remove(late)
+    with pytest.raises(InputError, match="without a parameter set"):
+        decode_cloud(b"".join(syntax.encapsulate(*unit) for unit in units))
 
 
 def test_coordinates_of_a_sensor_that_is_not_there_are_refused() -> None:

@@ -53,7 +53,6 @@ _PARAMETERS = {
     syntax.ATTRIBUTE_PARAMETER_SET,
     syntax.TILE_INVENTORY,
 }
-_ATTRIBUTE_UNITS = {syntax.ATTRIBUTE_DATA_UNIT, syntax.CONSTANT_ATTRIBUTE_DATA_UNIT}
 
 # Which coded axis (s, t, v) is x, y, z, by geom_axis_order.
 _AXIS_ORDERS = (
@@ -385,7 +384,10 @@ class AttributeUnits(Protocol):
         """Raise InputError if the attributes of a slice of `count` points are not supported."""
 
     def branch(self) -> AttributeUnits:
-        """Return a decoder of the next slices; it may run in another thread."""
+        """Return a decoder of the next slices, which has the parameter sets so far.
+
+        It may run in another thread.
+        """
 
     def start_slice(
         self, sps: syntax.SequenceParameterSet, header: syntax.GeometryHeader, points: SlicePoints
@@ -416,6 +418,7 @@ class _StreamReader:
         self._active: syntax.SequenceParameterSet | None = None
         self._frame: int | None = None
         self._runs: list[list[_SliceUnits]] = []  # each shares entropy contexts
+        self._branches: list[AttributeUnits | None] = []  # one for each run
         self._points = self._levels = self._parameter_bytes = 0
 
     def take(self, payload_type: int, payload: bytes) -> None:
@@ -436,10 +439,11 @@ class _StreamReader:
             syntax.tile_inventory(BitReader(payload), syntax.TileInventory())
         elif payload_type == syntax.GEOMETRY_DATA_UNIT:
             self._start_slice(payload)
-        elif payload_type in _ATTRIBUTE_UNITS and self._runs:
-            self._runs[-1][-1].attribute_units.append((payload_type, payload))
         elif self._attributes is not None:
-            self._attributes.take(payload_type, payload)
+            if self._runs:
+                self._runs[-1][-1].attribute_units.append((payload_type, payload))
+            if not self._runs or payload_type == syntax.ATTRIBUTE_PARAMETER_SET:
+                self._attributes.take(payload_type, payload)
 
     def _start_slice(self, payload: bytes) -> None:
         if not payload:
@@ -463,6 +467,7 @@ class _StreamReader:
             self._attributes.expect(sps, coded.points)
         if not self._runs or not coded.header.entropy_continuation_flag:
             self._runs.append([])
+            self._branches.append(self._attributes and self._attributes.branch())
         self._runs[-1].append(_SliceUnits(coded, sps, gps, []))
 
     def _decoded(self, run: list[_SliceUnits], attributes: AttributeUnits | None) -> list[Ints]:
@@ -496,8 +501,8 @@ class _StreamReader:
         sps = self._active
         if sps is None:
             raise InputError("G-PCC stream: no geometry")
-        branches = [self._attributes and self._attributes.branch() for _ in self._runs]
-        runs = in_threads(lambda pair: self._decoded(*pair), zip(self._runs, branches, strict=True))
+        pairs = zip(self._runs, self._branches, strict=True)
+        runs = in_threads(lambda pair: self._decoded(*pair), pairs)
         parts = [points for run in runs for points in run]
         points = parts[0] if len(parts) == 1 else np.concatenate(parts)
         return DecodedGeometry(

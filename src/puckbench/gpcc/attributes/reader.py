@@ -61,7 +61,7 @@ class AttributeReader:
 
     def branch(self) -> AttributeReader:
         branch = AttributeReader()
-        branch._aps, branch._memory = self._aps, self._memory
+        branch._aps, branch._memory = dict(self._aps), self._memory
         self._branches.append(branch)
         return branch
 
