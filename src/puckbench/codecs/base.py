@@ -153,7 +153,9 @@ class Codec(CodecFacts, ABC):
 
     def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
         """Return the bytes of each attribute in a stream; the geometry takes the other bytes."""
-        return {}
+        with naming(f"codec {self.name}"):
+            sizes = self._attribute_bytes(unshifted(stream).stream)
+        return {name: size for name, size in sizes.items() if size}
 
     def encode(
         self,
@@ -246,6 +248,9 @@ class Codec(CodecFacts, ABC):
     def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
         """Decode points and attributes, or return None if the stream has no attributes."""
         return None
+
+    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        return {}
 
     @abstractmethod
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:

@@ -5,20 +5,19 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from puckbench import __version__
 from puckbench.codecs.base import Codec, Pace, Parameters, Takes, lengths
 from puckbench.codecs.registry import CODECS
-from puckbench.coding.shift import unshifted
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model
 from puckbench.geometry.attributes import COLOUR, REFLECTANCE, Attributes, cloud_with
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.gpcc.attributes.options import mpeg_conditions, qp_of_scale, qp_of_step
 from puckbench.gpcc.container import unwrap, wrap
 from puckbench.gpcc.grid import (
     DEFAULT_GRID,
@@ -30,34 +29,21 @@ from puckbench.gpcc.grid import (
     quantise,
 )
 from puckbench.gpcc.options import PROFILES, GpccOptions
+from puckbench.lidar.returns import Beams, Returns
+from puckbench.lidar.turns import Layout, Turn
 
 if TYPE_CHECKING:
-    from puckbench.geometry.morton import Ints
-    from puckbench.gpcc.attributes.options import AttributeOptions
     from puckbench.gpcc.predictive_coder import PredictiveOptions
-    from puckbench.gpcc.sensor import SensorDescription
-    from puckbench.lidar.returns import Returns
 
 EIGHTHS: Mapping[str, Parameters] = {
     f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
 }
 """Rates of PCC Arena, which the thesis used: factors by which coordinates are multiplied."""
-
-
 NO_ATTRIBUTES: Attributes = MappingProxyType({})
 _NAMES = {"color": COLOUR, "reflectance": REFLECTANCE}
 _LABELS = {name: label for label, name in _NAMES.items()}
-_LIFTING = {COLOUR: "lifting", REFLECTANCE: "lifting_lidar"}
-_NO_COLOURS = np.empty((0, 3), np.uint8)
 _ATTRIBUTES_S = 2.0
 """Time to encode and decode the attributes of a million points, s."""
-_EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
-_QPS = (51, 46, 40, 34, 28, 22)
-"""QPs of the rates of MPEG's common test conditions, r01 first."""
-_SCALES = (1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8, 15 / 16)
-"""Scales of MPEG's rates r01 to r06 for clouds of 10 bits."""
-_LOG2_STEPS = np.log2([0.004, 0.008, 0.032, 0.064, 0.256, 0.512])
-"""Log2 of the grid steps (m) of MPEG's rates r06 to r01, for frames of 18 bits at 1 mm."""
 LOSSLESS_STEP_M = 0.002
 """Largest grid step (m) at which coding of a sensor's points counts as lossless."""
 
@@ -175,21 +161,6 @@ class GridCodec(Codec):
         """Decode the points (m, 3) of a stream without wrapper, in units of the input's grid."""
 
 
-class OnGrid(NamedTuple):
-    """Points on a grid of integers: coordinates are (`positions` + `origin`) / `scale`.
-
-    `sensor` describes the points' sensor, if any. `source` contains the unrounded points in steps
-    of the input's grid, from which merged points get their `attributes`.
-    """
-
-    positions: Ints
-    origin: Ints
-    scale: float = 1.0
-    sensor: SensorDescription | None = None
-    attributes: Attributes = NO_ATTRIBUTES
-    source: Floats | None = None
-
-
 class OwnCodec(GridCodec):
     """Base class of the codecs that use puckbench's G-PCC coder."""
 
@@ -201,11 +172,10 @@ class OwnCodec(GridCodec):
     def attributes(self) -> tuple[str, ...]:
         return (REFLECTANCE, COLOUR) if self.options.attributes else ()
 
-    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
         from puckbench.gpcc.attributes.cloud import attribute_bytes
 
-        with naming(f"codec {self.name}"):
-            sizes = attribute_bytes(unwrap(unshifted(stream).stream).stream)
+        sizes = attribute_bytes(unwrap(stream).stream)
         return {_NAMES.get(name, name): size for name, size in sizes.items()}
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -215,17 +185,16 @@ class OwnCodec(GridCodec):
             self.pace = self.pace._replace(per_million_s=slower)
 
     def load(self) -> None:
-        from puckbench.gpcc.sensor import SensorDescription
-
-        points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [50, 30, 10]])
-        sensors = (None, SensorDescription((0.0,), (0.0,), 100))
-        held: Attributes = {REFLECTANCE: points[:, 0], COLOUR: points.astype(np.uint8)}
-        for sensor in sensors[: 1 if self.takes == "points" else 2]:
-            on_grid = OnGrid(points, np.zeros(3, np.int64), sensor=sensor)
-            self._units(self._stream(on_grid, {}))
+        points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [50, 30, 10]]) * self.options.step
+        held: Attributes = {REFLECTANCE: np.arange(4), COLOUR: np.eye(4, 3, dtype=np.uint8)}
+        lasers = Beams((0.0,), (0.0,), (0.0,))
+        turn = Turn(np.full((1, 4, 1), 500, np.uint16), np.arange(4, dtype=np.uint16) * 20)
+        returns = (None, Returns(lasers, Layout((0,)), (turn,)))
+        for sensor in returns[: 1 if self.takes == "points" else 2]:
+            self._decode(self._encoded(points, {}, sensor))
             for parameters in ({}, {"qp": 34}) if self.options.attributes else ():
-                with_values = on_grid._replace(attributes=held, source=points.astype(float))
-                self._decoded(self._stream(with_values, parameters))
+                stream = self._encoded(points, parameters, sensor, held)
+                self._decode_with_attributes(stream)
 
     def _encode_with_attributes(
         self, points: Floats, attributes: Attributes, parameters: Parameters
@@ -233,20 +202,15 @@ class OwnCodec(GridCodec):
         return self._encoded(points, parameters, attributes=attributes)
 
     def _decode_with_attributes(self, stream: bytes) -> PointCloud:
-        bare, grid = unwrap(stream)
-        units, values = self._decoded(bare)
-        points = input_coordinates(units, grid)
-        if values.get(COLOUR, _NO_COLOURS).dtype != np.uint8:
-            wide = values.pop(COLOUR)
-            values |= {f"{name}_16": wide[:, c] for c, name in enumerate(("red", "green", "blue"))}
-        return cloud_with(points, values)
-
-    def _decoded(self, stream: bytes) -> tuple[Floats, dict[str, NDArray[Any]]]:
         from puckbench.gpcc.attributes.cloud import decode_cloud
 
-        decoded = decode_cloud(stream)
+        bare, grid = unwrap(stream)
+        decoded = decode_cloud(bare)
         values = {_NAMES.get(name, name): part for name, part in decoded.attributes.items()}
-        return decoded.positions(), values
+        if COLOUR in values and values[COLOUR].dtype != np.uint8:
+            wide = values.pop(COLOUR)
+            values |= {f"{name}_16": wide[:, c] for c, name in enumerate(("red", "green", "blue"))}
+        return cloud_with(input_coordinates(decoded.positions(), grid), values)
 
     def _code(
         self,
@@ -256,6 +220,7 @@ class OwnCodec(GridCodec):
         returns: Returns | None,
         attributes: Attributes,
     ) -> bytes:
+        from puckbench.gpcc.attributes.cloud import encode_cloud
         from puckbench.gpcc.sensor import describe_sensor
 
         scale = scale_of(parameters)
@@ -264,61 +229,23 @@ class OwnCodec(GridCodec):
         if returns is not None:
             x, y, z = (round(-offset / grid.unit) for offset in grid.offset)
             sensor = describe_sensor(returns.beams, grid.unit, returns.columns_per_turn, (x, y, z))
+        values = {_LABELS[name]: part for name, part in attributes.items()}
+        tools = self._tools(parameters, angular=sensor is not None)
+        qp, transform = self._qp(parameters), self.options.transform
+        chosen = mpeg_conditions(values, qp, transform, spherical=sensor is not None)
         source = (points - grid.offset) / grid.unit if attributes else None
-        on_grid = OnGrid(positions, origin, scale, sensor, attributes, source)
-        return self._stream(on_grid, parameters)
+        return encode_cloud(positions, values, tools, chosen, scale, origin, sensor, source)
 
     def _units(self, stream: bytes) -> Floats:
         from puckbench.gpcc.coder import decode_geometry
 
         return decode_geometry(stream).positions()
 
-    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
-        from puckbench.gpcc.attributes.cloud import encode_cloud
-
-        tools = self._tools(parameters, angular=points.sensor is not None)
-        if not points.attributes:
-            return self._geometry(points, tools)
-        return encode_cloud(
-            points.positions,
-            {_LABELS[name]: values for name, values in points.attributes.items()},
-            tools,
-            self._attribute_options(points, parameters),
-            points.scale,
-            points.origin,
-            points.sensor,
-            points.source,
-        )
-
-    def _geometry(self, points: OnGrid, tools: Any) -> bytes:
-        from puckbench.gpcc.coder import encode_geometry
-
-        return encode_geometry(points.positions, tools, points.scale, points.origin, points.sensor)
-
     @abstractmethod
     def _tools(
         self, parameters: Parameters, *, angular: bool = False
     ) -> GpccOptions | PredictiveOptions:
         """Return the geometry's coding tools; `angular` is whether they use the sensor's lasers."""
-
-    def _attribute_options(
-        self, points: OnGrid, parameters: Parameters
-    ) -> dict[str, AttributeOptions]:
-        from puckbench.gpcc.attributes.options import ATTRIBUTE_PROFILES
-
-        qp, chosen = self._qp(parameters), {}
-        for name, values in points.attributes.items():
-            lossless = "lossless" if name == COLOUR else "lossless_lidar"
-            lossy = "raht" if self.options.transform == "raht" else _LIFTING[name]
-            options = ATTRIBUTE_PROFILES[lossless if qp is None else lossy]
-            more: dict[str, Any] = {"spherical_coord": points.sensor is not None}
-            is_wide = name == REFLECTANCE and values.max(initial=0) > _EIGHT_BITS
-            if qp is not None:
-                more |= {"qp": qp, "attr_scale": _TO_EIGHT_BITS if is_wide else 1}
-            elif is_wide:
-                more["bitdepth"] = 16
-            chosen[_LABELS[name]] = options.replaced(**more)
-        return chosen
 
     def _qp(self, parameters: Parameters) -> int | None:
         """Return the QP of a rate's attributes, or None for lossless coding."""
@@ -327,8 +254,8 @@ class OwnCodec(GridCodec):
         if not self._loses(parameters):
             return None
         if "step_m" in parameters:
-            return frame_qp(float(parameters["step_m"]))
-        return round(float(np.interp(scale_of(parameters), _SCALES, _QPS)))
+            return qp_of_step(float(parameters["step_m"]))
+        return qp_of_scale(scale_of(parameters))
 
 
 class SensorCodec(OwnCodec):
@@ -343,14 +270,6 @@ class SensorCodec(OwnCodec):
         held = NO_ATTRIBUTES if values is None else {REFLECTANCE: values}
         with naming(f"codec {self.name}"):
             return self._encoded(points, parameters, returns, held)
-
-
-def frame_qp(step_m: float) -> int:
-    """Return the attributes' QP for a grid step.
-
-    The QP is interpolated between MPEG's rates for frames of 18 bits at 1 mm.
-    """
-    return round(float(np.interp(np.log2(step_m), _LOG2_STEPS, _QPS[::-1])))
 
 
 def scale_of(parameters: Parameters) -> float:

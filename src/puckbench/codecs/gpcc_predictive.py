@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from puckbench.codecs.base import Pace, Parameters, lengths
-from puckbench.codecs.gpcc import CoderOptions, OnGrid, SensorCodec, frame_qp
+from puckbench.codecs.gpcc import CoderOptions, SensorCodec
 from puckbench.codecs.registry import CODECS
+from puckbench.gpcc.attributes.options import qp_of_step
 
 if TYPE_CHECKING:
     from puckbench.gpcc.predictive_coder import PredictiveOptions
@@ -51,16 +52,9 @@ class GpccPredictive(SensorCodec):
     Options = TreeOptions
     options: TreeOptions
 
-    def _geometry(self, points: OnGrid, tools: PredictiveOptions) -> bytes:
-        from puckbench.gpcc.predictive_coder import encode_predictive_geometry
-
-        return encode_predictive_geometry(
-            points.positions, tools, points.scale, points.origin, points.sensor
-        )
-
     def _qp(self, parameters: Parameters) -> int | None:
         if "qp" not in parameters and (radius_log2 := parameters.get("radius_inv_scale_log2")):
-            return frame_qp(float(parameters["step_m"]) * 2.0**radius_log2)
+            return qp_of_step(float(parameters["step_m"]) * 2.0**radius_log2)
         return super()._qp(parameters)
 
     def _tools(self, parameters: Parameters, *, angular: bool = False) -> PredictiveOptions:

@@ -8,10 +8,8 @@ from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
-from puckbench.coding.shift import unshifted
-from puckbench.core.errors import naming
 from puckbench.core.models import Model
-from puckbench.geometry.attributes import REFLECTANCE, Attributes, cloud_with, coded_sizes
+from puckbench.geometry.attributes import REFLECTANCE, Attributes, cloud_with
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.storage.laz import MAGIC, decode_laz, encode_laz, intensity_bytes
 from puckbench.storage.steps import MOST_STEPS
@@ -49,9 +47,8 @@ class Laz(Codec):
     def attributes(self) -> tuple[str, ...]:
         return (REFLECTANCE,) if self.options.intensities else ()
 
-    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        with naming(f"codec {self.name}"):
-            return coded_sizes({REFLECTANCE: intensity_bytes(unshifted(stream).stream)})
+    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        return {REFLECTANCE: intensity_bytes(stream)}
 
     def load(self) -> None:
         import laspy  # noqa: F401

@@ -1,20 +1,30 @@
+"""Lossless codecs of the data packets of Velodyne sensors."""
+
 from __future__ import annotations
 
+import lzma
 from abc import abstractmethod
 from typing import ClassVar
 
+from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
+from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec
 from puckbench.coding.framing import Framing
+from puckbench.coding.zstandard import compressed, decompressed
+from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Returns
 from puckbench.storage.packets import check_whole_packets, decode_packets, encode_packets
 
+_MEMORY_BYTES = 1 << 28
+"""Maximum memory for LZMA's decompression; preset 9 has a dictionary of 64 MiB."""
+
 
 class PacketsCodec(ReturnsCodec):
-    """Base class of lossless codecs of the data packets of Velodyne sensors.
+    """Base class of codecs that compress packets, including reflectivities and times.
 
-    A subclass compresses packets, including reflectivities and times. Virtual scans are refused:
-    without reflectivities, their packets would take fewer bytes than those of a real sensor.
+    Virtual scans are refused: without reflectivities, their packets would take fewer bytes than
+    those of a real sensor.
     """
 
     metric_rates = lengths(2)
@@ -22,6 +32,7 @@ class PacketsCodec(ReturnsCodec):
     packets_alone: ClassVar[bool] = True
     pace = Pace(0.1, 4.0)
     line = ":"
+    version = f"puckbench {__version__}"
 
     @abstractmethod
     def _packed(self, data: bytes) -> bytes: ...
@@ -42,3 +53,46 @@ class PacketsCodec(ReturnsCodec):
 
     def _decode_returns(self, stream: bytes) -> Returns:
         return decode_packets(self._framing.unframed(stream)[1], self._unpacked)
+
+
+@CODECS.register("packets_xz")
+class PacketsXz(PacketsCodec):
+    """Data packets compressed losslessly, with every field, by LZMA (xz -9e)."""
+
+    title = "Packets, xz (with reflectivity and time)"
+    use = "captures as archives keep them; with reflectivities and times"
+    colour = "#525252"
+    marker = "4"
+    rank = 190
+    magic = b"PBPX"
+
+    def _packed(self, data: bytes) -> bytes:
+        return lzma.compress(data, preset=9 | lzma.PRESET_EXTREME)
+
+    def _unpacked(self, stream: bytes, most: int) -> bytes:
+        decoder = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_MEMORY_BYTES)
+        try:
+            data = decoder.decompress(stream, max_length=most + 1)
+        except (lzma.LZMAError, MemoryError) as error:
+            raise InputError("the stream is damaged (LZMA)") from error
+        if not decoder.eof or decoder.unused_data:
+            raise InputError("the stream is damaged (LZMA)")
+        return data
+
+
+@CODECS.register("packets_zstd")
+class PacketsZstd(PacketsCodec):
+    """Data packets compressed losslessly, with every field, by Zstandard (zstd -19 --long)."""
+
+    title = "Packets, Zstandard (with reflectivity and time)"
+    use = "captures as MCAP files keep them, packed tighter; with reflectivities and times"
+    colour = "#A0A0A0"
+    marker = "|"
+    rank = 180
+    magic = b"PBPZ"
+
+    def _packed(self, data: bytes) -> bytes:
+        return compressed(data, long=True)
+
+    def _unpacked(self, stream: bytes, most: int) -> bytes:
+        return decompressed(stream, most)

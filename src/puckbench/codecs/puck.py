@@ -16,9 +16,8 @@ from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
-from puckbench.core.errors import naming
 from puckbench.core.models import Model
-from puckbench.geometry.attributes import REFLECTANCE, coded_sizes
+from puckbench.geometry.attributes import REFLECTANCE
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.puck.records import MAGIC
@@ -64,11 +63,10 @@ class Puck(ReturnsCodec):
     def attributes(self) -> tuple[str, ...]:
         return (REFLECTANCE,) if self.options.reflectivities else ()
 
-    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
         from puckbench.puck import reflectivity_bytes
 
-        with naming(f"codec {self.name}"):
-            return coded_sizes({REFLECTANCE: reflectivity_bytes(stream)})
+        return {REFLECTANCE: reflectivity_bytes(stream)}
 
     def load(self) -> None:
         turn = Turn(np.full((1, 8, 2), 500, np.uint16), np.arange(8, dtype=np.uint16) * 20)

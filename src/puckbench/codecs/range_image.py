@@ -8,9 +8,8 @@ from pydantic import Field
 from puckbench.codecs.base import Availability, Pace, Parameters, lengths
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
 from puckbench.coding.framing import Framing
-from puckbench.core.errors import naming
 from puckbench.core.models import Model
-from puckbench.geometry.attributes import REFLECTANCE, coded_sizes
+from puckbench.geometry.attributes import REFLECTANCE
 from puckbench.lidar.returns import Returns
 from puckbench.storage.range_images import (
     Image,
@@ -57,9 +56,8 @@ class RangeImageCodec(ReturnsCodec):
     def attributes(self) -> tuple[str, ...]:
         return (REFLECTANCE,) if self.options.reflectivities else ()
 
-    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        with naming(f"codec {self.name}"):
-            return coded_sizes({REFLECTANCE: reflectivity_bytes(self._framing.unframed(stream)[1])})
+    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        return {REFLECTANCE: reflectivity_bytes(self._framing.unframed(stream)[1])}
 
     @property
     def _framing(self) -> Framing:

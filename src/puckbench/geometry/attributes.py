@@ -54,10 +54,6 @@ def check_attributes(attributes: Attributes, points: int) -> None:
                 )
 
 
-def coded_sizes(sizes: Mapping[str, int]) -> dict[str, int]:
-    return {name: size for name, size in sizes.items() if size}
-
-
 def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
     """Return the names of a cloud's colours and fields that are not coded attributes."""
     field = reflectance_field(cloud)

@@ -85,7 +85,7 @@ def encode_cloud(
     Parameters
     ----------
     attributes
-        Values by name: red, green, blue as `color` (n, 3), and `reflectance` (n,).
+        Values by name: red, green, blue as `color` (n, 3), and `reflectance` (n,); possibly none.
     options
         Options of the octree, or of prediction trees.
     attribute_options
@@ -117,7 +117,7 @@ def encode_cloud(
         source_points = Source(exact[members].astype(np.float64), factor, shift)
         return recoloured(placed, values[members], source_points, (1 << bits) - 1)
 
-    encoder = AttributeEncoder(attributes, chosen, len(whole), recolour)
+    encoder = AttributeEncoder(attributes, chosen, len(whole), recolour) if attributes else None
     if isinstance(options, PredictiveOptions):
         return encode_trees_geometry(whole, options, scale, origin, sensor, encoder)
     return encode_octree_geometry(whole, options, scale, origin, sensor, encoder)

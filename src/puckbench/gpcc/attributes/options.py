@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from puckbench.core.models import Model
@@ -143,3 +146,57 @@ ATTRIBUTE_PROFILES = {
 """Sets of options: `defaults` are those of TMC13; other sets are MPEG's test conditions for a
 transform, with `_lidar` for frames of sensors (category 3). Lossy sets have a medium rate, which
 `qp` changes."""
+
+_QPS = (51, 46, 40, 34, 28, 22)
+"""QPs of the rates of MPEG's common test conditions, r01 first."""
+_SCALES = (1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8, 15 / 16)
+"""Scales of these rates for clouds of 10 bits."""
+_LOG2_STEPS = np.log2([0.004, 0.008, 0.032, 0.064, 0.256, 0.512])
+"""Log2 of the grid steps (m) of these rates, r06 first, for frames of 18 bits at 1 mm."""
+_EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
+
+
+def qp_of_scale(scale: float) -> int:
+    """Return the QP for a scale, interpolated between MPEG's rates for clouds of 10 bits."""
+    return round(float(np.interp(scale, _SCALES, _QPS)))
+
+
+def qp_of_step(step_m: float) -> int:
+    """Return the QP for a grid step, interpolated between MPEG's rates for sensors' frames."""
+    return round(float(np.interp(np.log2(step_m), _LOG2_STEPS, _QPS[::-1])))
+
+
+def mpeg_conditions(
+    attributes: Mapping[str, NDArray[Any]],
+    qp: int | None,
+    transform: Literal["raht", "lifting"] = "raht",
+    *,
+    spherical: bool = False,
+) -> dict[str, AttributeOptions]:
+    """Return options of MPEG's test conditions for attributes of 8 or, for reflectances, 16 bits.
+
+    Parameters
+    ----------
+    attributes
+        Values by name, as for `cloud.encode_cloud`.
+    qp
+        Quantisation parameter; None for lossless coding. Lossy coding divides reflectances of 16
+        bits by 257.
+    transform
+        Transform of lossy coding.
+    spherical
+        Whether distances between points are in radius, azimuth and laser.
+    """
+    chosen = {}
+    for name, values in attributes.items():
+        lidar = "_lidar" if name == "reflectance" else ""
+        lossy = "raht" if transform == "raht" else f"lifting{lidar}"
+        options = ATTRIBUTE_PROFILES[f"lossless{lidar}" if qp is None else lossy]
+        more: dict[str, Any] = {"spherical_coord": spherical}
+        is_wide = bool(lidar) and values.max(initial=0) > _EIGHT_BITS
+        if qp is not None:
+            more |= {"qp": qp, "attr_scale": _TO_EIGHT_BITS if is_wide else 1}
+        elif is_wide:
+            more["bitdepth"] = 16
+        chosen[name] = options.replaced(**more)
+    return chosen
