@@ -57,7 +57,7 @@ class LogHandler(LogHandlerBase):
         self._is_shown = DefaultFilter(
             shown.quiet, shown.debug_dag, shown.verbose, shown.dryrun, shown.printshellcmds
         ).filter
-        self.expect(lambda _: 1.0, lambda _: 0.0, 1, {})
+        self.expect(lambda _: 1.0, 1, {})
         self._running: dict[int, _Job] = {}
         self._failures: set[tuple[str, str]] = set()
         self._jobs = self._done = 0
@@ -70,7 +70,6 @@ class LogHandler(LogHandlerBase):
     def expect(
         self,
         job_s: Callable[[str], float],
-        run_s: Callable[[Mapping[str, int]], float],
         cores: int,
         notes: Mapping[str, str],
     ) -> None:
@@ -80,14 +79,12 @@ class LogHandler(LogHandlerBase):
         ----------
         job_s
             Returns the expected seconds of one job of a rule.
-        run_s
-            Returns the expected seconds of a run, for the number of jobs of each rule.
         cores
             Number of processor cores of the run.
         notes
             Line to print after each job of a rule, by the name of the rule.
         """
-        self._job_s, self._run_s, self._cores, self._notes = job_s, run_s, cores, notes
+        self._job_s, self._cores, self._notes = job_s, cores, notes
 
     def emit(self, record: logging.LogRecord) -> None:
         """Process a log event of Snakemake, and update the display."""
@@ -124,7 +121,7 @@ class LogHandler(LogHandlerBase):
         }
         self._jobs = sum(jobs.values())
         self._work = sum(count * self._job_s(rule) for rule, count in jobs.items())
-        self._expected_s = self._run_s(jobs)
+        self._expected_s = self._work / self._cores
         self._began = self._last_shown = time.monotonic()
         left = _duration(self._expected_s)
         cores = f"{self._cores} core{'s' if self._cores > 1 else ''}"

@@ -1,4 +1,4 @@
-"""`puckbench wall` and `puckbench table`: what they write, and bad input in one line."""
+"""Points of a wall and `puckbench table`: what they write, and bad input in one line."""
 
 from pathlib import Path
 
@@ -6,6 +6,8 @@ import pandas as pd
 import pytest
 
 from puckbench.cli import main
+from puckbench.core.errors import InputError
+from puckbench.thesis.jobs.wall_points import WallPoints
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
@@ -28,7 +30,7 @@ def test_a_scan_s_points_and_their_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scan = tmp_path / "scan.parquet"
-    assert main(["wall", str(scan), "--distances", "1", "--keep", "2000"]) == 0
+    WallPoints(distances=(1.0,), keep=2000).run(scan)
     points = pd.read_parquet(scan)
     assert points["surface"].value_counts().tolist() == [2000] * 3
     residuals = points.assign(run=1, residual_m=points["y_m"])[points["surface"] == "wall"]
@@ -41,5 +43,5 @@ def test_a_scan_s_points_and_their_effect(
     assert ratio.tolist() == pytest.approx([1] * len(effect), rel=0.1)
     capsys.readouterr()
     assert "needs the input 'residuals'" in refused(capsys, "table", "thesis_numbers", out)
-    assert "no wall_floor" not in refused(capsys, "wall", scan, "--model", "vlp61")
-    assert "wall_floor_7m" in refused(capsys, "wall", scan, "--distances", 7)
+    with pytest.raises(InputError, match="wall_floor_7m"):
+        WallPoints(distances=(7.0,)).run(scan)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs.base import Pace
 from puckbench.codecs.registry import codec_class
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud
@@ -22,11 +21,8 @@ from puckbench.jobs.curve_files import Coded, read_curve, read_rows, write_curve
 from puckbench.jobs.decode import Decode, Decoded, DecodeShown
 from puckbench.jobs.encode import Encode, EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
-from puckbench.jobs.join_parts import JoinRows, JoinStreams
 from puckbench.library import compare, open_codec
 from puckbench.metrics import geometry
-from puckbench.planning.coding import CodingJobs
-from puckbench.planning.workflow import Workflow
 from puckbench.primitives import mode_decision
 from puckbench.report.column_labels import is_time
 
@@ -147,19 +143,6 @@ def test_a_curve_has_the_same_bytes_whenever_it_is_written(folder: Path) -> None
     assert read_rows([Path("a.parquet")]) == [{"a": 1, "b": 0.1}, {"a": 2, "c": "x"}]
 
 
-def test_parts_of_a_curve_are_joined_to_the_whole(folder: Path) -> None:
-    coded = {rate: Coded(rate.encode(), {"rate": rate}) for rate in RATES}
-    write_curve(Path("whole.zip"), coded)
-    write_rows(Path("whole.parquet"), [item.record for item in coded.values()])
-    for name, rates in (("first", RATES[:2]), ("last", RATES[2:])):
-        write_curve(Path(f"{name}.zip"), {rate: coded[rate] for rate in rates})
-        write_rows(Path(f"{name}.parquet"), [coded[rate].record for rate in rates])
-    JoinStreams().run((Path("first.zip"), Path("last.zip")), Path("joined.zip"))
-    JoinRows().run((Path("first.parquet"), Path("last.parquet")), Path("joined.parquet"))
-    assert Path("joined.zip").read_bytes() == Path("whole.zip").read_bytes()
-    assert Path("joined.parquet").read_bytes() == Path("whole.parquet").read_bytes()
-
-
 def test_a_decoded_cloud_is_made_ready_once_for_all_that_it_is_compared_with(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -185,26 +168,3 @@ def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:
     assert Path("loads").read_text() == "x"
     EvaluateCurve(codec="mine", changes=changes).run(Path("cloud.ply"), curve, rows)
     assert Path("loads").read_text() == "xx"
-
-
-def parts(points: int, repeats: int = 1) -> CodingJobs:
-    plan = {
-        "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
-        "datasets": {"d": {"scenes": "a", "make": "sample", "points": points}},
-        "codecs": {"mine": {"class": "counting.py:Counting"}},
-        "timing": {"repeats": repeats},
-    }
-    return Workflow(plan).coding
-
-
-def test_a_curve_of_more_than_ten_minutes_is_cut_by_rates(folder: Path) -> None:
-    Path("counting.py").write_text(COUNTING)
-    assert Pace(0.0, 2000.0).of(50_000) == 100
-    whole = parts(50_000)  # five rates of 100 s
-    assert (whole.whole, whole.cut) == (["mine"], [])
-    cut = parts(50_000, repeats=2)
-    assert (cut.whole, cut.cut) == ([], ["mine"])
-    assert cut.parts("d", NAME, "mine") == ["r1_to_r3", "r4_to_r5"]
-    record = EncodeCurve.model_validate_json(cut.encode("d", NAME, "mine", "r4_to_r5").record)
-    assert list(record.changes["rates"]) == ["r4", "r5"]
-    assert parts(10_000_000).parts("d", NAME, "mine") == ["r1", "r2", "r3", "r4", "r5"]

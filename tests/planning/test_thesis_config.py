@@ -187,6 +187,6 @@ def test_the_thesis_is_planned_at_full_size_without_its_data(
         plan.files(scene) for plan in bench.plan.scenes.values() for scene in plan.chosen[:3]
     )
     assert bench.config.results == "results/thesis_stand_in"
-    clouds, curves = bench.plan.datasets.values(), bench.coding.curves
-    coded = sum(len(data.clouds) for data in clouds) * len(curves)
-    assert 2 * coded < 11_000  # coding and measuring: with scenes, scans and clouds below 14,000
+    assert (
+        2 * len(bench.plan.curves) < 11_000
+    )  # coding and measuring: with scenes, scans and clouds below 14,000

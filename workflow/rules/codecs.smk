@@ -1,5 +1,5 @@
 # Codecs: a rate-distortion curve is one archive with a self-contained stream and its cost for each
-# rate. A curve that takes long is encoded in parts of some rates.
+# rate.
 rule encode:
     input:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
@@ -7,8 +7,6 @@ rule encode:
         f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
         f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{{codec}}.log",
-    wildcard_constraints:
-        codec=one_of(coding.whole),
     priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
@@ -23,39 +21,6 @@ rule encode:
     shell:
         "{params.timed} python -m puckbench.jobs encode_curve {params.record} cloud={input.cloud:q}"
         " curve={output:q} > {log:q} 2>&1"
-
-
-use rule encode as encode_part with:
-    output:
-        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.zip",
-    log:
-        f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.log",
-    wildcard_constraints:
-        codec=one_of(coding.cut),
-
-
-rule join_streams:
-    input:
-        parts=lambda w: [
-            f"{RESULTS}/coded/{w.dataset}/{w.cloud}/{w.codec}/{part}.zip"
-            for part in coding.parts(w.dataset, w.cloud, w.codec)
-        ],
-    output:
-        f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-    log:
-        f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{{codec}}.log",
-    wildcard_constraints:
-        codec=one_of(coding.cut),
-    conda:
-        "../../envs/puckbench.yaml"
-    resources:
-        mem_mb=1000,
-        runtime=10,
-    params:
-        record=record_of(lambda w: coding.join_streams),
-        code=coding.join_streams.code,
-    shell:
-        "python -m puckbench.jobs join_streams {params.record} parts={input.parts:q} curve={output:q} > {log:q} 2>&1"
 
 
 # The decoded cloud of one rate.

@@ -20,12 +20,7 @@ from puckbench.planning.failures import failed_jobs, failure_lines, write_failur
 from puckbench.planning.launch import CALLER_PRINTS_SUMMARY
 from puckbench.planning.planned_job import results_folder
 from puckbench.planning.run_summary import closing_lines
-from puckbench.planning.run_time import (
-    compiling_seconds,
-    job_seconds,
-    machine_sample,
-    run_seconds,
-)
+from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
     check_room,
     held_since,
@@ -88,8 +83,8 @@ def priority_of(wildcards):
 
 
 def curve_of(wildcards):
-    """Return data set, cloud, codec and part of a curve; the part is empty for all rates."""
-    return wildcards.dataset, wildcards.cloud, wildcards.codec, wildcards.get("part", "")
+    """Return data set, cloud and codec of a curve."""
+    return wildcards.dataset, wildcards.cloud, wildcards.codec
 
 
 if workflow.is_main_process:
@@ -111,11 +106,8 @@ if workflow.is_main_process:  # each job on a cluster reads this file again
     # Without space for its records Snakemake would end with a traceback.
     or_stop(check_room, Path(".snakemake"))
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
-    work_of = job_seconds(bench)
-    here = (CORES or 1, machine_sample(), compiling_seconds(bench))
     bar.expect(
-        job_s=work_of,
-        run_s=lambda jobs: run_seconds(jobs, work_of, *here),
+        job_s=job_seconds(bench),
         cores=CORES or 1,
         notes={"first_look": f"the first figures are in {RESULTS}/first_look"},
     )
@@ -172,5 +164,4 @@ wildcard_constraints:
     cloud=r"[A-Za-z0-9_.-]+",
     scene=r"[A-Za-z0-9_.-]+",
     figure=r"[a-z0-9_]+",
-    part=r"[A-Za-z0-9_.-]+",
     rate=r"[A-Za-z0-9_.-]+",

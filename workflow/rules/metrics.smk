@@ -8,8 +8,6 @@ rule evaluate:
         f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
         f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{{codec}}.log",
-    wildcard_constraints:
-        codec=one_of(coding.whole),
     priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
@@ -25,43 +23,6 @@ rule evaluate:
     shell:
         "{params.timed} python -m puckbench.jobs evaluate_curve {params.record} cloud={input.cloud:q}"
         " curve={input.curve:q} rows={output:q} {params.truth} > {log:q} 2>&1"
-
-
-use rule evaluate as evaluate_part with:
-    input:
-        unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
-        unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
-        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.zip",
-    output:
-        f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.parquet",
-    log:
-        f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{{codec}}/{{part}}.log",
-    wildcard_constraints:
-        codec=one_of(coding.cut),
-
-
-rule join_rows:
-    input:
-        parts=lambda w: [
-            f"{RESULTS}/metrics/{w.dataset}/{w.cloud}/{w.codec}/{part}.parquet"
-            for part in coding.parts(w.dataset, w.cloud, w.codec)
-        ],
-    output:
-        f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
-    log:
-        f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{{codec}}.log",
-    wildcard_constraints:
-        codec=one_of(coding.cut),
-    conda:
-        "../../envs/puckbench.yaml"
-    resources:
-        mem_mb=1000,
-        runtime=10,
-    params:
-        record=record_of(lambda w: coding.join_rows),
-        code=coding.join_rows.code,
-    shell:
-        "python -m puckbench.jobs join_rows {params.record} parts={input.parts:q} rows={output:q} > {log:q} 2>&1"
 
 
 # Primitives of decoded surfaces, compared with the labels of the scene.

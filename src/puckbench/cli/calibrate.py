@@ -13,18 +13,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("residuals", type=Path, nargs="+", help="residual tables (.parquet), one per device")
     add("out", type=Path, help="model file to write (.yaml)")
     add("--model", help="use only the rows of this model")
-    add(
-        "--cells",
-        choices=["frame", "spot"],
-        help="returns that share a bias: those of a frame, or of a spot if the sensor stands still "
-        "(default: spot for captures, else frame)",
-    )
+    text = "returns with one bias: of a frame, or of a spot (default: spot for captures)"
+    add("--cells", choices=["frame", "spot"], help=text)
     add("--parameters", nargs="+", metavar="NAME", help="sigmas to estimate (default: all)")
-    add(
-        "--quantum-mm",
-        type=float,
-        help="resolution of the ranges (default: 2 for captures, else 0)",
-    )
+    text = "resolution of the ranges (default: 2 for captures, else 0)"
+    add("--quantum-mm", type=float, help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -14,12 +14,7 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
     add("--codec", required=required, help="name (see `puckbench codecs`)")
     add("--weights", help="weights of a learned codec: a shipped set, a file or a folder")
     add_entry(parser)
-    add(
-        "--repeats",
-        type=int,
-        default=1,
-        help="number of timed calls, of which the median is recorded",
-    )
+    add("--repeats", type=int, default=1, help="timed calls, of which the median is recorded")
 
 
 def add_entry(parser: argparse.ArgumentParser) -> None:

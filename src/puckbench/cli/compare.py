@@ -27,22 +27,12 @@ _DELTA_COLUMNS = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     from puckbench.report.reference_results import shipped_studies
 
-    names = ", ".join(shipped_studies()) or "none yet"
     add = parser.add_argument
     add("results", type=Path, help="folder of results of a run")
-    add(
-        "--with",
-        dest="study",
-        required=True,
-        metavar="STUDY",
-        help=f"study with reference results ({names}), or a file of reference results (.parquet)",
-    )
-    add(
-        "--codecs",
-        nargs="+",
-        default=[],
-        help="codecs of the run (default: those that STUDY lacks)",
-    )
+    text = f"study with reference results ({', '.join(shipped_studies())}), or their .parquet file"
+    add("--with", dest="study", required=True, metavar="STUDY", help=text)
+    text = "codecs of the run (default: those that STUDY lacks)"
+    add("--codecs", nargs="+", default=[], help=text)
     add("--metrics", nargs="+", default=[], help="columns of the results (default: those of STUDY)")
     add("--common", action="store_true", help="leave out clouds that STUDY lacks")
     add("--out", type=Path, help="folder of the figure and table (default: RESULTS/comparison)")

@@ -16,13 +16,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("recording", type=Path, help="packet capture or bag (any file)")
     add("out", type=Path, help="file to write (.puck)")
     add("--effort", choices=EFFORTS, default="normal", help="speed against size")
-    add(
-        "--key-every",
-        type=integer(0),
-        default=50,
-        metavar="TURNS",
-        help="turns between two that can be decoded alone; 0: only the first can",
-    )
+    text = "turns between two that can be decoded alone; 0: only the first can"
+    add("--key-every", type=integer(0), default=50, metavar="TURNS", help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -8,17 +8,11 @@ TOOLS = ("octree", "angular octree", "trees", "angular trees", "attributes")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "decoder",
-        help="a codec (gpcc), the path of tmc3, or a command with the words {stream} and {points}, "
-        "which stand for the stream and the PLY file to write",
-    )
-    parser.add_argument(
-        "--streams", type=Path, help="folder of streams with a manifest.json (default: ours)"
-    )
-    parser.add_argument(
-        "--tools", choices=TOOLS, action="append", help="only streams with these coding tools"
-    )
+    add = parser.add_argument
+    text = "a codec (gpcc), the path of tmc3, or a command with the words {stream} and {points}"
+    add("decoder", help=f"{text} (the PLY file to write)")
+    add("--streams", type=Path, help="folder of streams with a manifest.json (default: ours)")
+    add("--tools", choices=TOOLS, action="append", help="only streams with these coding tools")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

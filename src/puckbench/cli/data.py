@@ -9,15 +9,11 @@ from puckbench.datasets.fetch import fetch_data
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "names",
-        nargs="*",
-        help="sets to download: captured_rooms, sweethome3d (default: both), pcgc_weights, "
-        "reno_weights, ouster_recordings",
-    )
-    parser.add_argument(
-        "--folder", type=Path, default=Path("data"), help="folder of the data (default: data)"
-    )
+    add = parser.add_argument
+    others = "pcgc_weights, reno_weights, ouster_recordings"
+    text = f"sets to download: captured_rooms, sweethome3d (default: both), {others}"
+    add("names", nargs="*", help=text)
+    add("--folder", type=Path, default=Path("data"), help="folder of the data (default: data)")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -10,10 +10,9 @@ from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--check", metavar="LOADER", help="count the scenes of this loader")
-    parser.add_argument(
-        "--options", type=json_object, default={}, help="options of that loader (JSON)"
-    )
+    add = parser.add_argument
+    add("--check", metavar="LOADER", help="count the scenes of this loader")
+    add("--options", type=json_object, default={}, help="options of that loader (JSON)")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

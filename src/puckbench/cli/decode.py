@@ -12,21 +12,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("stream", type=Path, help="stream to decode")
     add("out", type=Path, help="PLY file to write (LAS or LAZ if --like names such a file)")
-    add(
-        "--as-mesh",
-        action="store_true",
-        help="write the surface instead of points, if the stream has one",
+    text = "write the surface instead of points, if the stream has one"
+    add("--as-mesh", action="store_true", help=text)
+    text = (
+        "the prepared cloud that was coded (.ply), to write points where its source was; or the "
+        "original (LAS, PLY, ...), to write its header and attributes; or both (--like twice)"
     )
-    add(
-        "--like",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="CLOUD",
-        help="the prepared cloud that was coded (.ply): write the points where its source was, in "
-        "metres; or the original (LAS, PLY, PCD, E57, ...): write its header and the attributes "
-        "that order or position identifies; or both (--like twice)",
-    )
+    add("--like", type=Path, action="append", default=[], metavar="CLOUD", help=text)
     add("--rate", help="rate to decode of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 

@@ -6,13 +6,11 @@ from typing import Any
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("stream", type=Path, help="file of `puckbench compress` (.puck)")
-    parser.add_argument("out", type=Path, help="recording to write")
-    parser.add_argument(
-        "--trusted",
-        action="store_true",
-        help="do not limit the size of the recording in proportion to that of the file",
-    )
+    add = parser.add_argument
+    add("stream", type=Path, help="file of `puckbench compress` (.puck)")
+    add("out", type=Path, help="recording to write")
+    text = "do not limit the size of the recording in proportion to that of the file"
+    add("--trusted", action="store_true", help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

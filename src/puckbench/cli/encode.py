@@ -13,29 +13,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("cloud", type=Path, help="cloud to code (PLY, PCD, LAS, ...)")
     add("out", type=Path, help="stream to write; its record (JSON) is written beside it")
-    add(
-        "--rate",
-        required=True,
-        help="r1 (smallest bitrate), r2, ...; for clouds in metres any length such as 3mm",
-    )
-    add(
-        "--raw",
-        action="store_true",
-        help="G-PCC: write a bare stream, as the reference software does",
-    )
-    add(
-        "--frame",
-        choices=["scaled", "metric"],
-        help="coordinate frame of a cloud without a description (.json) beside it (default: metric "
-        "for LAS, LAZ, E57 and .bin)",
-    )
-    add(
-        "--prepare",
-        type=Path,
-        metavar="PLY",
-        help="prepare the cloud, write it to this file and code it: in metres if the rate is a "
-        "length, else scaled (or as --frame says)",
-    )
+    text = "r1 (smallest bitrate), r2, ...; for clouds in metres any length such as 3mm"
+    add("--rate", required=True, help=text)
+    text = "G-PCC: write a bare stream, as the reference software does"
+    add("--raw", action="store_true", help=text)
+    text = "frame of a cloud without a description (default: metric for LAS, LAZ, E57 and .bin)"
+    add("--frame", choices=["scaled", "metric"], help=text)
+    text = "file of the prepared cloud, which is coded; in metres if the rate is a length"
+    add("--prepare", type=Path, metavar="PLY", help=text)
     codec_arguments(parser, required=True)
 
 

@@ -17,29 +17,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("reference", type=Path, help="reference cloud (PLY, PCD, LAS, ...)")
     add("decoded", type=Path, help="decoded cloud (not .bin), or stream to decode")
-    add(
-        "--truth",
-        type=Path,
-        help="true surface: mesh or captured room in metres, or cloud in the reference's frame",
-    )
-    add(
-        "--visible",
-        type=Path,
-        help="points of the true surface that the sensor saw, in the reference's frame",
-    )
+    text = "true surface: mesh or captured room in metres, or cloud in the reference's frame"
+    add("--truth", type=Path, help=text)
+    text = "points of the true surface that the sensor saw, in the reference's frame"
+    add("--visible", type=Path, help=text)
     add("--clean", type=Path, help="clean scan of the same rays, in place of --visible")
-    add(
-        "--peak",
-        type=float,
-        help="peak of the PSNRs, in the reference's unit (default: from its description, else 1023 "
-        "if scaled and 30 if in metres; papers on KITTI use 59.7)",
-    )
-    add(
-        "--views",
-        type=integer(0),
-        default=0,
-        help="width in pixels of six pictures to compare (default: 0, none)",
-    )
+    text = "peak of the PSNRs (default: from the description, else 1023 if scaled, 30 if in metres)"
+    add("--peak", type=float, help=text)
+    text = "width in pixels of six pictures to compare (default: 0, none)"
+    add("--views", type=integer(0), default=0, help=text)
     add("--dataset", help="name of the data set, for the result row")
     add("--row", type=Path, help="write the result row here (JSON)")
     add("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")

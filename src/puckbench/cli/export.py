@@ -11,25 +11,15 @@ from puckbench.core.errors import InputError
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add(
-        "source",
-        type=Path,
-        help="recording (.pcap, .puck, ROS bag), its turns (.parquet), or scan or capture table "
-        "(.parquet)",
+    text = "recording (.pcap, .puck, ROS bag), or table of turns, a scan or a capture (.parquet)"
+    add("source", type=Path, help=text)
+    text = ".ply, .pcd, .csv, .las, .laz, .bin (KITTI, intensity 0 to 1); of scans also .evd, .pcap"
+    add("out", type=Path, help=text)
+    text = (
+        "turns of a recording (default: the first whole turn), in the sensor's frame, with "
+        "intensity, ring (0 is the lowest) and time in s; of a bag's clouds, messages from 0"
     )
-    add(
-        "out",
-        type=Path,
-        help=".ply, .pcd, .csv, .las, .laz or .bin (KITTI, intensity 0 to 1); of scans also .evd "
-        "or .pcap",
-    )
-    add(
-        "--turns",
-        metavar="FIRST-LAST",
-        help="turns of a recording, in metres in the sensor's frame, with intensity, ring (0 is "
-        "the lowest) and time in s (default: the first whole turn); of a bag's clouds, messages "
-        "from 0, in the frame and with the numbers of the messages",
-    )
+    add("--turns", metavar="FIRST-LAST", help=text)
     add("--stream", help=STREAM)
     add("--topic", help=TOPIC)
     add_time_unit(parser)

@@ -13,27 +13,16 @@ from puckbench.jobs.figure import Figure
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = "\n".join(
-        [
-            "figures:",
-            *(
-                f"  {name:18} {entry.title} ({', '.join(entry.inputs)})"
-                for name, entry in figure_entries().items()
-            ),
-        ]
-    )
+    entries = figure_entries().items()
+    lines = (f"  {name:18} {entry.title} ({', '.join(entry.inputs)})" for name, entry in entries)
+    parser.epilog = "\n".join(["figures:", *lines])
     add = parser.add_argument
     add("figure", help="one of the figures below, or path/to/file.py:function")
     add("out", type=Path, nargs="+", help="files to write (.pdf, .png, .svg)")
     add("--inputs", type=json_object, required=True, help='JSON: {"metrics": "metrics.csv", ...}')
-    add(
-        "--style",
-        type=_style,
-        default=[],
-        help="changes to the style, as in a configuration (figures: style): a YAML file, or JSON. "
-        'Of codecs: {"colours": {"draco": "#336699"}, "markers": {"draco": "s"}, "codec_titles": '
-        '{"draco": "..."}, "lines": {"draco": ":"}}',
-    )
+    example = '{"colours": {"draco": "#336699"}, "codec_titles": {"draco": "..."}}'
+    text = f"changes to the style, as in a configuration: a YAML file, or JSON such as {example}"
+    add("--style", type=_style, default=[], help=text)
     add("--codecs", nargs="+", default=[], help="draw only these codecs")
     add("--datasets", nargs="+", default=[], help="draw only these data sets")
 

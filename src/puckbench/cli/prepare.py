@@ -31,47 +31,28 @@ _SHOWN = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add(
-        "cloud",
-        type=Path,
-        help="cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, KITTI's .bin), scan table (.parquet), "
-        "or recording (.pcap, .puck, ...)",
-    )
+    text = "cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, .bin), scan table (.parquet) or recording"
+    add("cloud", type=Path, help=text)
     add("out", type=Path, help="PLY file to write; its description (JSON) is written beside it")
-    add(
-        "--crop",
-        nargs="+",
-        metavar="BOX",
-        help="x0 y0 z0 x1 y1 z1 in metres, or a JSON file with a 'box'",
-    )
-    add(
-        "--scale",
-        type=_size,
-        default=1024,
-        help="size of the cube; 0: stay in metres; grid: keep the voxels (default: 1024)",
-    )
+    text = "x0 y0 z0 x1 y1 z1 in metres, or a JSON file with a 'box'"
+    add("--crop", nargs="+", metavar="BOX", help=text)
+    text = "size of the cube (default: 1024); 0: stay in metres; grid: keep the voxels"
+    add("--scale", type=_size, default=1024, help=text)
     add("--peak", type=float, help="peak of the PSNRs of a cloud in metres, in m (default: 30)")
     add("--neighbours", type=integer(3), default=30, help="neighbours for normals (default: 30)")
     add_unit(parser, "cloud")
     add_cloud_options(parser)
     add("--clean", action="store_true", help="use the coordinates without errors of a scan")
-    add(
-        "--turns",
-        metavar="FIRST-LAST",
-        help="use these turns of a scan or a recording, in metres in the sensor's frame, and "
-        "write their returns beside the cloud (default for a recording: its first whole turn); of "
-        "clouds in a ROS bag, the one of this number, in metres (default: 0)",
+    text = (
+        "turns of a scan or recording (default: its first whole turn), whose returns are written "
+        "beside the cloud; of clouds in a ROS bag, the number of one (default: 0)"
     )
+    add("--turns", metavar="FIRST-LAST", help=text)
     add("--stream", help=STREAM)
     add("--topic", help=TOPIC)
     add("--truth", type=Path, help="also write the true surface points of a scan")
-    add(
-        "--about",
-        type=Path,
-        action="append",
-        default=[],
-        help="JSON file whose name and group the description keeps",
-    )
+    text = "JSON file whose name and group the description keeps"
+    add("--about", type=Path, action="append", default=[], help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

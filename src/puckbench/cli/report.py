@@ -9,20 +9,12 @@ from puckbench.jobs.report import Report
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("out", type=Path, help="page to write (.html)")
-    parser.add_argument(
-        "--contents",
-        type=json_object,
-        required=True,
-        help='JSON: {"metrics": "metrics.csv", "tables": {"bd_rate": "bd_rate.csv"}, ...}',
-    )
-    parser.add_argument(
-        "--code",
-        nargs="+",
-        metavar="PLACE",
-        default=[],
-        help="your figures and tables among the contents (path/to/file.py:function)",
-    )
+    add = parser.add_argument
+    add("out", type=Path, help="page to write (.html)")
+    text = 'JSON: {"metrics": "metrics.csv", "tables": {"bd_rate": "bd_rate.csv"}, ...}'
+    add("--contents", type=json_object, required=True, help=text)
+    text = "your figures and tables among the contents (path/to/file.py:function)"
+    add("--code", nargs="+", metavar="PLACE", default=[], help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -15,30 +15,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--sensor", default="vlp16", help="its name, or a YAML file (default: vlp16)")
     add("--errors", default="none", help="error model (default: none)")
     add("--error-options", type=json_object, default={}, help="changes to its parameters (JSON)")
-    add(
-        "--sweep",
-        type=_sweep,
-        default="thesis",
-        help="name of a sweep, or changes to the sweep of 4 s (JSON)",
-    )
-    add(
-        "--origin",
-        nargs=3,
-        type=float,
-        metavar=("X", "Y", "Z"),
-        help="position of the sensor, in metres",
-    )
-    add(
-        "--height",
-        type=float,
-        default=1.3,
-        help="height above the floor in metres, if no --origin is given (default: 1.3)",
-    )
-    add(
-        "--anywhere",
-        action="store_true",
-        help="allow positions outside the scene and inside objects, and paths through walls",
-    )
+    text = "name of a sweep, or changes to the sweep of 4 s (JSON)"
+    add("--sweep", type=_sweep, default="thesis", help=text)
+    text = "position of the sensor, in metres"
+    add("--origin", nargs=3, type=float, metavar=("X", "Y", "Z"), help=text)
+    text = "height above the floor in metres, without --origin (default: 1.3)"
+    add("--height", type=float, default=1.3, help=text)
+    text = "allow positions outside the scene and inside objects, and paths through walls"
+    add("--anywhere", action="store_true", help=text)
     add_unit(parser, "mesh")
     add("--seed", type=integer(0), default=0)
 

@@ -19,21 +19,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=integer(0), help="seed of the training (default: 1)")
     add("--options", type=json_object, default={}, help="further settings of the training (JSON)")
     add_entry(parser)
-    add(
-        "--every", type=integer(1), default=100, help="steps between two checkpoints (default: 100)"
-    )
+    add("--every", type=integer(1), default=100, help="steps between checkpoints (default: 100)")
     add("--validate", type=Path, nargs="+", default=[], help="validation clouds (PLY)")
-    add(
-        "--validate-every",
-        type=integer(0),
-        default=0,
-        help="steps between two validations (default: one validation at the end)",
-    )
-    add(
-        "--peak",
-        type=float,
-        help="peak of the PSNRs (default: size - 1, from the validation clouds' descriptions)",
-    )
+    text = "steps between two validations (default: one validation at the end)"
+    add("--validate-every", type=integer(0), default=0, help=text)
+    text = "peak of the PSNRs (default: size - 1, from the validation clouds' descriptions)"
+    add("--peak", type=float, help=text)
     add("--code", help="fingerprint of the code: start again if the checkpoint has another one")
 
 

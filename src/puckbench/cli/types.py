@@ -94,12 +94,8 @@ def add_cloud_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--drop-invalid", action="store_true", help="leave out points that are not finite")
     add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
-    add(
-        "--bin-columns",
-        metavar="COLUMNS",
-        help="columns of .bin files: their number, 3 to 6, or their names, such as "
-        "x,y,z,intensity,ring (default: from the values)",
-    )
+    text = "columns of .bin files: their number, 3 to 6, or names, as x,y,z,intensity,ring"
+    add("--bin-columns", metavar="COLUMNS", help=text)
 
 
 def selected(options: argparse.Namespace, *names: str) -> dict[str, Any]:

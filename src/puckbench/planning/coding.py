@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -11,13 +9,11 @@ from typing import Any
 from puckbench.codecs.facts import Pace
 from puckbench.codecs.registry import codec_class, module_of
 from puckbench.core.environment import thread_environment
-from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.decode import Decode, DecodeShown
 from puckbench.jobs.encode import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
 from puckbench.jobs.gathered_tables import RowsTable
-from puckbench.jobs.join_parts import JoinRows, JoinStreams
 from puckbench.jobs.recovery import RecoveryCurve
 from puckbench.jobs.registry import Job
 from puckbench.metrics.metric_registry import METRICS
@@ -28,17 +24,6 @@ from puckbench.planning.report_contents import shown_rates
 
 _BYTES_PER_PIXEL = 100
 """Memory per pixel of a square view, bytes (measured: 305 MB for a width of 1920)."""
-_MOST_SECONDS = 600
-"""Maximum estimated time of one job; longer curves are split into parts."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Rates of a codec, all or some, that one job encodes for clouds in a coordinate frame."""
-
-    codec: str
-    frame: CoordinateFrame
-    rates: tuple[str, ...]
 
 
 def _peak(settings: DataSetConfig) -> float | None:
@@ -51,48 +36,6 @@ class CodingJobs:
     def __init__(self, clouds: CloudJobs) -> None:
         self.clouds, self.plan = clouds, clouds.plan
         self.timing = self.plan.config.timing
-
-    @cached_property
-    def curves(self) -> tuple[Curve, ...]:
-        """Curves of all codecs in all coordinate frames; slow curves are split."""
-        return tuple(
-            Curve(codec, frame, rates)
-            for frame in self.plan.frames
-            for codec in self._coding(frame)
-            for rates in self._parts(self.plan.rates(codec, frame), codec)
-        )
-
-    def _coding(self, frame: CoordinateFrame) -> list[str]:
-        sets = self.plan.in_frame(frame)
-        codes = self.plan.codes
-        return [codec for codec in self.plan.codecs if any(codes(codec, name) for name in sets)]
-
-    @cached_property
-    def cut(self) -> list[str]:
-        counts = Counter((curve.codec, curve.frame) for curve in self.curves)
-        return list(dict.fromkeys(codec for (codec, _), count in counts.items() if count > 1))
-
-    @cached_property
-    def whole(self) -> list[str]:
-        return [codec for codec in self.plan.codecs if codec not in self.cut]
-
-    def parts(self, dataset: str, cloud: str, codec: str) -> list[str]:
-        return [
-            _name(rates)
-            for rates in self._parts(self.plan.curve_rates(dataset, cloud, codec), codec)
-        ]
-
-    def _parts(self, rates: tuple[str, ...], codec: str) -> list[tuple[str, ...]]:
-        return _parts(rates, self._seconds(codec))
-
-    def _rates(self, dataset: str, cloud: str, codec: str, part: str) -> tuple[str, ...]:
-        rates = self.plan.curve_rates(dataset, cloud, codec)
-        if not part:
-            return rates
-        named = {_name(rates): rates for rates in self._parts(rates, codec)}
-        if part not in named:
-            raise InputError(f"codec {codec}: no part '{part}' of its rates ({', '.join(named)})")
-        return named[part]
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
         """Return the files of a codec's ``metrics`` or ``recovery`` rows, by default of all."""
@@ -118,11 +61,11 @@ class CodingJobs:
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
         """Return an upper bound of a curve job's estimated time, in minutes."""
-        rates = max((len(curve.rates) for curve in self.curves if curve.codec == codec), default=0)
+        rates = max((len(self.plan.rates(codec, frame)) for frame in self.plan.frames), default=0)
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
-    def encode(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        return self._encode(dataset, codec, self._rates(dataset, cloud, codec, part))
+    def encode(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
+        return self._encode(dataset, codec, self.plan.curve_rates(dataset, cloud, codec))
 
     @cache  # noqa: B019
     def _encode(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
@@ -142,8 +85,8 @@ class CodingJobs:
         changes = self._entry(dataset, codec, rates)
         return self._planned(DecodeShown(codec=codec, changes=changes, rates=rates), codec)
 
-    def evaluate(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        return self._evaluate(dataset, codec, self._rates(dataset, cloud, codec, part))
+    def evaluate(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
+        return self._evaluate(dataset, codec, self.plan.curve_rates(dataset, cloud, codec))
 
     @cache  # noqa: B019
     def _evaluate(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
@@ -167,14 +110,6 @@ class CodingJobs:
 
     def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
         return planned(record, self._module(codec), *modules, also=self.plan.weights_digest(codec))
-
-    @cached_property
-    def join_streams(self) -> PlannedJob:
-        return planned(JoinStreams())
-
-    @cached_property
-    def join_rows(self) -> PlannedJob:
-        return planned(JoinRows())
 
     @cache  # noqa: B019
     def scan_error(self, dataset: str) -> PlannedJob:
@@ -261,14 +196,3 @@ class CodingJobs:
 
     def _module(self, codec: str) -> str:
         return module_of(self.plan.codecs[codec]["class"])
-
-
-def _name(rates: tuple[str, ...]) -> str:
-    first, last = rates[0], rates[-1]
-    return first if first == last else f"{first}_to_{last}"
-
-
-def _parts(rates: tuple[str, ...], seconds: float) -> list[tuple[str, ...]]:
-    parts = max(1, min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS)))
-    size = math.ceil(len(rates) / parts)
-    return [rates[first : first + size] for first in range(0, len(rates), size or 1)]

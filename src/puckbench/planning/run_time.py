@@ -1,14 +1,9 @@
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable
 
-from puckbench.core.environment import loops_folder
 from puckbench.planning.workflow import Workflow
 
-SAMPLE_S = 0.05
-"""Seconds of `machine_sample` on the machine where the times below were measured."""
 _START_S = 0.15
 """Seconds to start the process of a job."""
 _OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 6.0}
@@ -19,8 +14,6 @@ _OTHERS = {"residuals": 2.5, "wall_points": 0.8, "report_page": 10.0, "first_loo
 """Seconds, by rule, of jobs whose time does not depend on the clouds."""
 _OTHER_S = 1.0
 """Seconds of any other job, such as a figure or table."""
-_COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
-"""Seconds to compile the loops of all jobs, and further loops of each codec."""
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
@@ -50,40 +43,3 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
         "decode_shown": shown * decoded,
         "recovery": decoded,
     }
-
-
-def machine_sample() -> float:
-    """Return the seconds that a short computation takes on one core of this machine."""
-    import numpy as np
-
-    values = np.random.default_rng(0).random((100_000, 3))
-    best = np.inf
-    for _ in range(3):
-        start = time.perf_counter()
-        for axis in range(3):
-            np.argsort(values[:, axis], kind="stable")
-        sum(number * number for number in range(400_000))
-        best = min(best, time.perf_counter() - start)
-    return float(best)
-
-
-def compiling_seconds(bench: Workflow) -> float:
-    """Estimate the seconds for compilation; 0 if compiled loops are cached."""
-    import puckbench
-
-    geometry = Path(puckbench.__file__).parent / "geometry"
-    if any(loops_folder(geometry).glob("numba-*")):
-        return 0.0
-    return _COMPILING_S + _COMPILING_CODEC_S * len(bench.plan.codecs)
-
-
-def run_seconds(
-    jobs: Mapping[str, int],
-    seconds: Callable[[str], float],
-    cores: int,
-    sample_s: float,
-    compiling_s: float = 0.0,
-) -> float:
-    """Estimate the seconds that jobs (counts by rule) take on `cores` cores of this machine."""
-    work = sum(count * seconds(rule) for rule, count in jobs.items()) + compiling_s
-    return work * sample_s / SAMPLE_S / max(1, cores)

@@ -9,11 +9,11 @@ from puckbench.cli.types import integer
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--config", type=Path, default=Path("config/thesis.yaml"))
-    parser.add_argument("--stand-in", action="store_true", help="use the generated data")
-    parser.add_argument(
-        "--cores", type=integer(1), default=2, help="cores in the printed commands (default: 2)"
-    )
+    add = parser.add_argument
+    add("--config", type=Path, default=Path("config/thesis.yaml"))
+    add("--stand-in", action="store_true", help="use the generated data")
+    text = "cores in the printed commands (default: 2)"
+    add("--cores", type=integer(1), default=2, help=text)
 
 
 @COMMANDS.register(

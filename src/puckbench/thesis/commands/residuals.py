@@ -8,44 +8,22 @@ from puckbench.cli.registry import COMMANDS
 from puckbench.cli.types import integer, json_object, selected
 
 
-def scan_arguments(
-    parser: argparse.ArgumentParser, distances: list[float], out: str, keep: str
-) -> None:
-    parser.add_argument("out", type=Path, help=f"{out} to write (.parquet)")
-    parser.add_argument("--model", default="vlp16", help="error model (default: vlp16)")
-    parser.add_argument(
-        "--model-options", type=json_object, default={}, help="changes to its parameters (JSON)"
-    )
-    parser.add_argument(
-        "--distances",
-        nargs="+",
-        type=float,
-        default=distances,
-        metavar="M",
-        help="distances from the sensor to the wall, in metres: 1 to 5, or 30 (default: "
-        f"{' '.join(f'{distance:g}' for distance in distances)})",
-    )
-    parser.add_argument("--seed", type=integer(0), default=0)
-    parser.add_argument("--keep", type=integer(1), help=f"{keep} to keep, chosen at random")
-
-
 def arguments(parser: argparse.ArgumentParser) -> None:
-    scan_arguments(parser, [1.0, 2.0, 3.0, 4.0, 5.0], "residual table", "rows of each scan")
-    parser.add_argument(
-        "--runs", type=integer(1), default=3, help="scans from each distance (default: 3)"
-    )
-    parser.add_argument(
-        "--refit", action="store_true", help="fit planes to the inliers of RANSAC by least squares"
-    )
-    parser.add_argument(
-        "--capture", type=Path, metavar="FILE", help="measure a real capture instead of scanning"
-    )
-    parser.add_argument(
-        "--capture-options",
-        type=json_object,
-        default={},
-        help="changes to the measurement (JSON, docs/reference/capture_options.md)",
-    )
+    add = parser.add_argument
+    add("out", type=Path, help="residual table to write (.parquet)")
+    add("--model", default="vlp16", help="error model (default: vlp16)")
+    add("--model-options", type=json_object, default={}, help="changes to its parameters (JSON)")
+    text = "distances from the sensor to the wall, in metres: 1 to 5 (default), or 30"
+    default = [1.0, 2.0, 3.0, 4.0, 5.0]
+    add("--distances", nargs="+", type=float, default=default, metavar="M", help=text)
+    add("--seed", type=integer(0), default=0)
+    add("--keep", type=integer(1), help="rows of each scan to keep, chosen at random")
+    add("--runs", type=integer(1), default=3, help="scans from each distance (default: 3)")
+    text = "fit planes to the inliers of RANSAC by least squares"
+    add("--refit", action="store_true", help=text)
+    add("--capture", type=Path, metavar="FILE", help="measure a real capture instead of scanning")
+    text = "changes to the measurement (JSON, docs/reference/capture_options.md)"
+    add("--capture-options", type=json_object, default={}, help=text)
 
 
 @COMMANDS.register(
