@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 @cache
 def planned(name: str) -> TrainingPlan:
     config = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
-    return Workflow(config).training.training(name)
+    return Workflow(config).plan.trainings[name]
 
 
 def header_of(name: str) -> catalogue.WeightsHeader:

@@ -13,8 +13,10 @@ if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
 from puckbench.core.errors import InputError
+from puckbench.figures.registry import figure_entry
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.jobs.process import TIMEOUT
+from puckbench.metrics.table_registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
 from puckbench.planning.launch import CALLER_PRINTS_SUMMARY

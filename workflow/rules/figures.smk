@@ -7,8 +7,8 @@ rule figure:
         svg=f"{RESULTS}/figures/{{figure}}.svg",
         png=report(
             f"{RESULTS}/figures/{{figure}}.png",
-            category=lambda w: outputs.figure_labels(w.figure)[0],
-            labels=lambda w: {"figure": outputs.figure_labels(w.figure)[1]},
+            category=lambda w: figure_entry(w.figure).category,
+            labels=lambda w: {"figure": figure_entry(w.figure).title},
         ),
     log:
         f"{RESULTS}/logs/figures/{{figure}}.log",
@@ -59,4 +59,4 @@ if FIRST_FIGURES:
 FIGURES = [
     f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "svg", "png")
 ]
-SENSOR_FIGURES = [file for file in FIGURES if outputs.figure_labels(Path(file).stem)[0] == "Sensor"]
+SENSOR_FIGURES = [file for file in FIGURES if figure_entry(Path(file).stem).category == "Sensor"]

@@ -31,7 +31,7 @@ rule table:
     output:
         csv=report(
             f"{RESULTS}/tables/{{table}}.csv",
-            category=lambda w: outputs.table_category(w.table),
+            category=lambda w: table_entry(w.table).category,
             labels={"table": "{table}"},
         ),
         parquet=f"{RESULTS}/tables/{{table}}.parquet",

@@ -2,9 +2,9 @@
 # unless code, settings or clouds have changed.
 rule weights:
     input:
-        clouds=lambda w: training.cloud_files(training.training(w.trained).clouds),
-        validate=lambda w: training.cloud_files(training.training(w.trained).validate),
-        start=lambda w: training.training(w.trained).start or [],
+        clouds=lambda w: training.cloud_files(plan.trainings[w.trained].clouds),
+        validate=lambda w: training.cloud_files(plan.trainings[w.trained].validate),
+        start=lambda w: plan.trainings[w.trained].start or [],
     output:
         weights=f"{RESULTS}/weights/{{trained}}.safetensors",
         curve=f"{RESULTS}/weights/{{trained}}.csv",

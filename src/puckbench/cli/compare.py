@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +12,7 @@ if TYPE_CHECKING:
     from puckbench.figures.style import FigureStyle
     from puckbench.report.comparison import Comparison
 
-_GREY, _PLAIN = "\x1b[2m", "\x1b[0m"
+_HEADS = ("bits per point", "D1 PSNR, dB", "s, at most")
 _DELTA_COLUMNS = (
     *("dataset", "codec", "anchor", "metric", "clouds", "compared"),
     *("bd_rate_percent", "bd_rate_percent_low", "bd_rate_percent_high"),
@@ -127,47 +125,27 @@ def _medians(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def text(answer: Mapping[str, Any]) -> str:
-    """Return text for a terminal: a table for each data set, with reference rows in grey."""
-    study, metrics = answer["study"], list(dict.fromkeys(row["metric"] for row in answer["deltas"]))
-    lines: list[str] = []
-    for dataset in dict.fromkeys(row["name"] for row in answer["curves"]):
-        curves = [row for row in answer["curves"] if row["name"] == dataset]
-        deltas = {
-            (row["codec"], row["anchor"], row["metric"]): row
-            for row in answer["deltas"]
-            if row["dataset"] == dataset
-        }
-        for run_row in [row for row in curves if row["own"]]:
-            lines += _table(
-                run_row, [row for row in curves if not row["own"]], deltas, metrics, study
-            )
-    lines += _closing(answer)
-    return "\n".join(lines)
-
-
-def _table(
-    run_row: Mapping[str, Any],
-    others: Sequence[Mapping[str, Any]],
-    deltas: Mapping[Any, Mapping[str, Any]],
-    metrics: Sequence[str],
-    study: str,
-) -> Iterator[str]:
+    """Return text for a terminal: a table for each data set and codec of the run."""
     from puckbench.planning.run_summary import aligned
+    from puckbench.report.bd_rate_text import delta_text
 
-    clouds = "1 cloud" if run_row["clouds"] == 1 else f"{run_row['clouds']} clouds"
-    heads = [f"{run_row['dataset']}, {clouds}", "bits per point", "D1 PSNR, dB", "s, at most"]
-    rows = [[*heads, *(f"BD-rate, {_short(metric)}" for metric in metrics)]]
-    rows.append([*_cells(run_row, run_row["title"]), *("" for _ in metrics)])
-    for row in others:
-        per_metric = (deltas.get((run_row["codec"], row["codec"], metric)) for metric in metrics)
-        rows.append([*_cells(row, f"{row['title']}, {study}"), *map(_delta, per_metric)])
-    for number, line in enumerate(aligned(rows, left=1)):
-        yield f"{_GREY}{line}{_PLAIN}" if number > 1 and _is_coloured() else line
-    yield ""
-
-
-def _is_coloured() -> bool:
-    return sys.stdout.isatty() and "NO_COLOR" not in os.environ
+    metrics = list(dict.fromkeys(row["metric"] for row in answer["deltas"]))
+    deltas = {
+        (row["dataset"], row["codec"], row["anchor"], row["metric"]): delta_text(row)
+        for row in answer["deltas"]
+    }
+    lines: list[str] = []
+    for mine in (row for row in answer["curves"] if row["own"]):
+        name, codec, count = mine["name"], mine["codec"], mine["clouds"]
+        heads = [f"{mine['dataset']}, {count} cloud{'s' if count > 1 else ''}", *_HEADS]
+        rows = [[*heads, *(f"BD-rate, {_short(metric)}" for metric in metrics)]]
+        rows.append([*_cells(mine, mine["title"]), *("" for _ in metrics)])
+        for row in answer["curves"]:
+            if row["name"] == name and not row["own"]:
+                texts = (deltas.get((name, codec, row["codec"], m), "") for m in metrics)
+                rows.append([*_cells(row, f"{row['title']}, {answer['study']}"), *texts])
+        lines += [*aligned(rows, left=1), ""]
+    return "\n".join([*lines, *_closing(answer)])
 
 
 def _short(metric: str) -> str:
@@ -183,12 +161,6 @@ def _cells(row: Mapping[str, Any], title: str) -> list[str]:
 
 def _range(row: Mapping[str, Any], name: str, form: str) -> str:
     return " to ".join(f"{value:{form}}" for value in row[name]) if name in row else ""
-
-
-def _delta(row: Mapping[str, Any] | None) -> str:
-    from puckbench.report.bd_rate_text import delta_text
-
-    return "" if row is None else delta_text(row)
 
 
 def _closing(answer: Mapping[str, Any]) -> Iterator[str]:

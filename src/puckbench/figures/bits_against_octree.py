@@ -10,6 +10,7 @@ from puckbench.figures.panels import (
     add_legend,
     fitted_limits,
     label_outer,
+    line_handle,
     panel_grid,
     panels_abreast,
     set_log,
@@ -21,15 +22,11 @@ from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle, Range
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
-from puckbench.metrics.tables.against_octree import (
-    COMPLETE_OCTREE,
-    OCTREE,
-)
+from puckbench.metrics.tables.against_octree import COMPLETE_OCTREE, OCTREE
 from puckbench.metrics.tables.storage import bits_at_error
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -85,7 +82,8 @@ def draw_bits_against_octree(
         set_title(axes, titled(style.title(dataset), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"D1 error, RMS (mm), {BETTER}", _BITS)
     codecs = {codec for lines in curves.values() for codec in lines}
-    add_legend(figure, style.ordered_codecs(codecs), style, [_octree_handle(style)])
+    octree = line_handle("G-PCC's octree coder, 100 %", color=style.of_codec(OCTREE).colour)
+    add_legend(figure, style.ordered_codecs(codecs), style, [octree])
     return figure
 
 
@@ -151,9 +149,3 @@ def _draw(axes: Axes, quartiles: Floats, plot_style: PlotStyle) -> None:
         _ERRORS_MM, median, color=plot_style.colour, linestyle=plot_style.line,
         marker=plot_style.marker, markevery=_MARK_EVERY, zorder=3,
     )  # fmt: skip
-
-
-def _octree_handle(style: FigureStyle) -> Artist:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=style.of_codec(OCTREE).colour, label="G-PCC's octree coder, 100 %")

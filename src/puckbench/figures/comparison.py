@@ -11,6 +11,7 @@ from puckbench.figures.panels import (
     draw_edge_ticks,
     figure_width,
     label_outer,
+    line_handle,
     lossless_tick_handle,
     set_title,
     titled,
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 _PANEL_IN = 2.1
 _LABELS = {"d1_psnr": "D1 PSNR (dB)", "d2_psnr": "D2 PSNR (dB)"}
@@ -69,12 +69,9 @@ def draw_comparison(
     label_outer(panels, shape[1], BPP.label, "")
     for number, axes in enumerate(panels):
         axes.set_ylabel(_label(qualities[number % shape[1]], peak))
-    handles = [
-        _handle(plot_style, plot_style.title, 4, style) for plot_style in run_styles.values()
-    ]
+    handles = [line_handle(k.title, **_line(k, 4, style)) for k in run_styles.values()]
     handles += [
-        _handle(plot_style, f"{plot_style.title}, {study}", 2, style)
-        for plot_style in reference_styles.values()
+        line_handle(f"{k.title}, {study}", **_line(k, 2, style)) for k in reference_styles.values()
     ]
     handles += [lossless_tick_handle()] if lossless_rows(metrics).any() else []
     add_fitting_legend(figure, handles, style)
@@ -130,9 +127,3 @@ def _line(plot_style: PlotStyle, zorder: int, style: FigureStyle) -> dict[str, A
         "linewidth": style.line_width * (1.6 if zorder > 2 else 0.8),
         "markersize": style.marker_size * (1.2 if zorder > 2 else 0.9),
     }
-
-
-def _handle(plot_style: PlotStyle, label: str, zorder: int, style: FigureStyle) -> Line2D:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], label=label, **_line(plot_style, zorder, style))

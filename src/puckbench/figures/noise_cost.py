@@ -6,7 +6,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import add_rows_legend, set_title
+from puckbench.figures.panels import add_rows_legend, line_handle, set_title
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
@@ -47,7 +47,6 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     Bits above the bound are the cost of the scene and of what a codec does not model.
     """
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m"), "metrics")
     require_rows(clouds, ("dataset", "cloud"), "clouds")
@@ -70,9 +69,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
         _draw_lines(axes, lines, list(markers.values()))
         set_title(axes, f"{title} (n = {clouds_of_a_model})", 1, style)
     panels[-1].set_xlabel(f"Bits per return, {BETTER}")
-    handles = [
-        Line2D([], [], label=error_model_title(name), **marker) for name, marker in markers.items()
-    ]
+    handles = [line_handle(error_model_title(name), **mark) for name, mark in markers.items()]
     add_rows_legend(figure, handles, 3)
     return figure
 

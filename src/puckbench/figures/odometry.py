@@ -10,6 +10,7 @@ from puckbench.figures.panels import (
     add_legend,
     fitted_limits,
     label_outer,
+    line_handle,
     panel_grid,
     panels_abreast,
     set_log,
@@ -20,16 +21,10 @@ from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.table_registry import ODOMETRY, UNDECODED
-from puckbench.metrics.tables.odometry_bits import (
-    DRIFT,
-    Reference,
-    mean_curve,
-    reference_of,
-)
+from puckbench.metrics.tables.odometry_bits import DRIFT, Reference, mean_curve, reference_of
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -40,10 +35,7 @@ _COLUMNS = ("dataset", "cloud", "codec", "rate", "has_times", "lost_turns", DRIF
 
 
 @FIGURES.register(
-    "odometry",
-    title="Drift of odometry against bits",
-    category="Drives",
-    needs=(ODOMETRY,),
+    "odometry", title="Drift of odometry against bits", category="Drives", needs=(ODOMETRY,)
 )
 def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     """Drift of KISS-ICP on decoded turns, mean over lengths of 10, 20 and 50 m and over drives.
@@ -73,7 +65,9 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
         _draw_panel(axes, dataset_rows, style)
         set_title(axes, titled(style.title(name), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"Bits per return, {BETTER}", f"Drift (%), {BETTER}")
-    add_legend(figure, style.ordered_codecs(codecs["codec"]), style, _handles())
+    names = {True: "undecoded", False: "undecoded, without times"}
+    handles = [line_handle(names[k], linewidth=0.9, linestyle=_LINES[k]) for k in names]
+    add_legend(figure, style.ordered_codecs(codecs["codec"]), style, handles)
     return figure
 
 
@@ -101,13 +95,3 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
         if good.any():
             first = int(np.argmax(good))
             axes.plot(bits[first], drift[first], markersize=2.2 * style.marker_size, **common)
-
-
-def _handles() -> list[Artist]:
-    from matplotlib.lines import Line2D
-
-    names = {True: "undecoded", False: "undecoded, without times"}
-    return [
-        Line2D([], [], color="#444444", linewidth=0.9, linestyle=_LINES[kind], label=name)
-        for kind, name in names.items()
-    ]

@@ -121,24 +121,24 @@ def draw_curve(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = Fa
     draw_line(axes, curve.x, curve.y, plot_style, faint)
 
 
-def unranked_handle() -> Line2D:
+def line_handle(label: str, **line: Any) -> Line2D:
+    """Return a legend entry of a line, grey unless `line` has a colour."""
     from matplotlib.lines import Line2D
 
-    label = f"not ranked: not timed alone {MIN_REPEATS} times"
-    return Line2D([], [], color="#444444", label=label, **UNRANKED_LINE)
+    return Line2D([], [], label=label, **{"color": "#444444", **line})
+
+
+def unranked_handle() -> Line2D:
+    return line_handle(f"not ranked: not timed alone {MIN_REPEATS} times", **UNRANKED_LINE)
 
 
 def scan_handle() -> Line2D:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], label="the scan itself", **SCAN_LINE)
+    return line_handle("the scan itself", **SCAN_LINE)
 
 
 def lossless_tick_handle() -> Line2D:
-    from matplotlib.lines import Line2D
-
-    tick: dict[str, Any] = {"color": "#444444", "linestyle": "", "marker": "|"}
-    return Line2D([], [], markeredgewidth=_TICK_WIDTH, label="bits of lossless streams", **tick)
+    tick: dict[str, Any] = {"linestyle": "", "marker": "|", "markeredgewidth": _TICK_WIDTH}
+    return line_handle("bits of lossless streams", **tick)
 
 
 def draw_over_rates(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
@@ -219,12 +219,8 @@ def add_fitting_legend(figure: Figure, handles: Sequence[Artist], style: FigureS
 
 
 def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
-    from matplotlib.lines import Line2D
-
-    lines = [style.of_codec(codec) for codec in codecs]
-    return [
-        Line2D([], [], color=k.colour, marker=k.marker, ls=k.line, label=k.title) for k in lines
-    ]
+    looks = map(style.of_codec, codecs)
+    return [line_handle(k.title, color=k.colour, marker=k.marker, ls=k.line) for k in looks]
 
 
 def add_rows_legend(

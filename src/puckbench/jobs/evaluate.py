@@ -18,11 +18,7 @@ from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.lidar.returns import with_returns
-from puckbench.metrics.cloud_metrics import (
-    attribute_metrics,
-    geometry_metrics,
-    picture_metrics,
-)
+from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.metric_registry import further_metrics
 from puckbench.metrics.sensor_metrics import range_errors, range_errors_of_points, real_time_metrics
@@ -133,15 +129,9 @@ class Evaluate(Evaluating):
     rate: str | None = None
 
     def run(
-        self,
-        cloud: Path,
-        decoded: Path,
-        row: Path | None = None,
-        truth: Path | None = None,
-        visible: Path | None = None,
-        clean: Path | None = None,
+        self, cloud: Path, decoded: Path, row: Path | None = None, **truth: Path | None
     ) -> dict[str, Any]:
-        result = self.row(Originals(cloud, truth, visible, clean), self._decoded(decoded))
+        result = self.row(Originals(cloud, **truth), self._decoded(decoded))
         if row:
             write_json(row, result)
         return result
@@ -157,16 +147,8 @@ class Evaluate(Evaluating):
 class EvaluateCurve(Evaluating):
     """Measure all streams of a curve."""
 
-    def run(
-        self,
-        cloud: Path,
-        curve: Path,
-        rows: Path,
-        truth: Path | None = None,
-        visible: Path | None = None,
-        clean: Path | None = None,
-    ) -> dict[str, Any]:
-        originals = Originals(cloud, truth, visible, clean)
+    def run(self, cloud: Path, curve: Path, rows: Path, **truth: Path | None) -> dict[str, Any]:
+        originals = Originals(cloud, **truth)
         coded, progress = read_curve(curve), Progress("rate")
         results = []
         with naming(curve):

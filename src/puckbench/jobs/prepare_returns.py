@@ -140,10 +140,7 @@ def _check_selection(path: Path, stream: str | None, topic: str | None) -> None:
 
 
 def read_selected_turns(
-    path: Path,
-    turns: tuple[int, int] | None,
-    stream: str | None = None,
-    topic: str | None = None,
+    path: Path, turns: tuple[int, int] | None, stream: str | None = None, topic: str | None = None
 ) -> tuple[Returns, dict[str, int]]:
     """Read turns of a recording or of a table of firings, and counts of damaged data.
 

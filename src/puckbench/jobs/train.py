@@ -81,7 +81,12 @@ class Train(Job):
             **({"start": Path(self.start).stem} if self.start else {}),
             "seconds": curve.seconds,
         }
-        return self._export(card, training, trainer, weights, validate)
+        training.export(weights, trainer.model, card)
+        if validate:
+            card["validation"] = self._measured(training, weights, validate)
+            training.export(weights, trainer.model, card)
+        write_json(weights.with_suffix(".json"), card)
+        return card
 
     def _begin(
         self, trainer: BaseTrainer[Any, Any], training: BaseTraining, clouds: Sequence[Path]
@@ -106,21 +111,6 @@ class Train(Job):
                 checkpoint.unlink()
             else:
                 _say(f"{checkpoint}: going on after step {trainer.done}")
-
-    def _export(
-        self,
-        card: dict[str, Any],
-        training: BaseTraining,
-        trainer: BaseTrainer[Any, Any],
-        weights: Path,
-        validate: Sequence[Path],
-    ) -> dict[str, Any]:
-        training.export(weights, trainer.model, card)
-        if validate:
-            card["validation"] = self._measured(training, weights, validate)
-            training.export(weights, trainer.model, card)
-        write_json(weights.with_suffix(".json"), card)
-        return card
 
     def _measured(
         self, training: BaseTraining, weights: Path, validate: Sequence[Path]

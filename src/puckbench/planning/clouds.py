@@ -55,7 +55,6 @@ class CloudJobs:
     def true_points(self, dataset: str, cloud: str) -> str:
         return f"{self.plan.results}/truth/{dataset}/{cloud}.ply"
 
-    @cache  # noqa: B019 (one plan lives as long as the process)
     def scene(self, scenes: str, name: str) -> PlannedJob:
         scene_set = self.plan.scenes[scenes]
         record = WriteScene(
@@ -66,27 +65,24 @@ class CloudJobs:
         )
         return planned(record, LOADERS.module_of(scene_set.loader))
 
-    @cache  # noqa: B019
     def sample(self, dataset: str, cloud: str) -> PlannedJob:
         data = self.dataset(dataset)
         _, seed = data.source_of(cloud)
         return planned(Sample(points=data.settings.points, seed=seed))
 
-    @cache  # noqa: B019
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Plan a scan; its fingerprint includes the sensor, the sweep and the error model."""
         data = self.dataset(dataset)
         module, also = self._sensing(dataset)
         return planned(scan_record(data.settings, *data.source_of(cloud)), module, also=also)
 
-    @cache  # noqa: B019
+    @cache  # noqa: B019 (one plan lives as long as the process)
     def _sensing(self, dataset: str) -> tuple[str, str]:
         settings = self.dataset(dataset).settings
         model = open_error_model(settings.errors, settings.error_options)
         sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
         return module_of_model(model), f"{model} {load_sensor(settings.sensor)} {sweep}"
 
-    @cache  # noqa: B019
     def prepare(self, dataset: str) -> PlannedJob:
         settings = self.dataset(dataset).settings
         if self.dataset(dataset).has_returns:

@@ -65,31 +65,21 @@ class CodingJobs:
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
     def encode(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
-        return self._encode(dataset, codec, self.plan.curve_rates(dataset, cloud, codec))
-
-    @cache  # noqa: B019
-    def _encode(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
+        rates = self.plan.curve_rates(dataset, cloud, codec)
         record = EncodeCurve(codec=codec, changes=self._entry(dataset, codec, rates), **self._timed)
         return self._planned(record, codec)
 
-    @cache  # noqa: B019
     def decode(self, dataset: str, codec: str, rate: str) -> PlannedJob:
         record = Decode(codec=codec, changes=self._entry(dataset, codec, (rate,)), rate=rate)
         return self._planned(record, codec)
 
     def decode_shown(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
-        return self._decode_shown(dataset, codec, shown_rates(self.plan, dataset, cloud, codec))
-
-    @cache  # noqa: B019
-    def _decode_shown(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
+        rates = shown_rates(self.plan, dataset, cloud, codec)
         changes = self._entry(dataset, codec, rates)
         return self._planned(DecodeShown(codec=codec, changes=changes, rates=rates), codec)
 
     def evaluate(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
-        return self._evaluate(dataset, codec, self.plan.curve_rates(dataset, cloud, codec))
-
-    @cache  # noqa: B019
-    def _evaluate(self, dataset: str, codec: str, rates: tuple[str, ...]) -> PlannedJob:
+        rates = self.plan.curve_rates(dataset, cloud, codec)
         settings = self.clouds.dataset(dataset).settings
         record = EvaluateCurve(
             dataset=dataset,
@@ -102,7 +92,6 @@ class CodingJobs:
         )
         return self._planned(record, codec, *map(METRICS.module_of, record.metrics))
 
-    @cache  # noqa: B019
     def recovery(self, dataset: str, codec: str) -> PlannedJob:
         changes = self._entry(dataset, codec, self.plan.rates(codec, self._frame(dataset)))
         record = RecoveryCurve(dataset=dataset, codec=codec, changes=changes)
@@ -111,7 +100,6 @@ class CodingJobs:
     def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
         return planned(record, self._module(codec), *modules, also=self.plan.weights_digest(codec))
 
-    @cache  # noqa: B019
     def scan_error(self, dataset: str) -> PlannedJob:
         return planned(Evaluate(dataset=dataset))
 

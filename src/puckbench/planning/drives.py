@@ -3,7 +3,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 from puckbench.codecs.facts import find_rate
@@ -100,7 +100,6 @@ class DriveJobs:
         poses = [entry.settings.poses] if entry.settings.poses else []
         return {"clouds": list(dict.fromkeys(files)), "poses": poses}
 
-    @cache  # noqa: B019 (one plan lives as long as the process)
     def drive(self, name: str, drive: str) -> PlannedJob:
         entry = self.entries[name]
         if drive in entry.scans:
@@ -119,14 +118,12 @@ class DriveJobs:
         )
         return planned(record_of_clouds, LOADERS.module_of(scenes.loader))
 
-    @cache  # noqa: B019
     def encode(self, name: str, codec: str) -> PlannedJob:
         repeats, alone = self.plan.config.timing.repeats, self.plan.config.timing.exclusive
         changes = self._changes(name, codec)
         record = EncodeDrive(codec=codec, changes=changes, repeats=repeats, alone=alone)
         return self._planned(record, codec)
 
-    @cache  # noqa: B019
     def measure(self, name: str, codec: str) -> PlannedJob:
         timing, tasks = self.plan.config.timing, self.plan.drives[name].tasks
         modules = map(TASKS.module_of, tasks)

@@ -3,18 +3,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import asdict
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, get_args
 
 from puckbench.codecs.registry import LOOKS, codec_class, is_codec
 from puckbench.core.errors import InputError, naming
 from puckbench.figures.plot_styles import class_style, looks_layer
-from puckbench.figures.registry import (
-    FIGURES,
-    FigureEntry,
-    figure_entries,
-    figure_entry,
-)
+from puckbench.figures.registry import FIGURES, FigureEntry, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.figure import Figure
@@ -23,13 +18,7 @@ from puckbench.jobs.gathered_tables import PlanTable, RowsTable
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
-from puckbench.metrics.table_registry import (
-    SENSOR,
-    TABLES,
-    TableEntry,
-    table_entries,
-    table_entry,
-)
+from puckbench.metrics.table_registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.drives import DriveJobs
 from puckbench.planning.needs.registry import Options, met_needs
@@ -104,13 +93,9 @@ class OutputJobs:
     def tables(self) -> dict[str, Inputs]:
         return {**self.study_tables, **self.result_tables}
 
-    @cache  # noqa: B019 (one plan lives as long as the process)
     def table(self, name: str) -> PlannedJob:
         record = Table(table=TABLES.place_of(name), options=self.table_options(name))
         return planned(record, TABLES.module_of(name))
-
-    def table_category(self, name: str) -> str:
-        return table_entry(name).category
 
     def table_options(self, table: str) -> Options:
         if not table.startswith("bd_rate"):
@@ -152,7 +137,6 @@ class OutputJobs:
         clouds = self.plan.scanned if table == "scan_errors" else self.plan.clouds
         return tuple({self.plan.datasets[name].frame for name, _ in clouds})
 
-    @cache  # noqa: B019
     def figure(self, name: str) -> PlannedJob:
         record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
         also = self._codec_styles if self._shows_codecs(name) else ""
@@ -166,10 +150,6 @@ class OutputJobs:
         """Digest of the codecs' styles; if it changes, figures that show codecs are drawn again."""
         looks = [self._looks(name) for name in self.plan.codecs]
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
-
-    def figure_labels(self, name: str) -> tuple[str, str]:
-        entry = figure_entry(name)
-        return entry.category, entry.title
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
         """Return a figure's style as layers: for data sets, for all figures, for this figure."""

@@ -11,10 +11,7 @@ FIRST_TABLES = ("summary", "clouds")
 
 
 def planned_contents(
-    plan: Plan,
-    figures: Iterable[str],
-    tables: Iterable[str],
-    style: Sequence[Mapping[str, Any]],
+    plan: Plan, figures: Iterable[str], tables: Iterable[str], style: Sequence[Mapping[str, Any]]
 ) -> Contents:
     settings = plan.config.report
     folder = plan.results / "tables"

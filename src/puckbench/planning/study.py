@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 from puckbench.jobs.calibrate import Calibrate
@@ -25,7 +25,6 @@ class StudyJobs:
         assert self.plan.study is not None  # noqa: S101
         return self.plan.study
 
-    @cache  # noqa: B019 (one plan lives as long as the process)
     def residuals(self, model: str) -> PlannedJob:
         study = self.study
         return self._scan(
@@ -37,11 +36,9 @@ class StudyJobs:
             refit=study.settings.refit,
         )
 
-    @cache  # noqa: B019
     def wall_points(self, model: str) -> PlannedJob:
         return self._scan("wall_points", model, distances=self.study.shown_m, keep=WALL_POINTS)
 
-    @cache  # noqa: B019
     def capture_residuals(self, capture: str) -> PlannedJob:
         return planned(CaptureResiduals(options=self.study.captures[capture][1]))
 

@@ -16,10 +16,7 @@ _NOT_KEPT = ("results", "codecs", "stand_in", "strict", "sensor_study", "train",
 
 
 def study_configuration(
-    reference: ReferenceResults,
-    codecs: Sequence[str],
-    results: str,
-    datasets: Sequence[str] = (),
+    reference: ReferenceResults, codecs: Sequence[str], results: str, datasets: Sequence[str] = ()
 ) -> Options:
     """Return the configuration that runs the user's codecs on the clouds of a reference study.
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from puckbench.codecs.registry import module_of, training_class
 from puckbench.jobs.train import Train
 from puckbench.planning.fingerprints import code_version
-from puckbench.planning.plan import Plan, TrainingPlan
+from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import PlannedJob, planned
 
 _BYTES_PER_POINT = 50
@@ -16,16 +16,13 @@ class TrainingJobs:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
 
-    def training(self, name: str) -> TrainingPlan:
-        return self.plan.trainings[name]
-
     def cloud_files(self, clouds: Iterable[tuple[str, str]]) -> list[str]:
         folder = f"{self.plan.results}/clouds"
         return [f"{folder}/{dataset}/{cloud}.ply" for dataset, cloud in clouds]
 
     def train(self, name: str) -> PlannedJob:
         """Plan a training, which discards checkpoints of other code."""
-        training = self.training(name)
+        training = self.plan.trainings[name]
         record = Train(
             codec=training.codec,
             changes=training.entry,
@@ -38,5 +35,5 @@ class TrainingJobs:
 
     def memory_mb(self, name: str) -> int:
         datasets = self.plan.datasets
-        points = sum(datasets[dataset].points for dataset, _ in self.training(name).clouds)
+        points = sum(datasets[dataset].points for dataset, _ in self.plan.trainings[name].clouds)
         return 3000 + points * _BYTES_PER_POINT // 1_000_000

@@ -102,12 +102,7 @@ _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     ("range_max_mm", "Largest range error", "mm", _CODED),
     ("returns_lost", "Returns lost", "", _CODED),
     ("returns_added", "Returns added", "", _CODED),
-    (
-        f"truth_acd_ba_{_KIND}",
-        "Accuracy, {}: decoded points to the true surface",
-        SQUARED,
-        _TRUTH,
-    ),
+    (f"truth_acd_ba_{_KIND}", "Accuracy, {}: decoded points to the true surface", SQUARED, _TRUTH),
     (f"truth_acd_ab_{_KIND}", "Completeness, {}: true points to the decoded", SQUARED, _TRUTH),
     ("view_psnr", "PSNR of six rendered views", "dB", _SEEN),
     ("view_ssim", "SSIM of six rendered views", "", _SEEN),

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
 from typing import TYPE_CHECKING
@@ -153,11 +153,7 @@ def _check_rates(
                 if rate not in of_cloud.index:
                     raise InputError(f"codec {codec!r}: no result of {dataset}/{cloud} at {rate}")
             for quality in qualities:
-                if (
-                    not reference_rows.loc[reference_rows["dataset"] == dataset, quality]
-                    .notna()
-                    .any()
-                ):
+                if dataset not in _measured(reference_rows, quality):
                     continue
                 missing = of_cloud[of_cloud[quality].isna() & ~_is_exact(of_cloud, quality)]
                 if len(missing):
@@ -186,8 +182,9 @@ def _deltas(
         anchor = f"{codec} ({reference.name})"  # no codec's name has parentheses
         rows = reference_rows.loc[reference_rows["codec"] == codec, columns].assign(codec=anchor)
         both = run_rows.loc[run_rows["dataset"].isin(set(rows["dataset"])), columns]
-        for part in _with_values(both, rows, qualities):
-            table = bd_rate(pd.concat([part[0], part[1]]), anchor, part[2], **options)
+        shared = [name for name in qualities if _measured(both, name) & _measured(rows, name)]
+        if shared:
+            table = bd_rate(pd.concat([both, rows]), anchor, shared, **options)
             tables.append(table.assign(anchor=codec))
     if not tables:
         raise InputError(f"{reference.name} has no codec with curves on these clouds")
@@ -199,17 +196,9 @@ def _judged(rows: pd.DataFrame) -> pd.DataFrame:
     return table if PEAK in table else table.assign(**{PEAK: nan})
 
 
-def _with_values(
-    run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str]
-) -> Iterator[tuple[pd.DataFrame, pd.DataFrame, list[str]]]:
-    shared = [
-        name
-        for name in qualities
-        if set(run_rows.loc[run_rows[name].notna(), "dataset"])
-        & set(reference_rows.loc[reference_rows[name].notna(), "dataset"])
-    ]
-    if shared:
-        yield run_rows, reference_rows, shared
+def _measured(rows: pd.DataFrame, quality: str) -> set[str]:
+    """Return the data sets for which rows have the quality."""
+    return set(rows.loc[rows[quality].notna(), "dataset"])
 
 
 def _same_streams(

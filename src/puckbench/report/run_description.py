@@ -25,36 +25,13 @@ _MOST_VALUES = 5
 
 
 @dataclass(frozen=True)
-class DescribedItem:
-    title: str
-    name: str
-    cells: tuple[str, ...]
-    options: str | None = None
-
-
-@dataclass(frozen=True)
 class RunDescription:
-    datasets: tuple[DescribedItem, ...]
-    codecs: tuple[DescribedItem, ...]
+    """Rows of the data sets and of the codecs, by heading; the machine; the configuration."""
+
+    datasets: tuple[Mapping[str, str], ...]
+    codecs: tuple[Mapping[str, str], ...]
     machine: Mapping[str, str]
     configuration: str
-    dataset_heads: tuple[str, ...] = (
-        "Data set",
-        "Name",
-        "Scenes",
-        "Clouds are",
-        "Error model",
-        "Clouds",
-        "Points, median",
-        "Peak of PSNRs",
-    )
-    codec_heads: tuple[str, ...] = (
-        "Codec",
-        "Name",
-        "Version and weights",
-        "Rates",
-        "Changed in the configuration",
-    )
 
 
 def describe_run(
@@ -77,16 +54,21 @@ def _datasets(
     metrics: pd.DataFrame | None,
     clouds: pd.DataFrame | None,
     style: FigureStyle,
-) -> Iterable[DescribedItem]:
+) -> Iterable[dict[str, str]]:
     peaks = {} if metrics is None else peaks_of_datasets(metrics)
     for name, value in configuration.get("datasets", {}).items():
         scenes = value["scenes"]
-        loader = configuration["scenes"][scenes]["loader"]
-        errors = value["errors"] if value["make"] == "scan" else ""
-        made = (f"{scenes} ({loader})", _MAKES[value["make"]], errors)
-        yield DescribedItem(
-            style.title(name), name, (*made, *_sizes(clouds, name), peaks.get(name, ""))
-        )
+        count, points = _sizes(clouds, name)
+        yield {
+            "Data set": style.title(name),
+            "Name": name,
+            "Scenes": f"{scenes} ({configuration['scenes'][scenes]['loader']})",
+            "Clouds are": _MAKES[value["make"]],
+            "Error model": value["errors"] if value["make"] == "scan" else "",
+            "Clouds": count,
+            "Points, median": points,
+            "Peak of PSNRs": peaks.get(name, ""),
+        }
 
 
 def _sizes(clouds: pd.DataFrame | None, dataset: str) -> tuple[str, str]:
@@ -98,15 +80,18 @@ def _sizes(clouds: pd.DataFrame | None, dataset: str) -> tuple[str, str]:
 
 def _codecs(
     configuration: Mapping[str, Any], metrics: pd.DataFrame, style: FigureStyle
-) -> Iterable[DescribedItem]:
+) -> Iterable[dict[str, str]]:
     entries = configuration.get("codecs", {})
     for name in style.ordered_codecs(metrics["codec"].unique()):
         rows = metrics[metrics["codec"] == name]
-        entry = entries.get(name)
-        changed = {key: value for key, value in (entry or {}).items() if value}
-        options = json.dumps(changed, sort_keys=True) if changed else ""
-        cells = (_versions(rows), ", ".join(ordered_rates(set(rows["rate"]))))
-        yield DescribedItem(style.of_codec(name).title, name, cells, options)
+        changed = {key: value for key, value in (entries.get(name) or {}).items() if value}
+        yield {
+            "Codec": style.of_codec(name).title,
+            "Name": name,
+            "Version and weights": _versions(rows),
+            "Rates": ", ".join(ordered_rates(set(rows["rate"]))),
+            "Changed in the configuration": json.dumps(changed, sort_keys=True) if changed else "",
+        }
 
 
 def _versions(rows: pd.DataFrame) -> str:

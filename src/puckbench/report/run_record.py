@@ -95,13 +95,7 @@ def _covered(spans: Sequence[tuple[float, float]]) -> float:
 
 def date_text(moment: datetime) -> str:
     """Return a date in English: 3 May 2026."""
-    return f"{moment.day} {_MONTHS[moment.month - 1]} {moment.year}"
-
-
-_MONTHS = (
-    *("January", "February", "March", "April", "May", "June", "July"),
-    *("August", "September", "October", "November", "December"),
-)
+    return f"{moment.day} {moment:%B %Y}"
 
 
 def duration_text(seconds: float) -> str:

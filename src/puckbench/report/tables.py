@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.figures.style import FigureStyle
-from puckbench.report.column_labels import (
-    has_label,
-    table_heading,
-    unit_in_frames,
-)
+from puckbench.report.column_labels import has_label, table_heading, unit_in_frames
 from puckbench.report.page import rendered
 
 if TYPE_CHECKING:

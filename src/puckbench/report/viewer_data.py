@@ -57,31 +57,20 @@ def initial_view(
     """Return the example, codec and rate that most reduce the scan's distance to the true surface;
     without a true surface, the last example.
     """
-    views = [
-        (number, codec, rate)
-        for number, example in enumerate(examples)
-        for codec, files in example.decoded.items()
-        for rate in files
-    ]
-    gains = {pair: _gain(examples[pair[0]], *pair[1:], metrics, scan_errors) for pair in views}
-    measured_gains = {pair: gain for pair, gain in gains.items() if gain is not None}
-    if not measured_gains:
+    gains: dict[tuple[int, str, str], float] = {}
+    for number, example in enumerate(examples):
+        names = {"dataset": example.dataset, "cloud": example.cloud}
+        scan = _value(scan_errors, "truth_cd_plane", **names)
+        for codec, files in example.decoded.items():
+            for rate in files if scan else ():
+                keys = {**names, "codec": codec, "rate": rate}
+                distance = _value(metrics, "truth_cd_plane", **keys)
+                if scan and distance is not None:
+                    gains[number, codec, rate] = distance / scan
+    if not gains:
         return {"example": len(examples) - 1}
-    number, codec, rate = min(measured_gains, key=lambda pair: measured_gains[pair])
+    number, codec, rate = min(gains, key=lambda view: gains[view])
     return {"example": number, "codec": codec, "rate": rate}
-
-
-def _gain(
-    example: Example,
-    codec: str,
-    rate: str,
-    metrics: pd.DataFrame | None,
-    scan_errors: pd.DataFrame | None,
-) -> float | None:
-    names = {"dataset": example.dataset, "cloud": example.cloud}
-    decoded = _value(metrics, "truth_cd_plane", **names, codec=codec, rate=rate)
-    scan = _value(scan_errors, "truth_cd_plane", **names)
-    return decoded / scan if decoded is not None and scan else None
 
 
 def _value(table: pd.DataFrame | None, column: str, **keys: str) -> float | None:

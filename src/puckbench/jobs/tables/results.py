@@ -8,12 +8,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
 from puckbench.jobs.curve_files import read_rows
 from puckbench.metrics.coordinate_frames import FRAME
-from puckbench.metrics.lossless import (
-    LOSSLESS,
-    lossless_rows,
-    with_lossless_best,
-    without_lossless,
-)
+from puckbench.metrics.lossless import LOSSLESS, lossless_rows, with_lossless_best, without_lossless
 from puckbench.metrics.peaks import PEAK, with_peaks, without_mixed_peaks
 from puckbench.metrics.table_registry import TABLES
 

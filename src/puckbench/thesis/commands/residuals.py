@@ -40,34 +40,17 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         return Residuals.create(**selected(options, *names)).run(options.out)
     job = CaptureResiduals.create(options=options.capture_options)
     summary = job.run(options.capture, options.out)
-    return summary if options.json else _lines(summary)
+    return summary if options.json else _tables(summary)
 
 
-def _lines(summary: dict[str, Any]) -> dict[str, Any]:
-    lines = {name: value for name, value in summary.items() if not isinstance(value, (dict, list))}
-    start, end = summary["still_s"]
-    lines["still"] = f"{start:.3f} to {end:.3f} s"
-    for group in ("ray_noise", "bias_repeatability"):
-        lines |= {f"{group} {name}": value for name, value in (summary[group] or {}).items()}
-    for number, plane in enumerate(summary["planes"], 1):
-        lines[f"plane {number}"] = _plane_line(plane)
-    for number, plane in enumerate(summary["rejected"], 1):
-        what = f"{plane['surface']} at {plane['distance_m']:.2f} m, {plane['rows']} rows"
-        lines[f"not taken {number}"] = f"{what}: {plane['reason']}"
-    return lines
-
-
-def _plane_line(plane: dict[str, Any]) -> str:
-    noise = plane["ray_noise"] or {}
-    numbers = {
-        "std": plane["std_m"],
-        "laser bias": plane["laser_bias_std_m"],
-        "ray": noise.get("sigma_m"),
-        "unevenness": plane["unevenness_m"],
-    }
-    values = [
-        f"{name} {1e3 * value:.1f} mm" for name, value in numbers.items() if value is not None
+def _tables(summary: dict[str, Any]) -> dict[str, Any]:
+    names = ("surface", "distance_m", "width_m", "height_m", "rows", "lasers", "std_m")
+    planes = [
+        {name: plane[name] for name in (*names, "laser_bias_std_m", "unevenness_m")}
+        for plane in summary["planes"]
     ]
-    size = f"{plane['width_m']:.2f} x {plane['height_m']:.2f} m"
-    what = f"{plane['surface']} at {plane['distance_m']:.2f} m, {size}"
-    return ", ".join([what, f"{plane['rows']} rows", f"{plane['lasers']} lasers", *values])
+    rejected = [
+        {name: plane[name] for name in ("surface", "distance_m", "rows", "reason")}
+        for plane in summary["rejected"]
+    ]
+    return {**summary, "planes": planes, "rejected": rejected}

@@ -1,10 +1,9 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
@@ -18,6 +17,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
+from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle, Range
@@ -55,9 +55,8 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
         rows = gpcc_scales[gpcc_scales["dataset"] == dataset]
         set_log(axes, "y", _limits(gpcc_scales, metric, style), minor=False)
         for codec in style.ordered_codecs(rows["codec"]):
-            line = style.of_codec(codec)
-            codec_rows = rows[rows["codec"] == codec]
-            _draw(axes, codec_rows, codec_rows[metric.column], line.colour, line.marker, line.line)
+            look = style.of_codec(codec)
+            _draw(axes, rows[rows["codec"] == codec], metric.column, look, "_none")
         _set_scales(axes, gpcc_scales["scale"].to_numpy(dtype=float))
         if index < len(datasets):
             set_title(axes, _counted(rows, style), len(datasets), style)
@@ -119,16 +118,8 @@ def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) 
         low, high = dataset_rows[columns[0]], dataset_rows[columns[2]]
         colour = _COLOURS[place % len(_COLOURS)]
         axes.fill_between(dataset_rows["scale"], low, high, color=colour, alpha=0.2, linewidth=0)
-        marker = _MARKERS[place % len(_MARKERS)]
-        _draw(
-            axes,
-            dataset_rows,
-            dataset_rows[columns[1]],
-            colour,
-            marker,
-            "-",
-            _counted(dataset_rows, style),
-        )
+        look = PlotStyle(_counted(dataset_rows, style), colour, _MARKERS[place % len(_MARKERS)])
+        _draw(axes, dataset_rows, columns[1], look, look.title)
     axes.axhline(1, color="#555555", linewidth=0.7)
     _set_scales(axes, rows["scale"].to_numpy(dtype=float))
     axes.set_xlabel(_SCALE)
@@ -138,37 +129,17 @@ def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) 
     return figure
 
 
-def _draw(
-    axes: Axes,
-    rows: pd.DataFrame,
-    values: pd.Series[float],
-    colour: str,
-    marker: str,
-    line: str,
-    label: str = "_none",
-) -> None:
+def _draw(axes: Axes, rows: pd.DataFrame, column: str, look: PlotStyle, label: str) -> None:
     import matplotlib
 
-    order = np.argsort(rows["scale"].to_numpy())
-    scale, y = rows["scale"].to_numpy()[order], values.to_numpy(dtype=float)[order]
-    is_dyadic = rows["dyadic"].to_numpy(dtype=bool)[order]
-    axes.plot(
-        scale,
-        y,
-        color=colour,
-        linestyle=line,
-        marker=marker,
-        markevery=_indices(is_dyadic),
-        label=label,
-    )
+    rows = rows.sort_values("scale")
+    scale, y = rows["scale"].to_numpy(), rows[column].to_numpy(float)
+    is_dyadic = rows["dyadic"].to_numpy(bool)
+    line: dict[str, Any] = {"color": look.colour, "marker": look.marker}
+    dyadic = np.flatnonzero(is_dyadic).tolist()
+    axes.plot(scale, y, linestyle=look.line, markevery=dyadic, label=label, **line)
     size = _SMALL * matplotlib.rcParams["lines.markersize"]
-    axes.plot(
-        scale[~is_dyadic], y[~is_dyadic], linestyle="", marker=marker, color=colour, markersize=size
-    )
-
-
-def _indices(mask: NDArray[np.bool_]) -> list[int]:
-    return [int(index) for index in np.flatnonzero(mask)]
+    axes.plot(scale[~is_dyadic], y[~is_dyadic], linestyle="", markersize=size, **line)
 
 
 def _set_scales(axes: Axes, scales: Floats) -> None:

@@ -10,26 +10,12 @@ from puckbench.core.seeding import generator
 
 COLUMNS = {
     "residuals": (
-        "model",
-        "surface",
-        "distance_m",
-        "run",
-        "laser_id",
-        "elevation_deg",
-        "residual_m",
-        "incidence_rad",
+        *("model", "surface", "distance_m", "run", "laser_id", "elevation_deg"),
+        *("residual_m", "incidence_rad"),
     ),
     "scans": (
-        "model",
-        "surface",
-        "distance_m",
-        "laser_id",
-        "elevation_deg",
-        "x_m",
-        "y_m",
-        "z_m",
-        "range_error_m",
-        "incidence_rad",
+        *("model", "surface", "distance_m", "laser_id", "elevation_deg", "x_m", "y_m", "z_m"),
+        *("range_error_m", "incidence_rad"),
     ),
 }
 """Columns of joined tables, by kind, that figures and statistics use."""

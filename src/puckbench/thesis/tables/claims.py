@@ -38,16 +38,8 @@ def claims(
     """
     import pandas as pd
 
-    evidence = Evidence(
-        metrics,
-        clouds,
-        residual_statistics,
-        thesis_numbers,
-        incidence_effect,
-        datasets=datasets,
-        codecs=codecs,
-        stand_ins=stand_ins or {},
-    )
+    tables = (metrics, clouds, residual_statistics, thesis_numbers, incidence_effect)
+    evidence = Evidence(*tables, datasets, codecs, stand_ins or {})
     published = thesis_evidence()
     rows = [_row(number, claim, evidence, published) for number, claim in enumerate(CLAIMS, 1)]
     return pd.DataFrame(rows)
