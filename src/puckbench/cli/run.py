@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
+from puckbench.cli.types import add_cloud_options, integer, positive, selected
 from puckbench.core.errors import InputError
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import CALLER_PRINTS_SUMMARY, snakemake_command
@@ -28,13 +28,14 @@ from puckbench.planning.workflow import Workflow
 
 _OUT = "out"
 _CONFIGS = (".yaml", ".yml")
+_LOADER_OPTIONS = (
+    *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "topic"),
+)
 _CONFIG_OPTIONS = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
-    *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "peak", "out"),
-    *("timeout", "topic"),
+    *("peak", "out", "timeout", *_LOADER_OPTIONS),
 )
 """Options for which a configuration has keys."""
-_LOADER_OPTIONS = ("up", "drop_invalid", "keep_missing", "bin_columns", "topic")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,8 +54,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, help="folder of all results (default: out)")
     text = "scaled to a cube of 1024, or in metres (default for recordings, LAS, LAZ, E57, .bin)"
     add("--frame", choices=("scaled", "metric"), help=text)
-    text = "unit of the files (0.001: millimetres; default: 1), or of some: FILE=NUMBER ..."
-    add("--metres-per-unit", nargs="+", metavar="NUMBER", help=text)
+    text = "unit of the files (0.001: millimetres; default: 1)"
+    add("--metres-per-unit", type=positive, metavar="NUMBER", help=text)
     add("--peak", type=float, help="peak of the PSNRs of clouds in metres, in m (default: 30)")
     text = "names, lengths such as 3mm, or all (default: all, or four if all would take long)"
     add("--rates", nargs="+", metavar="RATE", help=text)
@@ -203,15 +204,10 @@ def _files_configuration(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_set_options(options, *_LOADER_OPTIONS) | _units(options),
+        options=_set_options(options, *_LOADER_OPTIONS),
         **settings,
     )
     return _written(out, user_run.configuration())
-
-
-def _units(options: argparse.Namespace) -> dict[str, Any]:
-    words = options.metres_per_unit
-    return {} if words is None else {"metres_per_unit": metres_per_unit(words)}
 
 
 def _written(out: Path, config: dict[str, Any]) -> Path:

@@ -4,7 +4,6 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,34 +29,12 @@ def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
     return {name: Path(value) for name, value in values.items()}
 
 
-def metres_per_unit(words: Sequence[str]) -> float | dict[str, float]:
-    """Parse metres per unit: one number for all files, or FILE=NUMBER for each."""
-    if len(words) == 1 and (number := _number(words[0])) is not None:
-        return number
-    table: dict[str, float] = {}
-    for word in words:
-        name, _, text = word.rpartition("=")
-        number = _number(text)
-        if not name or number is None:
-            raise InputError(
-                f"--metres-per-unit: '{word}' is neither a single number nor FILE=NUMBER"
-            )
-        if name in table:
-            raise InputError(f"--metres-per-unit: '{name}' is given twice")
-        table[name] = number
-    return table
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
 def positive(text: str) -> float:
-    number = _number(text)
-    if number is None or not 0 < number < math.inf:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 < number < math.inf:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
     return number
 

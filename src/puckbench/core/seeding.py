@@ -3,6 +3,7 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 def generator(seed: int, *names: str) -> np.random.Generator:
@@ -19,3 +20,10 @@ def generator(seed: int, *names: str) -> np.random.Generator:
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, *words])))
+
+
+def random_rows(count: int, most: int | None, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return at most `most` of `count` row numbers, drawn without replacement, in order."""
+    if most is None or count <= most:
+        return np.arange(count)
+    return np.sort(rng.choice(count, most, replace=False))

@@ -12,7 +12,6 @@ from puckbench.report.claims import measured_parts
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", type=Path, help="folder of results, or a claims.csv")
-    parser.add_argument("--claim", type=int, action="append", help="only the claim of this number")
 
 
 @COMMANDS.register(
@@ -30,10 +29,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     rows = [
         {str(key): value for key, value in row.items()}
         for row in table.astype(str).to_dict("records")
-        if not options.claim or int(row["number"]) in options.claim
     ]
-    if unknown := sorted({*(options.claim or ())} - {int(row["number"]) for row in rows}):
-        raise InputError(f"--claim: {path} has no claim {unknown[0]}")
     if options.json:
         return {"claims": rows}
     return {row["number"]: "\n".join(_lines(row)) for row in rows}

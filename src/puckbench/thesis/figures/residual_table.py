@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.core.seeding import generator
+from puckbench.core.seeding import generator, random_rows
 from puckbench.figures.checks import require_rows
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
@@ -56,10 +56,7 @@ def compared(table: pd.DataFrame) -> list[str]:
 
 def subsample(table: pd.DataFrame, size: int, name: str) -> pd.DataFrame:
     """Return at most `size` rows, chosen at random with a seed from `name`."""
-    if len(table) <= size:
-        return table
-    rows = generator(0, "figure", name).choice(len(table), size, replace=False)
-    return table.iloc[np.sort(rows)]
+    return table.iloc[random_rows(len(table), size, generator(0, "figure", name))]
 
 
 def residuals_of(table: pd.DataFrame, model: str) -> Floats:

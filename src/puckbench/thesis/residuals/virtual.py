@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from puckbench.core.errors import InputError
-from puckbench.core.seeding import generator
+from puckbench.core.seeding import generator, random_rows
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.ransac import THRESHOLD_M, Plane, ransac_plane
@@ -71,7 +71,8 @@ def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -
         about = about_plane(rows.xyz_noisy, _plane(rows, origin, procedure, rng), origin)
         parts.append(_frame(rows, about, sensor, (procedure.model, surface, distance, run)))
     table = joined(parts)
-    return _kept(table, procedure.keep, generator(seed, *names, "keep"))
+    kept = random_rows(len(table), procedure.keep, generator(seed, *names, "keep"))
+    return table.iloc[kept].reset_index(drop=True)
 
 
 def _on_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -> ScanTable:
@@ -111,10 +112,3 @@ def _frame(
         **about,
     }
     return pd.DataFrame({name: columns[name] for name in COLUMNS})
-
-
-def _kept(table: pd.DataFrame, keep: int | None, rng: np.random.Generator) -> pd.DataFrame:
-    if keep is None or keep >= len(table):
-        return table
-    rows = np.sort(rng.choice(len(table), keep, replace=False))
-    return table.iloc[rows].reset_index(drop=True)

@@ -1,13 +1,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from puckbench.core.seeding import generator
+from puckbench.core.seeding import generator, random_rows
 from puckbench.lidar import ScanTable, Sensor, load_sensor, open_error_model, scan
 from puckbench.scenes.calibration import calibration_scene
 from puckbench.thesis.residuals import joining
@@ -41,15 +39,10 @@ def _scan_points(procedure: Procedure, distance: float, run: int, seed: int) -> 
     surfaces = np.array([each.semantic for each in objects])[returns.object_id]
     rng, parts = generator(seed, *names, "points"), []
     for surface in SURFACES:
-        rows = returns.select(_subsample(np.flatnonzero(surfaces == surface), procedure.keep, rng))
+        of_surface = np.flatnonzero(surfaces == surface)
+        rows = returns.select(of_surface[random_rows(len(of_surface), procedure.keep, rng)])
         parts.append(_points(rows, sensor, procedure.model, surface, distance))
     return pd.concat(parts, ignore_index=True)
-
-
-def _subsample(rows: NDArray[Any], size: int | None, rng: np.random.Generator) -> NDArray[Any]:
-    if size is None or len(rows) <= size:
-        return rows
-    return np.sort(rng.choice(rows, size, replace=False))
 
 
 def _points(
