@@ -65,8 +65,8 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
         _draw_panel(axes, dataset_rows, style)
         set_title(axes, titled(style.title(name), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"Bits per return, {BETTER}", f"Drift (%), {BETTER}")
-    names = {True: "undecoded", False: "undecoded, without times"}
-    handles = [line_handle(names[k], linewidth=0.9, linestyle=_LINES[k]) for k in names]
+    labels = {True: "undecoded", False: "undecoded, without times"}
+    handles = [line_handle(labels[k], linewidth=0.9, linestyle=_LINES[k]) for k in labels]
     add_legend(figure, style.ordered_codecs(codecs["codec"]), style, handles)
     return figure
 

@@ -1,16 +1,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 from pydantic import Field, PrivateAttr
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, is_codec, open_codec
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import InputError
 from puckbench.core.registry import is_place
-from puckbench.jobs.curve_files import Coded, read_coded
+from puckbench.jobs.curve_files import Coded
 from puckbench.jobs.registry import Job
 
 
@@ -47,12 +46,6 @@ class CodecJob(Job):
             code = repr(name) if is_place(name) else "path/to/file.py:Class"
             raise InputError(f"codec {name!r} is not registered: name its code with --codec {code}")
         return name
-
-    def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Return a stream and its codec's name, from the file of a stream or of a curve."""
-        coded = read_coded(path, rate)
-        with naming(path):
-            return self.codec_of(coded), coded
 
 
 class TimedJob(CodecJob):

@@ -121,8 +121,9 @@ class Decode(Decoding):
         return float(named_rate[1]["step_m"]) * 3**0.5
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
-        name, coded = self.read_stream(path, self.rate)
+        coded = read_coded(path, self.rate)
         with naming(path):
+            name = self.codec_of(coded)
             mesh = self.loaded(name).decode_mesh(coded.stream)
         write_mesh(out, mesh, {"source": path.name, "codec": name})
         return {

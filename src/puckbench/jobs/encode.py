@@ -11,7 +11,7 @@ from puckbench.core.content import plain_suffix
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.errors import naming, noting
 from puckbench.core.files import write_json, written_whole
-from puckbench.core.measurement import Measured, measured
+from puckbench.core.measurement import Cost, Measured, measured
 from puckbench.core.progress import Progress
 from puckbench.geometry.attributes import not_coded
 from puckbench.geometry.cloud import CoordinateFrame, PointCloud
@@ -52,14 +52,12 @@ def measured_encoding(
     The cost of reused `shared` work (see `Codec.shared_work`) is added. `each` is called with the
     stream of every repetition.
     """
-    if shared is None:
-        return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost, each)
-    return measured(
-        lambda: codec.encode_cloud(cloud, rate, shared),
-        repeats,
-        lambda here: codec.cost(here).plus(shared.saved),
-        each,
-    )
+
+    def whole(here: Cost) -> Cost:
+        cost = codec.cost(here)
+        return cost if shared is None else cost.plus(shared.saved)
+
+    return measured(lambda: codec.encode_cloud(cloud, rate, shared), repeats, whole, each)
 
 
 def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:

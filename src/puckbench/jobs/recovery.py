@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,11 @@ _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 """Entries of a stream's record that a row contains."""
 
 
-class LabelledPoints:
+class LabelledPoints(NamedTuple):
     """True points with labels of primitives, and the scene's primitives in metres."""
 
-    def __init__(self, points: Path, scene: Path) -> None:
-        self.cloud, self.labels = read_cloud(points), _scene_labels(scene)
-        _check_points(points, self.cloud, self.labels)
+    cloud: PointCloud
+    labels: Labels
 
 
 class Recovering(CodecJob):
@@ -69,7 +68,7 @@ class Recovery(Recovering):
     def run(
         self, stream: Path, points: Path, scene: Path, row: Path | None = None
     ) -> dict[str, Any]:
-        labelled = LabelledPoints(points, scene)
+        labelled = _labelled(points, scene)
         with naming(stream):
             result = self.recovered(labelled, points.stem, read_coded(stream, self.rate))
         if row:
@@ -80,7 +79,7 @@ class Recovery(Recovering):
 @JOBS.register("recovery_curve")
 class RecoveryCurve(Recovering):
     def run(self, curve: Path, points: Path, scene: Path, rows: Path) -> dict[str, Any]:
-        labelled, coded = LabelledPoints(points, scene), read_curve(curve)
+        labelled, coded = _labelled(points, scene), read_curve(curve)
         with naming(curve):
             streams = [self.recovered(labelled, points.stem, item) for item in coded.values()]
         results = [row for stream in streams for row in _row_of_each_kind(stream)]
@@ -101,15 +100,12 @@ def _kinds(cloud: PointCloud, labels: Labels, surface: Mesh) -> list[dict[str, A
     return recovery(true, decoded_in_metres(surface, cloud), cloud.to_metres(cloud.xyz))
 
 
-def _scene_labels(path: Path) -> Labels:
-    labels = read_mesh(path).labels
+def _labelled(points: Path, scene: Path) -> LabelledPoints:
+    cloud, labels = read_cloud(points), read_mesh(scene).labels
     if labels is None:
-        raise InputError(f"{path}: the mesh has no labels of primitives")
-    return labels
-
-
-def _check_points(path: Path, cloud: PointCloud, labels: Labels) -> None:
+        raise InputError(f"{scene}: the mesh has no labels of primitives")
     if cloud.labels is None:
-        raise InputError(f"{path}: the points have no labels")
+        raise InputError(f"{points}: the points have no labels")
     if cloud.labels.min() < 0 or cloud.labels.max() >= len(labels.primitives):
-        raise InputError(f"{path}: a point has a label that the scene does not list")
+        raise InputError(f"{points}: a point has a label that the scene does not list")
+    return LabelledPoints(cloud, labels)

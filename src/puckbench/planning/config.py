@@ -339,8 +339,6 @@ class ReportConfig(Model):
         description="Heading of the page.",
     )
     rates: int = Field(3, ge=1, description="Rates of each codec that are shown, evenly spread.")
-    points: int = Field(20_000, ge=100, description="Most points of a cloud in the viewer.")
-    most_mb: float = Field(8.0, gt=0, description="Most megabytes of all clouds in the page.")
 
 
 class ExamplesConfig(Model):

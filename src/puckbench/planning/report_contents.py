@@ -29,8 +29,6 @@ def planned_contents(
         logs=str(plan.results / "logs"),
         configuration=plan.config.as_json(),
         style=tuple(style),
-        points=settings.points,
-        most_mb=settings.most_mb,
     )
 
 

@@ -20,7 +20,7 @@ from puckbench.report.column_labels import name_in_words
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
-from puckbench.report.pictures import Picture, embedded
+from puckbench.report.pictures import embedded
 from puckbench.report.plot_data import plot_payload
 from puckbench.report.run_description import RunDescription, describe_run
 from puckbench.report.run_record import RunRecord
@@ -40,15 +40,6 @@ _PARTS = {
     "tables": "Tables",
     "run": "The run",
 }
-
-
-@dataclass(frozen=True)
-class FigureShown:
-    name: str
-    title: str
-    picture: Picture
-    caption: Markup
-    links: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -134,21 +125,21 @@ def _tables(
         yield TableShown(name, entry.title if entry else name_in_words(name), rows_html, caption)
 
 
-def _by_category(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
-    categories: dict[str, list[FigureShown]] = {}
+def _by_category(contents: Contents, folder: Path) -> dict[str, list[dict[str, Any]]]:
+    categories: dict[str, list[dict[str, Any]]] = {}
     by_number = sorted(contents.figures, key=lambda name: figure_entry(name).sort_key)
     files = [Path(contents.figures[name]) for name in by_number]
     pictures = in_threads(lambda file: embedded(read_bytes(file), str(file)), files)
     for name, file, picture in zip(by_number, files, pictures, strict=True):
         entry = figure_entry(name)
         links = {kind: file.with_suffix(f".{kind.lower()}") for kind in ("PDF", "SVG")}
-        figure = FigureShown(
-            name,
-            _figure_title(name),
-            picture,
-            caption_html(entry.caption, name),
-            {kind: _link(target, folder) for kind, target in links.items()},
-        )
+        figure = {
+            "name": name,
+            "title": _figure_title(name),
+            "picture": picture,
+            "caption": caption_html(entry.caption, name),
+            "links": {kind: _link(target, folder) for kind, target in links.items()},
+        }
         categories.setdefault(entry.category, []).append(figure)
     return categories
 

@@ -9,8 +9,6 @@ from puckbench.figures.registry import FIGURES
 from puckbench.metrics.table_registry import TABLES
 
 TITLE = "Point-cloud compression on virtual LiDAR scans"
-POINTS = 20_000
-MOST_MB = 8.0
 
 
 class Example(Model):
@@ -36,8 +34,6 @@ class Contents(Model):
         Places of the user's figures and tables (see `puckbench.core.registry`), loaded if trusted.
     style
         Layers of `puckbench.figures.style.FigureStyle`; later layers take precedence.
-    most_mb
-        Maximum total size of the clouds in the page, MB.
     """
 
     title: str = TITLE
@@ -50,8 +46,6 @@ class Contents(Model):
     logs: str | None = None
     configuration: Mapping[str, Any] = {}
     style: tuple[Mapping[str, Any], ...] = ()
-    points: int = POINTS
-    most_mb: float = MOST_MB
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Contents:

@@ -24,18 +24,14 @@ if TYPE_CHECKING:
 
 def study_findings(reference: ReferenceResults) -> Findings:
     errors = reference.table("scan_errors")
-    return findings(reference.metrics, _deltas(reference), errors, reference.style)
+    return findings(reference.metrics, _deltas(reference).get("bd_rate"), errors, reference.style)
 
 
 def write_study(reference: ReferenceResults, folder: Path) -> Path:
     """Write ``index.html`` and ``tables`` for a study; ``tables/metrics.csv`` contains all rows."""
     tables = folder / "tables"
     summary = table_entry("summary").make(metrics=reference.metrics)
-    tables_by_name = {
-        "summary": summary,
-        "bd_rate": _deltas(reference),
-        "bd_rate_clouds": _clouds_deltas(reference),
-    }
+    tables_by_name = {"summary": summary, **_deltas(reference)}
     tables_by_name |= {name: reference.table(name) for name in ("clouds", "scan_errors")}
     present = {name: table for name, table in tables_by_name.items() if table is not None}
     for name, table in present.items():
@@ -55,17 +51,14 @@ def write_study(reference: ReferenceResults, folder: Path) -> Path:
     return page
 
 
-def _deltas(reference: ReferenceResults) -> pd.DataFrame | None:
+def _deltas(reference: ReferenceResults) -> dict[str, pd.DataFrame]:
     if reference.metrics["codec"].nunique() < 2:
-        return None
-    return bd_rate(reference.metrics, **reference.bd_rate)
-
-
-def _clouds_deltas(reference: ReferenceResults) -> pd.DataFrame | None:
-    if reference.metrics["codec"].nunique() < 2:
-        return None
+        return {}
     options = {name: reference.bd_rate[name] for name in ("anchor", "qualities")}
-    return bd_rate_clouds(reference.metrics, **options)
+    return {
+        "bd_rate": bd_rate(reference.metrics, **reference.bd_rate),
+        "bd_rate_clouds": bd_rate_clouds(reference.metrics, **options),
+    }
 
 
 if __name__ == "__main__":

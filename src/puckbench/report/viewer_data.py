@@ -24,6 +24,8 @@ BYTES_PER_POINT = 28 / 3
 """Size of a decoded point: three coordinates of two bytes and an error of one byte, in base64."""
 MOST_DECADES = 3
 """Maximum range of the error colour scale, powers of ten."""
+_MOST_POINTS, _MOST_MB = 20_000, 8.0
+"""Maximum number of points of a cloud, and total size (MB) of the clouds in the page."""
 _LEAST_DECADES = 0.3
 _STEPS = 65535
 _LEAST_POINTS = 100
@@ -41,7 +43,7 @@ def viewer_payload(
     style: FigureStyle,
 ) -> dict[str, Any]:
     clouds = sum(1 + sum(map(len, e.decoded.values())) for e in contents.examples)
-    points = points_per_cloud(contents.points, clouds, contents.most_mb)
+    points = points_per_cloud(_MOST_POINTS, clouds, _MOST_MB)
     codecs = style.ordered_codecs(c for example in contents.examples for c in example.decoded)
     return {
         "codecs": [codec_payload(name, style) for name in codecs],

@@ -33,16 +33,14 @@ class ComparedResiduals(OfNames):
 
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
         from puckbench.io.tables import write_table
+        from puckbench.lidar import open_error_model
         from puckbench.lidar.residual_table import read_residuals
-        from puckbench.thesis.residuals.compared import (
-            compared_residuals,
-            default_models,
-            real_walls,
-        )
+        from puckbench.thesis.residuals.compared import COMPARED, compared_residuals, real_walls
         from puckbench.thesis.residuals.joining import subsampled
 
         files = self.files(results)
         tables = [subsampled(read_residuals(path), _MAX_ROWS, str(path)) for path in files]
-        compared = compared_residuals(real_walls(tables), default_models())
+        models = {name: open_error_model(name) for name in COMPARED}
+        compared = compared_residuals(real_walls(tables), models)
         write_table(compared[_KEPT].astype({"residual_m": "float32"}), parquet)
         return {"rows": len(compared)}

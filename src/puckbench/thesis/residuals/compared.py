@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar import load_sensor, open_error_model
+from puckbench.lidar import load_sensor
 from puckbench.lidar.errors import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.calibrated import Calibrated
 from puckbench.lidar.residual_table import REAL
@@ -23,10 +23,6 @@ WALL_KEYS = ["capture", "distance_m", "run"]
 REPLICATES = 20
 _FRAME_RAD = np.radians(15.0)
 """Azimuth range of a frame of the thesis's sweep; error models draw a new bias for each frame."""
-
-
-def default_models() -> dict[str, ErrorModel]:
-    return {name: open_error_model(name) for name in COMPARED}
 
 
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -96,7 +92,8 @@ def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generato
 
     sensor = load_sensor("vlp16")
     azimuth = np.arctan2(rows["plane_u_m"], rows["distance_m"])
-    frame = _ranks(rows["frame"] * 24 + np.floor(azimuth / _FRAME_RAD))
+    frames = rows["frame"] * 24 + np.floor(azimuth / _FRAME_RAD)
+    frame = np.unique(frames, return_inverse=True)[1]
     laser = rows["laser_id"].to_numpy(dtype=np.int64)
     group = pd.Series(frame * sensor.lasers + laser)
     place = (frame, np.asarray(group.groupby(group).cumcount()), laser)
@@ -107,10 +104,6 @@ def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generato
     hits = Hits(distance, np.zeros(shape, dtype=np.uint32), angle)
     noisy = model.perturb_ranges(hits, sensor, Draws(rng))
     return np.asarray(noisy[place] - distance[place])
-
-
-def _ranks(values: pd.Series[float]) -> NDArray[np.intp]:
-    return np.unique(values, return_inverse=True)[1]
 
 
 def _rows_of_walls(rows: pd.DataFrame) -> list[NDArray[np.intp]]:

@@ -49,45 +49,41 @@ def model_distances(
 
     if not (compared["model"] == REAL).any():
         raise InputError("the comparison has no real residuals")
-    real = _Blocks.of(compared[compared["model"] == REAL])
+    real = _block_counts(compared[compared["model"] == REAL])
     rows = []
     for name in ordered_models(compared["model"].astype(str)):
         residuals = compared[compared["model"] == name]
-        blocks = _Blocks.of(residuals)
+        blocks = _block_counts(residuals)
         rng = generator(seed, "model distances", name)
-        samples = [(real.resampled(rng), blocks.resampled(rng)) for _ in range(resamples)]
+        samples = [(_resampled(real, rng), _resampled(blocks, rng)) for _ in range(resamples)]
         low, high = np.quantile([_distance(a, b) for a, b in samples], [0.025, 0.975])
         rows.append(
             {
                 "model": name,
                 "residuals": len(residuals),
                 "std_m": float(residuals["residual_m"].std()),
-                "emd_m": _distance(real.total, blocks.total),
+                "emd_m": _distance(real.sum(axis=0), blocks.sum(axis=0)),
                 "emd_low_m": float(low) if name != REAL else 0.0,
                 "emd_high_m": float(high) if name != REAL else 0.0,
-                "chance_m": _chance(residuals, blocks.total),
+                "chance_m": _chance(residuals, blocks.sum(axis=0)),
             }
         )
     return pd.DataFrame(rows)
 
 
-class _Blocks:
-    def __init__(self, counts: Floats) -> None:
-        self.counts = counts
-        self.total = counts.sum(axis=0)
+def _block_counts(rows: pd.DataFrame) -> Floats:
+    """Return histograms (blocks, bins) of the residuals of each wall and laser."""
+    block = np.asarray(rows.groupby(["replicate", *WALL_KEYS, "laser_id"]).ngroup())
+    bins = _bins(rows["residual_m"].to_numpy(dtype=np.float64))
+    blocks = int(block.max()) + 1
+    counts = np.bincount(block * _BINS + bins, minlength=blocks * _BINS)
+    return counts.reshape(blocks, _BINS).astype(np.float64)
 
-    @classmethod
-    def of(cls, rows: pd.DataFrame) -> _Blocks:
-        block = np.asarray(rows.groupby(["replicate", *WALL_KEYS, "laser_id"]).ngroup())
-        bins = _bins(rows["residual_m"].to_numpy(dtype=np.float64))
-        size = (int(block.max()) + 1, _BINS)
-        counts = np.bincount(block * _BINS + bins, minlength=size[0] * size[1])
-        return cls(counts.reshape(size).astype(np.float64))
 
-    def resampled(self, rng: np.random.Generator) -> Floats:
-        blocks = len(self.counts)
-        weights = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
-        return np.asarray(weights @ self.counts)
+def _resampled(counts: Floats, rng: np.random.Generator) -> Floats:
+    blocks = len(counts)
+    weights = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
+    return np.asarray(weights @ counts)
 
 
 def _bins(residuals: Floats) -> NDArray[np.int64]:
