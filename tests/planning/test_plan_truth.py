@@ -25,7 +25,7 @@ def workflow(
 
 
 def tables_of_rows(bench: Workflow) -> dict[str, tuple[str, ...]]:
-    return {record.kind: record.names for record in bench.coding.tables()}
+    return {kind: tuple(item.names) for kind, item in bench.outputs.gathered.items()}
 
 
 def test_scans_are_measured_against_the_truth_and_the_clean_scan() -> None:

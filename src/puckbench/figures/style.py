@@ -116,36 +116,25 @@ class FigureStyle(Model):
             yield
 
     def _parameters(self) -> dict[str, Any]:
-        small = self.font_size - 1
+        axes = ("xtick", "ytick")
         return {
             "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
             "mathtext.fontset": "dejavusans",
-            "pdf.fonttype": 42,
             "svg.hashsalt": "puckbench",  # the same element names in every file
-            "ps.fonttype": 42,
-            "font.size": self.font_size,
-            "axes.titlesize": self.font_size,
-            "axes.labelsize": self.font_size,
-            "xtick.labelsize": small,
-            "ytick.labelsize": small,
+            **dict.fromkeys(("pdf.fonttype", "ps.fonttype"), 42),
+            **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), self.font_size),
             "legend.fontsize": self.font_size,
-            "figure.dpi": self.dpi,
-            "savefig.dpi": self.dpi,
-            "figure.constrained_layout.use": True,
+            "legend.frameon": False,
+            **dict.fromkeys(("figure.dpi", "savefig.dpi"), self.dpi),
+            **dict.fromkeys(("figure.constrained_layout.use", "axes.axisbelow", "axes.grid"), True),
             "lines.linewidth": self.line_width,
             "lines.markersize": self.marker_size,
             "axes.linewidth": 0.6,
-            "axes.axisbelow": True,
-            "axes.grid": True,
             "grid.color": "#d9d9d9",
             "grid.linewidth": 0.4,
-            "xtick.major.width": 0.6,
-            "ytick.major.width": 0.6,
-            "xtick.minor.width": 0.4,
-            "ytick.minor.width": 0.4,
-            "xtick.major.size": 2.5,
-            "ytick.major.size": 2.5,
-            "xtick.minor.size": 1.5,
-            "ytick.minor.size": 1.5,
-            "legend.frameon": False,
+            **{f"{axis}.labelsize": self.font_size - 1 for axis in axes},
+            **{f"{axis}.major.width": 0.6 for axis in axes},
+            **{f"{axis}.minor.width": 0.4 for axis in axes},
+            **{f"{axis}.major.size": 2.5 for axis in axes},
+            **{f"{axis}.minor.size": 1.5 for axis in axes},
         }

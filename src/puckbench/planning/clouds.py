@@ -88,12 +88,9 @@ class CloudJobs:
         if self.dataset(dataset).has_returns:
             model = settings.errors if settings.is_scan else ""
             return planned(PrepareReturns(neighbours=settings.neighbours, error_model=model))
-        crop = settings.crop if settings.is_scan else "none"
-        if settings.size == "metric":
-            record = Prepare(crop="none", size=0, neighbours=settings.neighbours)
-        else:
-            record = Prepare(crop=crop, size=settings.size, neighbours=settings.neighbours)
-        return planned(record)
+        crop = settings.crop if self.is_cropped(dataset) else "none"
+        size = 0 if settings.size == "metric" else settings.size
+        return planned(Prepare(crop=crop, size=size, neighbours=settings.neighbours))
 
     def memory_mb(self, dataset: str) -> int:
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,12 @@ from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.decode import Decode, DecodeShown
 from puckbench.jobs.encode import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
-from puckbench.jobs.gathered_tables import RowsTable
 from puckbench.jobs.recovery import RecoveryCurve
 from puckbench.jobs.registry import Job
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.config import DataSetConfig
+from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.report_contents import shown_rates
 
@@ -66,17 +66,19 @@ class CodingJobs:
 
     def encode(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
         rates = self.plan.curve_rates(dataset, cloud, codec)
-        record = EncodeCurve(codec=codec, changes=self._entry(dataset, codec, rates), **self._timed)
-        return self._planned(record, codec)
+        record = EncodeCurve(
+            codec=codec, changes=self._entry(dataset, codec, rates), **timed(self.plan)
+        )
+        return codec_job(self.plan, record, codec)
 
     def decode(self, dataset: str, codec: str, rate: str) -> PlannedJob:
         record = Decode(codec=codec, changes=self._entry(dataset, codec, (rate,)), rate=rate)
-        return self._planned(record, codec)
+        return codec_job(self.plan, record, codec)
 
     def decode_shown(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
         rates = shown_rates(self.plan, dataset, cloud, codec)
         changes = self._entry(dataset, codec, rates)
-        return self._planned(DecodeShown(codec=codec, changes=changes, rates=rates), codec)
+        return codec_job(self.plan, DecodeShown(codec=codec, changes=changes, rates=rates), codec)
 
     def evaluate(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
         rates = self.plan.curve_rates(dataset, cloud, codec)
@@ -88,17 +90,14 @@ class CodingJobs:
             peak=_peak(settings),
             views=settings.views,
             metrics=self.plan.config.metrics,
-            **self._timed,
+            **timed(self.plan),
         )
-        return self._planned(record, codec, *map(METRICS.module_of, record.metrics))
+        return codec_job(self.plan, record, codec, *map(METRICS.module_of, record.metrics))
 
     def recovery(self, dataset: str, codec: str) -> PlannedJob:
         changes = self._entry(dataset, codec, self.plan.rates(codec, self._frame(dataset)))
         record = RecoveryCurve(dataset=dataset, codec=codec, changes=changes)
-        return self._planned(record, codec)
-
-    def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
-        return planned(record, self._module(codec), *modules, also=self.plan.weights_digest(codec))
+        return codec_job(self.plan, record, codec)
 
     def scan_error(self, dataset: str) -> PlannedJob:
         return planned(Evaluate(dataset=dataset))
@@ -137,17 +136,6 @@ class CodingJobs:
             "scene": self.clouds.scene_file(dataset, cloud),
         }
 
-    def tables(self) -> Iterator[RowsTable]:
-        if self.plan.datasets:
-            yield RowsTable(kind="metrics", names=self.rows("metrics"))
-        if self.plan.scanned:
-            names = map("/".join, self.plan.scanned)
-            yield RowsTable(
-                kind="scan_errors", names=tuple(f"scan_errors/{name}.json" for name in names)
-            )
-        if self.plan.recovered:
-            yield RowsTable(kind="recovery", names=self.rows("recovery"))
-
     @property
     def threads_environment(self) -> dict[str, str]:
         return thread_environment(self.timing.threads)
@@ -171,10 +159,6 @@ class CodingJobs:
     def _cloud_memory_mb(self) -> int:
         return max(map(self.clouds.memory_mb, self.plan.datasets), default=0)
 
-    @property
-    def _timed(self) -> dict[str, Any]:
-        return {"repeats": self.timing.repeats, "alone": self.timing.exclusive}
-
     def _frame(self, dataset: str) -> CoordinateFrame:
         return self.plan.datasets[dataset].frame
 
@@ -182,5 +166,13 @@ class CodingJobs:
         table = self.plan.opened[codec].rates_of(self._frame(dataset))
         return self.plan.entry_with(codec, {rate: table[rate] for rate in rates})
 
-    def _module(self, codec: str) -> str:
-        return module_of(self.plan.codecs[codec]["class"])
+
+def codec_job(plan: Plan, record: Job, codec: str, *modules: str) -> PlannedJob:
+    """Plan a job that uses a codec, whose code and weights affect the result."""
+    module, weights = module_of(plan.codecs[codec]["class"]), plan.weights_digest(codec)
+    return planned(record, module, *modules, also=weights)
+
+
+def timed(plan: Plan) -> dict[str, Any]:
+    """Return the settings of a job with timed calls."""
+    return {"repeats": plan.config.timing.repeats, "alone": plan.config.timing.exclusive}

@@ -172,10 +172,6 @@ class DataSetConfig(Sensing):
     def is_metric(self) -> bool:
         return self.size == METRIC
 
-    @property
-    def has_truth(self) -> bool:
-        return self.truth and self.make != "cloud"
-
 
 class DriveConfig(Sensing):
     """Drives of a moving sensor through the scenes of a scene set, and a robot's tasks on them."""
@@ -309,7 +305,7 @@ class StudyConfig(Model):
 
 
 class TimingConfig(Model):
-    """Measurement of times; `timing: exclusive` is short for `timing: {exclusive: true}`."""
+    """Measurement of times."""
 
     repeats: int = Field(3, ge=1, description="Calls of each coding; the median time is reported.")
     exclusive: bool = Field(False, description="Run no other job beside a job with timed calls.")
@@ -416,13 +412,6 @@ class Config(Model):
         description="Image in which jobs run with `--software-deployment-method apptainer`: a file "
         "or `docker://...`.",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _short_timing(cls, values: Any) -> Any:
-        if isinstance(values, dict) and values.get("timing") == "exclusive":
-            return {**values, "timing": {"exclusive": True}}
-        return values
 
     @property
     def failures_file(self) -> Path:

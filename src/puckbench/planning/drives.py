@@ -1,24 +1,22 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from puckbench.codecs.facts import find_rate
-from puckbench.codecs.registry import module_of
 from puckbench.core.errors import InputError, naming
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import of_packets, of_returns
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
-from puckbench.jobs.gathered_tables import RowsTable
-from puckbench.jobs.registry import Job
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.lidar.errors import module_of_model
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import TASKS, checked_task
+from puckbench.planning.coding import codec_job, timed
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
@@ -83,10 +81,6 @@ class DriveJobs:
     def artefacts(self) -> list[str]:
         return [f"coded_drives/{'/'.join(curve)}.zip" for curve in self.curves]
 
-    def tables(self) -> Iterator[RowsTable]:
-        if self.entries:
-            yield RowsTable(kind="drives", names=self.rows)
-
     def source(self, name: str, drive: str) -> dict[str, str]:
         """Return the scene file of a virtual drive, and the scene's description."""
         entry = self.entries[name]
@@ -119,13 +113,12 @@ class DriveJobs:
         return planned(record_of_clouds, LOADERS.module_of(scenes.loader))
 
     def encode(self, name: str, codec: str) -> PlannedJob:
-        repeats, alone = self.plan.config.timing.repeats, self.plan.config.timing.exclusive
         changes = self._changes(name, codec)
-        record = EncodeDrive(codec=codec, changes=changes, repeats=repeats, alone=alone)
-        return self._planned(record, codec)
+        record = EncodeDrive(codec=codec, changes=changes, **timed(self.plan))
+        return codec_job(self.plan, record, codec)
 
     def measure(self, name: str, codec: str) -> PlannedJob:
-        timing, tasks = self.plan.config.timing, self.plan.drives[name].tasks
+        tasks = self.plan.drives[name].tasks
         modules = map(TASKS.module_of, tasks)
         if codec == UNDECODED:
             return planned(MeasureDrive(dataset=name, tasks=tasks), *modules)
@@ -134,19 +127,14 @@ class DriveJobs:
             codec=codec,
             changes=self._changes(name, codec),
             tasks=tasks,
-            repeats=timing.repeats,
-            alone=timing.exclusive,
+            **timed(self.plan),
         )
-        return self._planned(record, codec, *modules)
+        return codec_job(self.plan, record, codec, *modules)
 
     def minutes(self, name: str) -> int:
         """Return an upper bound of the estimated time of a drive's job, in minutes."""
         rates = max(map(len, self.entries[name].rates.values()), default=1)
         return 10 + int(5 * rates)
-
-    def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
-        module, weights = self.plan.codecs[codec]["class"], self.plan.weights_digest(codec)
-        return planned(record, module_of(module), *modules, also=weights)
 
     def _changes(self, name: str, codec: str) -> dict[str, Any]:
         opened, rates = self.plan.opened[codec], self.entries[name].rates[codec]

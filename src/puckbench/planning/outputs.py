@@ -51,17 +51,24 @@ class OutputJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        plan, tables = self.plan, {}
+        plan, rows = self.plan, dict[str, tuple[str, ...]]()
         if plan.datasets:
-            names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
-            tables["clouds"] = Gathering(planned(RowsTable(kind="clouds", names=names)), names)
-        if left_out := plan.left_out_rows():
-            tables["left_out"] = Gathering(planned(PlanTable(table="left_out", rows=left_out)), ())
-        if plan.codecs:
-            looks = tuple(self._looks(name) for name in plan.codecs)
-            tables["codecs"] = Gathering(planned(PlanTable(table="codecs", rows=looks)), ())
-        for record in (*self.coding.tables(), *self.drives.tables()):
-            tables[record.kind] = Gathering(planned(record), record.names)
+            rows["clouds"] = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
+            rows["metrics"] = self.coding.rows("metrics")
+        if plan.scanned:
+            rows["scan_errors"] = tuple(f"scan_errors/{'/'.join(c)}.json" for c in plan.scanned)
+        if plan.recovered:
+            rows["recovery"] = self.coding.rows("recovery")
+        if plan.drives:
+            rows["drives"] = self.drives.rows
+        tables = {
+            kind: Gathering(planned(RowsTable.create(kind=kind, names=names)), names)
+            for kind, names in rows.items()
+        }
+        of_plan = {"left_out": plan.left_out_rows(), "codecs": tuple(map(self._looks, plan.codecs))}
+        for table, lines in of_plan.items():
+            if lines:
+                tables[table] = Gathering(planned(PlanTable(table=table, rows=lines)), ())
         return tables
 
     @cached_property

@@ -89,7 +89,7 @@ class DataSetPlan:
 
     @property
     def has_truth(self) -> bool:
-        return self.settings.has_truth
+        return self.settings.truth and self.settings.make != "cloud"
 
     @property
     def has_true_surface(self) -> bool:
@@ -325,30 +325,19 @@ class Plan:
         return tuple(cloud for cloud in self.clouds if cloud[0] in datasets)
 
     @cached_property
-    def of_surfaces(self) -> frozenset[str]:
-        return frozenset(
-            name for name in self.codecs if codecs.codes_surfaces(name, self.config.codec(name))
-        )
-
-    @cached_property
-    def labelled(self) -> frozenset[str]:
-        return frozenset(
-            data.name
-            for data in self.datasets.values()
-            if data.settings.recovery
-            and not data.settings.is_metric
-            and data.settings.make != "cloud"
-            and has_primitives(self.scenes[data.scenes].scenes)
-        )
-
-    @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
         """Rate-distortion curves whose primitives are compared with the scenes' labels."""
-        return tuple(
-            curve
-            for curve in self.curves
-            if curve[0] in self.labelled and curve[2] in self.of_surfaces
-        )
+        config, datasets = self.config, self.datasets.values()
+        coders = {n for n in self.codecs if codecs.codes_surfaces(n, config.codec(n))}
+        labelled = {
+            data.name
+            for data in datasets
+            if data.settings.recovery
+            and data.frame == "scaled"
+            and data.settings.make != "cloud"
+            and has_primitives(self.scenes[data.scenes].scenes)
+        }
+        return tuple(c for c in self.curves if c[0] in labelled and c[2] in coders)
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:

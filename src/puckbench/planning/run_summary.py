@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,22 @@ from puckbench.report.bd_rate_text import delta_text, has_delta
 
 Row = dict[str, str]
 
-_HEADS = {
-    "dataset": "data set",
-    "codec": "codec",
-    "clouds": "clouds",
-    "bpp": "bits per point",
-    "d1_rms_m": "D1 error, m",
-    "d1_psnr": "D1 PSNR, dB",
-    "bd_rate_percent": "BD-rate",
-    "seconds": "s, at most",
+
+def _ends(form: str) -> Callable[[list[float] | None], str]:
+    return lambda ends: " to ".join(f"{end:{form}}" for end in ends or ())
+
+
+_COLUMNS: dict[str, tuple[str, Callable[[Any], str]]] = {
+    "dataset": ("data set", str),
+    "codec": ("codec", str),
+    "clouds": ("clouds", str),
+    "bpp": ("bits per point", _ends(".2g")),
+    "d1_rms_m": ("D1 error, m", _ends(".2g")),
+    "d1_psnr": ("D1 PSNR, dB", _ends(".0f")),
+    "bd_rate": ("BD-rate", str),
+    "seconds": ("s, at most", "{:.2g}".format),
 }
+"""Heading and format of each column, by key of a row; empty columns are left out."""
 _RATE_HEADS = (
     *("data set", "codec and rate", "bytes", "file / stream", "RMS, mm", "largest, mm", "s"),
 )
@@ -40,12 +46,11 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
     if not summary.exists() or summary.stat().st_mtime < since:
         return
     shown = summary_rows(results, style, anchor)
-    rows = [_cells(row) for row in shown]
-    columns = [name for name in _HEADS if any(row[name] for row in rows)]
-    heads = [_HEADS[name] for name in columns]
-    yield from aligned([heads, *([row[name] for name in columns] for row in rows)])
+    texts = {name: [form(row[name]) for row in shown] for name, (_, form) in _COLUMNS.items()}
+    texts = {name: column for name, column in texts.items() if any(column)}
+    yield from aligned([[_COLUMNS[name][0] for name in texts], *zip(*texts.values(), strict=True)])
     against = f"; BD-rate in D1 against {style.of_codec(anchor).title}"
-    if "bd_rate_percent" not in columns:
+    if "bd_rate" not in texts:
         against = ""
     yield f"Medians over clouds, lowest to highest rate{against}."
     yield from _remarks(shown)
@@ -136,22 +141,6 @@ def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
 def _range(rows: Sequence[Row], column: str) -> list[float] | None:
     values = [float(row[column]) for row in rows if row.get(column)]
     return [min(values), max(values)] if values else None
-
-
-def _cells(row: Mapping[str, Any]) -> dict[str, str]:
-    forms = {"bpp": "{:.2g}", "d1_rms_m": "{:.2g}", "d1_psnr": "{:.0f}"}
-    ranges = {
-        name: " to ".join(form.format(end) for end in row[name] or ())
-        for name, form in forms.items()
-    }
-    return {
-        "dataset": row["dataset"],
-        "codec": row["codec"],
-        "clouds": str(row["clouds"]),
-        **ranges,
-        "bd_rate_percent": row["bd_rate"],
-        "seconds": f"{row['seconds']:.2g}",
-    }
 
 
 def aligned(rows: Sequence[Sequence[str]], left: int = 2) -> Iterator[str]:

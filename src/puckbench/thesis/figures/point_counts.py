@@ -65,17 +65,11 @@ def _key(clouds: bool) -> list[Artist]:
 
 
 def _draw_boxes(axes: Axes, counts: list[np.ndarray]) -> None:
-    axes.boxplot(
-        counts,
-        showfliers=False,
-        showmeans=True,
-        widths=0.5,
-        medianprops=_MEDIAN,
-        meanprops=_MEAN,
-        boxprops={"linewidth": 0.8},
-        whiskerprops={"linewidth": 0.8},
-        capprops={"linewidth": 0.8},
-    )
+    lines: dict[str, Any] = {
+        name: {"linewidth": 0.8} for name in ("boxprops", "whiskerprops", "capprops")
+    }
+    means: dict[str, Any] = {"showmeans": True, "medianprops": _MEDIAN, "meanprops": _MEAN}
+    axes.boxplot(counts, showfliers=False, widths=0.5, **means, **lines)
 
 
 def _label_counts(axes: Axes) -> None:
