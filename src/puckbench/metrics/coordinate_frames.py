@@ -12,6 +12,11 @@ FRAME = "frame"
 """Column of tables of clouds and results: "metric" (metres), or empty for scaled clouds."""
 
 
+def frames_of(table: pd.DataFrame) -> set[str]:
+    """Return the coordinate frames of a table's rows."""
+    return set(table[FRAME].fillna("scaled")) if FRAME in table else {"scaled"}
+
+
 def rows_in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
     """Return the rows of clouds in a coordinate frame; without column `FRAME`, all are scaled."""
     if FRAME not in table:

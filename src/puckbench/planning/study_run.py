@@ -11,7 +11,9 @@ from puckbench.planning.user_files import check_codecs, codec_entries
 from puckbench.report.reference_results import ReferenceResults
 
 Options = dict[str, Any]
-_NOT_KEPT = ("results", "codecs", "stand_in", "strict", "sensor_study", "train", "container")
+_NOT_KEPT = (
+    *("results", "codecs", "stand_in", "strict", "sensor_study", "train", "container", "report"),
+)
 """Keys of the study's configuration that do not define clouds or metrics."""
 
 
@@ -51,7 +53,7 @@ def study_configuration(
         "codecs": user_codecs,
         "bd_rate": deltas,
         "figures": {**study["figures"], "examples": examples},
-        "report": {**study["report"], "title": f"{reference.title}: {', '.join(user_codecs)}"},
+        "report": {"title": f"{reference.title}: {', '.join(user_codecs)}"},
     }
     made = {"results": results, **_without_defaults(config)}
     check_codecs(Plan(checked(made)), advice=False)

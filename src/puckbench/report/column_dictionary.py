@@ -3,6 +3,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.metric_registry import metric_columns
 from puckbench.report.column_labels import table_heading, unit_in_frames
 
@@ -31,7 +32,7 @@ def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
     names, registered = [str(name) for name in table], metric_columns()
-    frames = set(table["frame"].fillna("scaled")) if "frame" in table else set()
+    frames = frames_of(table)
     rows = []
     for name in names:
         words, unit = table_heading(name, names)

@@ -8,7 +8,7 @@ import numpy as np
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import CoordinateFrame
-from puckbench.metrics.coordinate_frames import FRAME
+from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
 from puckbench.report.column_labels import (
@@ -70,10 +70,7 @@ def _shown(metrics: pd.DataFrame) -> list[ColumnLabel]:
     names = [str(name) for name in numbers]
     different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1
     labels = ordered_labels([name for name in names if has_label(name) or different[name]])
-    frames = {"metric"} if FRAME in metrics else {"scaled"}
-    if FRAME in metrics and metrics[FRAME].isna().any():
-        frames.add("scaled")
-    peak = peak_phrase(metrics)
+    frames, peak = frames_of(metrics), peak_phrase(metrics)
     return [
         _with_peak(replace(item, unit=unit_in_frames(item.unit, frames)), peak) for item in labels
     ]
@@ -85,9 +82,8 @@ def _with_peak(item: ColumnLabel, peak: str) -> ColumnLabel:
 
 
 def _frame_of(metrics: pd.DataFrame, dataset: str) -> CoordinateFrame:
-    of_dataset = metrics[metrics["dataset"] == dataset]
-    is_metric = FRAME in of_dataset and bool(of_dataset[FRAME].notna().any())
-    return "metric" if is_metric else "scaled"
+    frames = frames_of(metrics[metrics["dataset"] == dataset])
+    return "metric" if "metric" in frames else "scaled"
 
 
 def _described(item: ColumnLabel) -> dict[str, Any]:

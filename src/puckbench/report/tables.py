@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.report.column_labels import has_label, table_heading, unit_in_frames
 from puckbench.report.page import rendered
 
@@ -47,7 +48,7 @@ def table_html(
 
     ordered = table[_in_order(table)]
     titles = [_titles(str(name), style or FigureStyle()) for name in ordered]
-    frames = set(table["frame"].fillna("scaled")) if "frame" in table else set()
+    frames = frames_of(table)
     values = {
         "columns": [_column(ordered[name], list(map(str, table)), frames) for name in ordered],
         "rows": [
