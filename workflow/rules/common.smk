@@ -20,7 +20,6 @@ from puckbench.metrics.table_registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
 from puckbench.planning.launch import CALLER_PRINTS_SUMMARY
-from puckbench.planning.planned_job import results_folder
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
@@ -62,11 +61,6 @@ def one_of(names):
 def files_of(files, names):
     """Return words `key=FILE ...` for the inputs of these names."""
     return shlex.join(f"{name}={files[name]}" for name in names)
-
-
-def folder_of(files, gathering):
-    """Return the results folder with the files that a job gathers."""
-    return results_folder(files, gathering.names, plan.results)
 
 
 def record_of(job):

@@ -50,7 +50,7 @@ if FIRST_FIGURES:
         params:
             record=record_of(lambda w: outputs.first_look.job),
             code=outputs.first_look.job.code,
-            results=lambda w, input: folder_of(input.rows, outputs.first_look),
+            results=lambda w, input: outputs.first_look.folder(input.rows, plan.results),
         shell:
             "python -m puckbench.jobs first_look {params.record} results={params.results:q}"
             " parquet={output.parquet:q} out={output.images:q} > {log:q} 2>&1"

@@ -90,7 +90,7 @@ if plan.study is not None:
             record=record_of(lambda w: study.gathered[w.table].job),
             job=lambda w: study.gathered[w.table].job.name,
             code=code_of(lambda w: study.gathered[w.table].job),
-            results=lambda w, input: folder_of(input.rows, study.gathered[w.table]),
+            results=lambda w, input: study.gathered[w.table].folder(input.rows, plan.results),
         shell:
             "python -m puckbench.jobs {params.job} {params.record} results={params.results:q} parquet={output:q}"
             " > {log:q} 2>&1"

@@ -19,7 +19,7 @@ rule results_table:
         record=record_of(lambda w: outputs.gathered[w.table].job),
         job=lambda w: outputs.gathered[w.table].job.name,
         code=code_of(lambda w: outputs.gathered[w.table].job),
-        results=lambda w, input: folder_of(input.rows, outputs.gathered[w.table]),
+        results=lambda w, input: outputs.gathered[w.table].folder(input.rows, plan.results),
     shell:
         "python -m puckbench.jobs {params.job} {params.record} results={params.results:q} csv={output.csv:q}"
         " parquet={output.parquet:q} columns={output.columns:q} > {log:q} 2>&1"

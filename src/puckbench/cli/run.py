@@ -60,7 +60,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "names, lengths such as 3mm, or all (default: all, or four if all would take long)"
     add("--rates", nargs="+", metavar="RATE", help=text)
     add("--metrics", nargs="+", metavar="METRIC", help="further metrics: density, file.py:function")
-    text = "most clouds or meshes, or turns of each recording (default: 10), that are used"
+    text = "maximum number of clouds or meshes, or of turns of each recording (default: 10)"
     add("--limit", type=integer(1), help=text)
     add("--topic", help="topic of ROS bags to read, of several")
     add("--scan", action="store_true", help="scan meshes with a virtual VLP-16; do not sample them")

@@ -27,7 +27,6 @@ from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _PREFIXES = {"": "to the scan", "truth_": "to the truth"}
@@ -139,7 +138,9 @@ def _draw_distances(
     for index, axes in enumerate(panels):
         dataset, column = list(curves[0])[index // abreast], index % abreast
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
-        _draw_scan_line(axes, scan_medians.get((dataset, references[column].column)), limits[1][0])
+        scan = scan_medians.get((dataset, references[column].column), 0.0)
+        if scan >= limits[1][0]:
+            axes.axhline(scan, zorder=2, **SCAN_LINE)
         title = f"{style.title(dataset)}: {titles[column]}"
         set_title(axes, titled(title, rows[rows["dataset"] == dataset]), abreast, style)
     label_outer(panels, abreast, "", metric.short_label)
@@ -161,8 +162,3 @@ def _scan_medians(
         for dataset, row in medians.iterrows()
         for column in columns
     }
-
-
-def _draw_scan_line(axes: Axes, value: float | None, floor: float) -> None:
-    if value is not None and value >= floor:
-        axes.axhline(value, zorder=2, **SCAN_LINE)

@@ -6,7 +6,6 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.facts import Pace
 from puckbench.codecs.registry import codec_class, module_of
 from puckbench.core.environment import thread_environment
 from puckbench.geometry.cloud import CoordinateFrame
@@ -49,14 +48,11 @@ class CodingJobs:
         return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
     def _seconds(self, codec: str) -> float:
-        return self.timing.repeats * self.pace(codec).of(self._most_points)
+        return self.timing.repeats * self.plan.opened[codec].pace.of(self._most_points)
 
     @cached_property
     def _most_points(self) -> int:
         return max((data.points for data in self.plan.datasets.values()), default=0)
-
-    def pace(self, codec: str) -> Pace:
-        return self.plan.opened[codec].pace
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:

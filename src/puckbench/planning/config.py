@@ -62,7 +62,7 @@ class SceneSource(Model):
     select: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
         None, description="Names of the scenes to use; by default all."
     )
-    limit: int | None = Field(None, ge=1, description="Most scenes used; the first by name.")
+    limit: int | None = Field(None, ge=1, description="Maximum number of scenes, first by name.")
 
 
 class SceneSetConfig(SceneSource):
@@ -124,7 +124,7 @@ class DataSetConfig(Sensing):
     )
     points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
     crop: Literal["clean", "noisy", "none"] = Field(
-        "clean", description="Crop a scan to the room by its `clean` or `noisy` coordinates."
+        "clean", description="Crop a scan to the room by `clean` or `noisy` coordinates, or not."
     )
     size: Annotated[int, Field(ge=2)] | Literal["grid", "metric"] = Field(
         1024,
@@ -147,7 +147,7 @@ class DataSetConfig(Sensing):
         True, description="Compare coded primitives with the scenes' labels, if there are any."
     )
     views: int = Field(
-        0, ge=0, description="Pixels of six rendered views to compare (PCC Arena: 1920); 0: none."
+        0, ge=0, description="Width in pixels of six rendered views to compare (PCC Arena: 1920)."
     )
     neighbours: int = Field(30, ge=3, description="Number of neighbours for estimating a normal.")
     stand_in: Options = Field({}, description="Keys that replace these with `stand_in: true`.")
@@ -400,7 +400,7 @@ class Config(Model):
     )
     train: dict[Name, TrainingConfig] = Field({}, description="Trainings, by name of the weights.")
     sensor_study: StudyConfig | Literal[False] | None = Field(
-        None, description="Errors on a wall and a floor (figures 5.1-5.21); `{}`: all defaults."
+        None, description="Sensor's errors on a wall and floor (figures 5.1-5.21); `{}`: defaults."
     )
     timing: TimingConfig = Field(TimingConfig(), description="Measurement of times.")
     bd_rate: RateDeltaConfig = Field(RateDeltaConfig(), description="Bjontegaard deltas.")

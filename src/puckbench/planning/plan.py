@@ -28,11 +28,9 @@ from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.task_registry import TASKS
 from puckbench.planning.config import (
-    CaptureConfig,
     Config,
     DataSetConfig,
     DriveConfig,
-    ErrorModelConfig,
     SceneSetConfig,
     Sensing,
     StudyConfig,
@@ -560,8 +558,16 @@ def _chosen(name: str, value: SceneSetConfig, names: list[str]) -> tuple[str, ..
 
 
 def _study(value: StudyConfig, seed: int) -> StudyPlan:
-    models = {name: _model(name, item or ErrorModelConfig()) for name, item in value.models.items()}
-    captures = {name: _capture(name, item) for name, item in value.captures.items()}
+    models = {}
+    for name, item in value.models.items():
+        errors, options = (item.errors or name, item.error_options) if item else (name, {})
+        with naming(f"sensor_study.models.{name}"):
+            open_error_model(errors, options)
+        models[name] = errors, options
+    for name, capture in value.captures.items():
+        if not Path(capture.path).exists():
+            raise InputError(f"sensor_study.captures.{name}: {capture.path}: no such file")
+    captures = {name: (item.path, item.options) for name, item in value.captures.items()}
     study = StudyPlan(value, models, captures, seed if value.seed is None else value.seed)
     distances = sorted(CALIBRATIONS.values())
     for distance in study.all_distances_m:
@@ -569,16 +575,3 @@ def _study(value: StudyConfig, seed: int) -> StudyPlan:
             places = ", ".join(f"{place:g}" for place in distances)
             raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")
     return study
-
-
-def _model(name: str, item: ErrorModelConfig) -> tuple[str, dict[str, Any]]:
-    errors = item.errors or name
-    with naming(f"sensor_study.models.{name}"):
-        open_error_model(errors, item.error_options)
-    return errors, item.error_options
-
-
-def _capture(name: str, item: CaptureConfig) -> tuple[str, dict[str, Any]]:
-    if not Path(item.path).exists():
-        raise InputError(f"sensor_study.captures.{name}: {item.path}: no such file")
-    return item.path, item.options

@@ -50,10 +50,9 @@ class Gathering(NamedTuple):
     def files(self, results: Path) -> list[str]:
         return [f"{results}/{name}" for name in self.names]
 
+    def folder(self, files: Sequence[str], results: Path) -> str:
+        """Return the results folder, or the copy of it that contains `files`.
 
-def results_folder(files: Sequence[str], names: Sequence[str], results: Path) -> str:
-    """Return the results folder, or the copy of it that contains `files`.
-
-    Snakemake makes copies if the results are in remote storage.
-    """
-    return str(files[0]).removesuffix(f"/{names[0]}") if names else str(results)
+        Snakemake makes copies if the results are in remote storage.
+        """
+        return str(files[0]).removesuffix(f"/{self.names[0]}") if self.names else str(results)

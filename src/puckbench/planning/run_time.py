@@ -28,18 +28,17 @@ def job_seconds(bench: Workflow) -> Callable[[str], float]:
 def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
     plan, coding, points = bench.plan, bench.coding, int(millions * 1e6)
     truth = any(data.has_truth for data in plan.datasets.values())
-    encoding, decoding, rates = [], [], []
+    encoded = decoded = number = 0.0
     for dataset, _, codec in plan.curves:
-        pace = coding.pace(codec)
-        rates.append(len(plan.rates(codec, plan.datasets[dataset].frame)))
-        encoding.append(rates[-1] * pace.of(points) * pace.encoding)
-        decoding.append(rates[-1] * pace.of(points) * (1 - pace.encoding))
-    count, repeats = max(1, len(rates)), coding.timing.repeats
-    encoded, decoded, number = sum(encoding) / count, sum(decoding) / count, sum(rates) / count
+        pace = plan.opened[codec].pace
+        rates = len(plan.rates(codec, plan.datasets[dataset].frame)) / len(plan.curves)
+        encoded += rates * pace.of(points) * pace.encoding
+        decoded += rates * pace.of(points) * (1 - pace.encoding)
+        number += rates
     shown = min(1.0, plan.config.report.rates / max(1.0, number))
     return {
-        "encode": repeats * encoded,
-        "evaluate": repeats * decoded + number * _METRICS[truth] * millions,
+        "encode": coding.timing.repeats * encoded,
+        "evaluate": coding.timing.repeats * decoded + number * _METRICS[truth] * millions,
         "decode_shown": shown * decoded,
         "recovery": decoded,
     }

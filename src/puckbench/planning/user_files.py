@@ -195,22 +195,21 @@ class UserRun:
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
         options = {key: self.options[key] for key in _OPTIONS[kind] if key in self.options}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
-        limit = self.limit
-        if kind in _RECORDED:
-            for path in (path for text in paths if Path(text).is_dir() for path in _files(text)):
-                if recordings.is_copy(path):
-                    self._reductions[str(path)] = "taken for a copy of the recording of its name"
-            scenes = open_scene_set(_LOADERS[kind], options)
-            unusable = len(scenes.unusable) if isinstance(scenes, recordings.RecordingSet) else 0
-            names, limit = scenes.names(), limit or _TURNS
-            turns = len(names) - unusable
-            select = [*names[:unusable], *spread_out(names[unusable:], limit)]
-            if turns > limit:
-                what = "whole turns" if kind == "recordings" else "clouds"
-                self._reductions[kind] = f"{limit} of {turns} {what} are coded (--limit)"
-                return {"loader": _LOADERS[kind], "options": options, "select": select}
-            return {"loader": _LOADERS[kind], "options": options}
-        return {"loader": _LOADERS[kind], "options": options, **({"limit": limit} if limit else {})}
+        entry: Options = {"loader": _LOADERS[kind], "options": options}
+        if kind not in _RECORDED:
+            return {**entry, **({"limit": self.limit} if self.limit else {})}
+        for path in (path for text in paths if Path(text).is_dir() for path in _files(text)):
+            if recordings.is_copy(path):
+                self._reductions[str(path)] = "taken for a copy of the recording of its name"
+        scenes = open_scene_set(_LOADERS[kind], options)
+        unusable = len(scenes.unusable) if isinstance(scenes, recordings.RecordingSet) else 0
+        names, limit = scenes.names(), self.limit or _TURNS
+        turns = len(names) - unusable
+        if turns <= limit:
+            return entry
+        what = "whole turns" if kind == "recordings" else "clouds"
+        self._reductions[kind] = f"{limit} of {turns} {what} are coded (--limit)"
+        return {**entry, "select": [*names[:unusable], *spread_out(names[unusable:], limit)]}
 
     # ---- data sets
 

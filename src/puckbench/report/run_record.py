@@ -47,8 +47,8 @@ class RunRecord(Model):
         return cls(
             jobs=len(all_costs),
             processor_s=sum(float(cost["processor_s"]) for cost in all_costs),
-            began=_moment(min(spans)[0]) if spans else None,
-            ended=_moment(ends[-1]) if ends else None,
+            began=datetime.fromtimestamp(min(spans)[0], UTC) if spans else None,
+            ended=datetime.fromtimestamp(ends[-1], UTC) if ends else None,
             busy_s=_covered(spans),
             commits=tuple(dict.fromkeys(commits)),
         )
@@ -79,10 +79,6 @@ class RunRecord(Model):
             return ""
         first, last = date_text(self.began), date_text(self.ended)
         return last if first == last else f"{first} to {last}"
-
-
-def _moment(timestamp: float) -> datetime:
-    return datetime.fromtimestamp(timestamp, UTC)
 
 
 def _covered(spans: Sequence[tuple[float, float]]) -> float:
