@@ -15,6 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, scaled_mesh
 from puckbench.io.clouds import read_cloud
+from puckbench.planning.user_files import UserRun
 
 GRID = np.random.default_rng(2).integers(0, 4000, (1500, 3))
 """Points of a room, in whole millimetres."""
@@ -126,8 +127,13 @@ def test_extents_are_plausible_from_5_cm_to_1_km_wherever_they_lie(
         (("prepare", "mm.xyz", "r.ply", "--metres-per-unit", "0"), "'0' is not a number above 0"),
         (("prepare", "mm.xyz", "r.ply", "--metres-per-unit", "inf"), "is not a number above 0"),
         (("sample", "mm.off", "r.ply", "--metres-per-unit", "mm"), "'mm' is not a number above 0"),
-        (("run", "mm.xyz", "--metres-per-unit", "mm"), "'mm' is not a number above 0"),
-        (("run", "mm.xyz", "--metres-per-unit", "-1"), "'-1' is not a number above 0"),
+        (("run", "mm.xyz", "--metres-per-unit", "mm"), "'mm' is neither a single number nor FILE="),
+        (("run", "mm.xyz", "--metres-per-unit", "0.1", "1"), "'0.1' is neither a single number"),
+        (("run", "mm.xyz", "--metres-per-unit", "=1"), "'=1' is neither a single number nor FILE="),
+        (("run", "mm.xyz", "--metres-per-unit", "mm.xyz=a"), "'mm.xyz=a' is neither a"),
+        (("run", "mm.xyz", "--metres-per-unit", "a=1", "a=2"), "'a' is given twice"),
+        (("run", "mm.xyz", "--metres-per-unit", "nm.xyz=1"), "no cloud or mesh 'nm.xyz'; did you"),
+        (("run", "mm.xyz", "--metres-per-unit", "mm.xyz=-1"), "must be greater than 0"),
     ],
 )
 def test_a_unit_that_is_none_is_refused(
@@ -148,6 +154,16 @@ def test_options_of_clouds_are_refused_for_scans(
         answer(capsys, "scan", "m.off", "s.parquet", "--sweep", '{"duration_s": 0.01}')
     said = refused(capsys, "prepare", "s.parquet", "r.ply", *turns, *option)
     assert f"s.parquet: {option[0]} is for clouds" in said
+
+
+def test_units_of_some_files_go_to_their_sets() -> None:
+    units = {"mm.xyz": 0.001, "mm.off": 0.002}
+    config = UserRun(
+        ("m.xyz", "mm.xyz", "mm.off"), ("draco",), "out", options={"metres_per_unit": units}
+    )
+    scenes = config.configuration()["scenes"]
+    assert scenes["clouds"]["options"]["metres_per_unit"] == {"mm.xyz": 0.001}
+    assert scenes["meshes"]["options"]["metres_per_unit"] == {"mm.off": 0.002}
 
 
 def test_a_number_holds_for_all_files() -> None:

@@ -158,3 +158,9 @@ def test_a_fault_in_a_stand_in_is_named() -> None:
     config["scenes"]["a"]["stand_in"] = {"loadr": "embedded_areas", "loader": "x"}
     with pytest.raises(InputError, match=r"scenes\.a.*loadr"):
         checked(config | {"stand_in": False})
+
+
+def test_exclusive_timing_has_a_short_form() -> None:
+    timing = checked(_config() | {"timing": "exclusive"}).timing
+    expected = {"exclusive": True, "repeats": 3, "threads": 1, "timeout_s": None}
+    assert timing.model_dump() == expected

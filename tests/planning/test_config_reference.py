@@ -35,9 +35,9 @@ def test_every_key_of_the_configuration_has_its_table() -> None:
 @pytest.mark.parametrize(
     ("model", "row"),
     [
-        (config.SceneSetConfig, "| `loader` | required | Loader (see"),
+        (config.SceneSetConfig, "| `loader` | required | Name of a loader"),
         (config.DataSetConfig, "| `points` | `500000` | Number of sampled points"),
-        (config.CodecConfig, "| `class` |  | Codec of which this is"),
+        (config.CodecConfig, "| `class` |  | Name of the codec of which"),
         (config.StudyConfig, "| `models` | `none, hdl64e, vlp16, vlp16_divergence, vlp16_inciden"),
         (config.RateDeltaConfig, '| `metrics` | `["d1_psnr", "d2_psnr"]` | Columns'),
     ],

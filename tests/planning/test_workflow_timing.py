@@ -25,9 +25,9 @@ def workflow(timing: Any) -> Workflow:
     [
         ({}, 8, 1),
         ({"threads": 2}, 8, 2),
-        ({"exclusive": True}, 8, 8),
+        ("exclusive", 8, 8),
         ({"exclusive": True, "threads": 4}, 2, 4),
-        ({"exclusive": True}, None, 1),
+        ("exclusive", None, 1),
     ],
 )
 def test_a_timed_job_takes_all_cores_when_it_is_to_run_alone(

@@ -92,9 +92,11 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{name}: {message}" if name else message)
 
 
-def parser_of(names: Container[str]) -> argparse.ArgumentParser:
+def parser_of(
+    names: Container[str], parser_class: type[argparse.ArgumentParser] = _Parser
+) -> argparse.ArgumentParser:
     """Return a parser of all commands; only those in `names` have their arguments."""
-    parser = _Parser(prog="puckbench", description=_DESCRIPTION)
+    parser = parser_class(prog="puckbench", description=_DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(
         "-v",

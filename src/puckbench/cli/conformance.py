@@ -9,8 +9,11 @@ TOOLS = ("octree", "angular octree", "trees", "angular trees", "attributes")
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    text = "a codec (gpcc), the path of tmc3, or a command with the words {stream} and {points}"
-    add("decoder", help=f"{text} (the PLY file to write)")
+    text = (
+        "a codec (gpcc), the path of tmc3, or a command in which {stream} and {points} stand for "
+        "the stream and the PLY file to write"
+    )
+    add("decoder", help=text)
     add("--streams", type=Path, help="folder of streams with a manifest.json (default: ours)")
     add("--tools", choices=TOOLS, action="append", help="only streams with these coding tools")
 

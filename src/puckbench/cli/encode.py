@@ -19,7 +19,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--raw", action="store_true", help=text)
     text = "frame of a cloud without a description (default: metric for LAS, LAZ, E57 and .bin)"
     add("--frame", choices=["scaled", "metric"], help=text)
-    text = "file of the prepared cloud, which is coded; in metres if the rate is a length"
+    text = (
+        "prepare the cloud in this file and code it: in metres if the rate is a length, else scaled"
+    )
     add("--prepare", type=Path, metavar="PLY", help=text)
     codec_arguments(parser, required=True)
 

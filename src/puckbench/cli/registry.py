@@ -44,6 +44,7 @@ _HELP = {
     "conformance": "test a G-PCC decoder on stored streams of the reference software",
     "datasets": "list the loaders of scene sets and their options",
     "data": "download the free data sets",
+    "completion": "print a shell script that completes commands, options and names",
 }
 """Commands of this package and their help texts."""
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import add_cloud_options, integer, positive, selected
+from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
 from puckbench.core.errors import InputError
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import CALLER_PRINTS_SUMMARY, snakemake_command
@@ -52,10 +52,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--study", help="code the clouds of a study with reference results (puckbench compare -h)")
     add("--datasets", nargs="+", metavar="NAME", help="data sets of the study (default: all)")
     add("--out", type=Path, help="folder of all results (default: out)")
-    text = "scaled to a cube of 1024, or in metres (default for recordings, LAS, LAZ, E57, .bin)"
+    text = (
+        "scaled: to a cube of 1024, with rates r1, r2, ...; metric: in metres, with rates 10mm, "
+        "... (default for recordings, LAS, LAZ, E57 and .bin)"
+    )
     add("--frame", choices=("scaled", "metric"), help=text)
-    text = "unit of the files (0.001: millimetres; default: 1)"
-    add("--metres-per-unit", type=positive, metavar="NUMBER", help=text)
+    text = "unit of the files (0.001: millimetres; default: 1), or of some: FILE=NUMBER ..."
+    add("--metres-per-unit", nargs="+", metavar="NUMBER", help=text)
     add("--peak", type=float, help="peak of the PSNRs of clouds in metres, in m (default: 30)")
     text = "names, lengths such as 3mm, or all (default: all, or four if all would take long)"
     add("--rates", nargs="+", metavar="RATE", help=text)
@@ -204,10 +207,15 @@ def _files_configuration(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_set_options(options, *_LOADER_OPTIONS),
+        options=_set_options(options, *_LOADER_OPTIONS[1:]) | _units(options),
         **settings,
     )
     return _written(out, user_run.configuration())
+
+
+def _units(options: argparse.Namespace) -> dict[str, Any]:
+    words = options.metres_per_unit
+    return {} if words is None else {"metres_per_unit": metres_per_unit(words)}
 
 
 def _written(out: Path, config: dict[str, Any]) -> Path:

@@ -4,6 +4,7 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +30,32 @@ def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
     return {name: Path(value) for name, value in values.items()}
 
 
-def positive(text: str) -> float:
+def metres_per_unit(words: Sequence[str]) -> float | dict[str, float]:
+    """Parse metres per unit: one number for all files, or FILE=NUMBER for each."""
+    if len(words) == 1 and not math.isnan(number := _number(words[0])):
+        return number
+    table: dict[str, float] = {}
+    for word in words:
+        name, _, text = word.rpartition("=")
+        if not name or math.isnan(number := _number(text)):
+            raise InputError(
+                f"--metres-per-unit: '{word}' is neither a single number nor FILE=NUMBER"
+            )
+        if name in table:
+            raise InputError(f"--metres-per-unit: '{name}' is given twice")
+        table[name] = number
+    return table
+
+
+def _number(text: str) -> float:
     try:
-        number = float(text)
+        return float(text)
     except ValueError:
-        number = math.nan
+        return math.nan
+
+
+def positive(text: str) -> float:
+    number = _number(text)
     if not 0 < number < math.inf:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
     return number

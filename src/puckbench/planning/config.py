@@ -55,20 +55,25 @@ class SceneSource(Model):
     """A loader of scenes, and the scenes to use."""
 
     loader: str = Field(
-        description="Loader (see `puckbench datasets`), or your own `path/to/file.py:Class`."
+        description="Name of a loader (`puckbench datasets` lists them with their options), or "
+        "your own class: `module:Class` or `path/to/file.py:Class`."
     )
     options: Options = Field({}, description="Options of the loader.")
     seed: Seed | None = Field(None, description="Seed of generated scenes; by default the run's.")
     select: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
         None, description="Names of the scenes to use; by default all."
     )
-    limit: int | None = Field(None, ge=1, description="Maximum number of scenes, first by name.")
+    limit: int | None = Field(
+        None, ge=1, description="Maximum number of scenes; the first by name are used."
+    )
 
 
 class SceneSetConfig(SceneSource):
     """A set of scenes, from which clouds are made."""
 
-    stand_in: SceneSource | None = Field(None, description="Its replacement with `stand_in: true`.")
+    stand_in: SceneSource | None = Field(
+        None, description="Scene set that replaces this one with `stand_in: true`."
+    )
 
 
 _OF_SCANS = ("sensor", "errors", "error_options", "sweep", "height_m", "anywhere")
@@ -80,20 +85,31 @@ class Sensing(Model):
     title: str | None = Field(None, description="Title in figures; by default the entry's name.")
     scenes: str = Field(description="Name of a scene set.")
     make: str
-    sensor: str = Field("vlp16", description="Sensor or YAML file of one (`make: scan`).")
+    sensor: str = Field(
+        "vlp16", description="Name of a sensor, or a YAML file that defines one (`make: scan`)."
+    )
     sweep: Options | str = Field(
-        {}, description="Sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's."
+        {},
+        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
+        "sweep (`make: scan`).",
     )
     errors: str = Field("none", description="Error model (`make: scan`).")
     error_options: Options = Field({}, description="Changes to the error model's parameters.")
-    height_m: float = Field(1.3, gt=0, description="Height above the floor, m, without a position.")
+    height_m: float = Field(
+        1.3,
+        gt=0,
+        description="Height of the sensor above the floor in m, if the scene has no position for "
+        "it.",
+    )
     origin: Position | dict[str, Position] | None = Field(
         None,
         description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
         "By default the position in the scene, or an unoccupied one near the middle.",
     )
     anywhere: bool = Field(
-        False, description="Scan also from outside the scene or inside objects, and through walls."
+        False,
+        description="Scan even if the sensor is outside the scene or inside an object, or passes "
+        "through walls.",
     )
     codecs: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
         None, description="Names of the codecs to run; by default all that can code it."
@@ -116,7 +132,9 @@ class DataSetConfig(Sensing):
         description="How a cloud is made from a scene. `sample`: random points on the surface; "
         "`scan`: a scan by the virtual sensor; `cloud`: the captured points."
     )
-    seed: Seed | None = Field(None, description="Seed of sampling and errors; default: the run's.")
+    seed: Seed | None = Field(
+        None, description="Seed of the sampling and of the sensor's errors; by default the run's."
+    )
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1), Distinct] | None = Field(
         None,
         description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
@@ -124,7 +142,9 @@ class DataSetConfig(Sensing):
     )
     points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
     crop: Literal["clean", "noisy", "none"] = Field(
-        "clean", description="Crop a scan to the room by `clean` or `noisy` coordinates, or not."
+        "clean",
+        description="Crop a scan to the room's bounding box by its `clean` coordinates, by its "
+        "`noisy` ones (as the thesis did), or not at all.",
     )
     size: Annotated[int, Field(ge=2)] | Literal["grid", "metric"] = Field(
         1024,
@@ -144,13 +164,22 @@ class DataSetConfig(Sensing):
         "scans, against the clean scan of the same rays (`clean_...`). Not with `make: cloud`.",
     )
     recovery: bool = Field(
-        True, description="Compare coded primitives with the scenes' labels, if there are any."
+        True,
+        description="Compare the geometric primitives of codecs that code surfaces with the labels "
+        "of the scenes, if there are labels.",
     )
     views: int = Field(
-        0, ge=0, description="Width in pixels of six rendered views to compare (PCC Arena: 1920)."
+        0,
+        ge=0,
+        description="Width in pixels of the six rendered views that are compared (PCC Arena: 1920; "
+        "at least 11); 0: no views.",
     )
-    neighbours: int = Field(30, ge=3, description="Number of neighbours for estimating a normal.")
-    stand_in: Options = Field({}, description="Keys that replace these with `stand_in: true`.")
+    neighbours: int = Field(
+        30, ge=3, description="Number of neighbouring points for the estimate of a normal."
+    )
+    stand_in: Options = Field(
+        {}, description="Values of keys that replace this data set's with `stand_in: true`."
+    )
 
     _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
 
@@ -209,7 +238,8 @@ class CodecConfig(Model):
     class_: str | None = Field(
         None,
         alias="class",
-        description="Codec of which this is a variant, or your own `path/to/file.py:Class`.",
+        description="Name of the codec of which this is a variant, or your own class: "
+        "`module:Class` or `path/to/file.py:Class`.",
     )
     title: str | None = Field(None, description="Title in legends and tables.")
     colour: str | None = Field(
@@ -217,10 +247,13 @@ class CodecConfig(Model):
     )
     marker: str | None = Field(None, description="Marker of its points, as in Matplotlib.")
     line: Line | None = Field(None, description="Style of its lines.")
-    training: str | None = Field(None, description="Class with the settings of its training.")
+    training: str | None = Field(
+        None, description="Class with the settings of its training, if it has a network."
+    )
     options: Options = Field({}, description="Changes to the codec's options.")
     surfaces: bool | None = Field(
-        None, description="Whether your own codec's `_decode_mesh` returns labelled primitives."
+        None,
+        description="Whether `_decode_mesh` of your own codec returns labelled primitives.",
     )
     rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None,
@@ -242,14 +275,22 @@ class TrainingConfig(Model):
     codec: str = Field(description="Codec whose weights are trained.")
     datasets: tuple[str, ...] = Field(min_length=1, description="Data sets of the training.")
     start: str | None = Field(
-        None, description="Initial weights: an earlier training, shipped weights or a file."
+        None,
+        description="Initial weights: the name of an earlier training or of shipped weights, or a "
+        "file; by default random.",
     )
     validate_: tuple[str, ...] = Field(
-        (), alias="validate", description="Data sets for validation, for the model card."
+        (),
+        alias="validate",
+        description="Data sets for the validation, whose results are in the model card.",
     )
-    validate_every: int = Field(0, ge=0, description="Steps between validations; 0: at the end.")
+    validate_every: int = Field(
+        0, ge=0, description="Steps between two validations; 0: only at the end."
+    )
     steps: int | None = Field(None, ge=1, description="Number of steps; by default the codec's.")
-    seed: Seed | None = Field(None, description="Seed of the training; by default the run's.")
+    seed: Seed | None = Field(
+        None, description="Seed of weights, cubes and noise; by default the run's."
+    )
     options: Options = Field({}, description="Further settings of the codec's training.")
 
 
@@ -273,7 +314,9 @@ _MODELS = ("none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence")
 class StudyConfig(Model):
     """The sensor's errors measured on a wall and a floor (thesis chapter 5, Procedure 1)."""
 
-    seed: Seed | None = Field(None, description="Seed of the errors; by default the run's.")
+    seed: Seed | None = Field(
+        None, description="Seed of the sensor's errors; by default the run's."
+    )
     models: dict[Name, ErrorModelConfig | None] = Field(
         {name: ErrorModelConfig() for name in _MODELS},
         min_length=1,
@@ -293,8 +336,12 @@ class StudyConfig(Model):
         30.0, description="A further distance, for the effect of beam divergence (Figure 5.19)."
     )
     runs: int = Field(3, ge=1, description="Number of scans at each distance.")
-    rows: int = Field(10_000, ge=1, description="Residuals kept of each scan, chosen at random.")
-    refit: bool = Field(False, description="Refit planes by least squares, unlike the thesis.")
+    rows: int = Field(
+        10_000, ge=1, description="Number of residuals that are kept of each scan, at random."
+    )
+    refit: bool = Field(
+        False, description="Refit planes by least squares; the thesis used the planes of RANSAC."
+    )
 
     @field_validator("models")
     @classmethod
@@ -305,18 +352,29 @@ class StudyConfig(Model):
 
 
 class TimingConfig(Model):
-    """Measurement of times."""
+    """Measurement of times; `timing: exclusive` is short for `timing: {exclusive: true}`."""
 
-    repeats: int = Field(3, ge=1, description="Calls of each coding; the median time is reported.")
+    repeats: int = Field(
+        3,
+        ge=1,
+        description="Number of times each encoding and decoding is run; the median time is "
+        "reported.",
+    )
     exclusive: bool = Field(False, description="Run no other job beside a job with timed calls.")
     threads: int = Field(1, ge=1, description="Maximum number of threads of a timed call.")
-    timeout_s: float | None = Field(None, gt=0, description="Seconds after which a job fails.")
+    timeout_s: float | None = Field(
+        None,
+        gt=0,
+        description="Seconds after which a job fails; by default no limit.",
+    )
 
 
 class RateDeltaConfig(Model):
     """Bjontegaard deltas of every codec against an anchor codec."""
 
-    anchor: str | None = Field(None, description="Codec to compare with; by default the first.")
+    anchor: str | None = Field(
+        None, description="Codec with which the others are compared; by default the first."
+    )
     metrics: Annotated[tuple[str, ...], Distinct] = Field(
         ("d1_psnr", "d2_psnr"),
         min_length=1,
@@ -334,7 +392,11 @@ class ReportConfig(Model):
         min_length=1,
         description="Heading of the page.",
     )
-    rates: int = Field(3, ge=1, description="Rates of each codec that are shown, evenly spread.")
+    rates: int = Field(
+        3,
+        ge=1,
+        description="Number of rates of each codec whose decoded clouds are shown, evenly spread.",
+    )
 
 
 class ExamplesConfig(Model):
@@ -344,7 +406,9 @@ class ExamplesConfig(Model):
     raw: CloudName | None = Field(None, description="A room.")
     clean: CloudName | None = Field(None, description="The room scanned without noise.")
     noisy: CloudName | None = Field(None, description="The room scanned with noise.")
-    spin: CloudName | None = Field(None, description="A turn of a sensor (`size: metric`).")
+    spin: CloudName | None = Field(
+        None, description="A turn of a sensor, virtual or real (`size: metric`)."
+    )
 
     def clouds_by_kind(self) -> dict[str, str]:
         clouds: dict[str, str] = self.model_dump(exclude_none=True)
@@ -355,14 +419,22 @@ class FiguresConfig(Model):
     """Style of the figures, and the clouds that they show."""
 
     style: Options = Field({}, description="Changes to the style of all figures.")
-    options: dict[str, Options] = Field({}, description="Changes to a figure's style, by its name.")
-    own: Places = Field((), description="Your own figures: `path/to/file.py:function`.")
+    options: dict[str, Options] = Field(
+        {}, description="Changes to the style of a figure, by the figure's name."
+    )
+    own: Places = Field(
+        (),
+        description="Your own figures, named after their functions: `module:function` or "
+        "`path/to/file.py:function`.",
+    )
     examples: ExamplesConfig = Field(
         ExamplesConfig(),
         description="Example clouds of figures 6.1-6.3, each `dataset/cloud`: `object`, `raw`, "
         "`clean`, `noisy`, `spin`. A figure is drawn if all its clouds are named.",
     )
-    stand_in: Options = Field({}, description="Keys that replace these with `stand_in: true`.")
+    stand_in: Options = Field(
+        {}, description="Values of keys that replace those of `figures` with `stand_in: true`."
+    )
     _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
 
 
@@ -372,15 +444,23 @@ class Config(Model):
     results: Annotated[str, StringConstraints(pattern=r"^[\w./ -]+$")] = Field(
         "results", description="Folder of all results."
     )
-    seed: Seed = Field(2022, description="Seed of all randomness, unless an entry has its own.")
+    seed: Seed = Field(
+        2022, description="Seed of all randomness; a data set or scene set may have its own."
+    )
     stand_in: bool = Field(
-        False, description="Use generated data in place of files, where there is a `stand_in`."
+        False,
+        description="Use generated data in place of data on disk, for all entries that have a "
+        "`stand_in`.",
     )
     strict: bool = Field(
-        False, description="Stop before the run if a scene cannot be used; default: leave it out."
+        False,
+        description="Stop before anything runs if a scene cannot be used (a damaged mesh, no room "
+        "for the sensor). By default it is left out, and listed in the table `left_out`.",
     )
     unused: dict[str, str] = Field(
-        {}, description="What `puckbench run` leaves out, and why; for the table `left_out`."
+        {},
+        description="Files and other items that `puckbench run` leaves out, and the reasons; for "
+        "the table `left_out`.",
     )
     failed: dict[FailedName, str] = Field(
         {},
@@ -388,30 +468,62 @@ class Config(Model):
         "because their jobs failed, and the reasons. A run writes them to `RESULTS/failed.yaml`; a "
         "run with this second configuration file makes tables and report of the others.",
     )
-    scenes: dict[Name, SceneSetConfig] = Field(description="Scene sets by name.")
-    datasets: dict[Name, DataSetConfig] = Field(description="Data sets by name, in figures' order.")
-    drives: dict[Name, DriveConfig] = Field({}, description="Drives by name: turns and tasks.")
+    scenes: dict[Name, SceneSetConfig] = Field(
+        description="Scene sets by name: sources of geometry."
+    )
+    datasets: dict[Name, DataSetConfig] = Field(
+        description="Data sets by name, in the order of figures: clouds made from a scene set."
+    )
+    drives: dict[Name, DriveConfig] = Field(
+        {}, description="Drives by name: turns of a moving sensor, on which tasks are measured."
+    )
     codecs: dict[Name, CodecConfig | None] = Field(
         {"draco": CodecConfig()}, min_length=1, description="Codecs by name."
     )
-    tables: Places = Field((), description="Your own tables: `path/to/file.py:function`.")
-    metrics: Places = Field(
-        (), description="Further metrics: `density`, or your own (`path/to/file.py:function`)."
+    tables: Places = Field(
+        (),
+        description="Your own tables, named after their functions: `module:function` or "
+        "`path/to/file.py:function`.",
     )
-    train: dict[Name, TrainingConfig] = Field({}, description="Trainings, by name of the weights.")
+    metrics: Places = Field(
+        (),
+        description="Further metrics of every decoded cloud: names (`density`), or your own "
+        "functions, `module:function` or `path/to/file.py:function`.",
+    )
+    train: dict[Name, TrainingConfig] = Field(
+        {},
+        description="Trainings of learned codecs by the name of the weights, for `snakemake "
+        "train`.",
+    )
     sensor_study: StudyConfig | Literal[False] | None = Field(
-        None, description="Sensor's errors on a wall and floor (figures 5.1-5.21); `{}`: defaults."
+        None,
+        description="The sensor's errors measured on a wall and a floor: figures 5.1-5.21 and "
+        "their tables; `{}` means all defaults.",
     )
     timing: TimingConfig = Field(TimingConfig(), description="Measurement of times.")
-    bd_rate: RateDeltaConfig = Field(RateDeltaConfig(), description="Bjontegaard deltas.")
-    figures: FiguresConfig = Field(FiguresConfig(), description="Style and example clouds.")
-    report: ReportConfig = Field(ReportConfig(), description="The report page.")
+    bd_rate: RateDeltaConfig = Field(
+        RateDeltaConfig(),
+        description="Codec and metrics for the comparison of codecs by Bjontegaard deltas.",
+    )
+    figures: FiguresConfig = Field(
+        FiguresConfig(), description="Style of the figures, and the clouds that they show."
+    )
+    report: ReportConfig = Field(
+        ReportConfig(), description="The report page and its example clouds."
+    )
     container: str = Field(
         "puckbench.sif",
         pattern=r"^\S+$",
         description="Image in which jobs run with `--software-deployment-method apptainer`: a file "
         "or `docker://...`.",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_timing(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("timing") == "exclusive":
+            return {**values, "timing": {"exclusive": True}}
+        return values
 
     @property
     def failures_file(self) -> Path:

@@ -16,6 +16,7 @@ from puckbench.core.files import write_bytes
 from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.units import check_units, is_named
 from puckbench.datasets.user_files import is_file_or_lost
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.geometry.scaling import METRIC
@@ -117,6 +118,7 @@ class UserRun:
     def configuration(self) -> Options:
         paths_by_kind = self._sorted_paths()
         self._check_results(paths_by_kind)
+        self._check_units(paths_by_kind)
         with naming("--rates"):
             check_lengths(self.rates)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in paths_by_kind.items()}
@@ -192,8 +194,19 @@ class UserRun:
                     f"--out {self.results}: is inside {text}, which is read: name another folder"
                 )
 
+    def _check_units(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
+        texts = {text for paths in paths_by_kind.values() for text in paths}
+        files = (path for text in texts for path in _files(text))
+        scaled = [path for path in files if self._kind(path) in ("clouds", "meshes")]
+        with naming("--metres-per-unit"):
+            check_units(self.options.get("metres_per_unit", 1.0), scaled)
+
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
         options = {key: self.options[key] for key in _OPTIONS[kind] if key in self.options}
+        if isinstance(units := options.get("metres_per_unit"), dict):
+            files = [path for text in paths for path in _files(text) if self._kind(path) == kind]
+            named = {name for name in units if any(is_named(path, name) for path in files)}
+            options["metres_per_unit"] = {name: units[name] for name in units if name in named}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         entry: Options = {"loader": _LOADERS[kind], "options": options}
         if kind not in _RECORDED:

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import argparse
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from puckbench.core.registry import Registry
+
+SHELLS = ("bash", "zsh", "fish")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("shell", choices=SHELLS, help="shell whose completion script is printed")
+
+
+def run(options: argparse.Namespace) -> str:
+    import shtab
+
+    from puckbench.cli import parser_of
+    from puckbench.cli.registry import help_texts
+
+    parser = parser_of(help_texts(), _CompletedParser)
+    return str(shtab.complete(parser, options.shell)).rstrip()
+
+
+class _CompletedParser(argparse.ArgumentParser):
+    """A parser that tells the package shtab how the shell completes each argument.
+
+    Arguments of type `Path` are completed by files, arguments for plug-ins by registered names.
+    """
+
+    def add_argument(self, *names: Any, **options: Any) -> argparse.Action:
+        import shtab
+
+        action = super().add_argument(*names, **options)
+        if action.type is Path or action.dest in _FILES:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]  # as shtab documents
+        elif action.choices is None and action.nargs != 0 and action.dest in _NAMES:
+            action.choices = _names(_NAMES[action.dest])
+        return action
+
+
+def _names(place: str) -> list[str]:
+    module, _, name = place.partition(":")
+    source = getattr(import_module(f"puckbench.{module}"), name)
+    if isinstance(source, Registry):
+        return source.names()
+    return list(source() if callable(source) else source)
+
+
+_FILES = {"files", "start", "weights"}
+"""Names of arguments whose values may be files although their type is not `Path`."""
+
+_CODECS, _ERROR_MODELS = "codecs.registry:codecs", "lidar.errors:ERROR_MODELS"
+_LOADERS = "datasets.registry:LOADERS"
+_NAMES = {
+    "check": _LOADERS,
+    "codec": _CODECS,
+    "codecs": _CODECS,
+    "errors": _ERROR_MODELS,
+    "figure": "figures.registry:FIGURES",
+    "loader": _LOADERS,
+    "model": _ERROR_MODELS,
+    "names": "datasets.sources:SOURCES",
+    "sensor": "lidar.sensor:sensor_names",
+    "study": "report.reference_results:shipped_studies",
+    "table": "metrics.table_registry:TABLES",
+}
+"""Where to find the names that an argument can take, by argument (``module:object``)."""
