@@ -284,12 +284,9 @@ def _write_returns(path: Path) -> None:
 
 
 def _write_scan(path: Path) -> None:
-    from puckbench.io.return_tables import empty_columns
-    from puckbench.lidar.scan_table import ScanTable, write_scan
+    from puckbench.lidar.scan_table import COLUMNS, ScanTable, write_scan
 
-    columns = empty_columns(ScanTable.schema, 20)
-    for part in columns.values():
-        part[:] = 1
+    columns = {name: np.ones(20, kind) for name, (kind, *_) in COLUMNS.items()}
     write_scan(path, ScanTable(columns, {"sensor": {}}))
 
 

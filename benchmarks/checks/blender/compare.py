@@ -81,9 +81,8 @@ def cast_by_us(scene: Scene, repeats: int) -> Ours:
     single = cast.directions.astype(np.float32)
     directions = single.astype(np.float64)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    six = np.concatenate([np.zeros_like(single), single], axis=1)
     start = np.zeros((len(single), 3))
-    hits = caster.hits(directions, six, start, (len(single),), (0.0, FARTHEST_M))
+    hits = caster.hits(directions, start, (len(single),), (0.0, FARTHEST_M))
     job = ScanJob(scene.mesh, SENSOR, SWEEP, open_error_model("vlp16"), scene.origin)
     times = least_times(
         [lambda: caster.met(start, directions), lambda: job.table(np.random.default_rng(0))],

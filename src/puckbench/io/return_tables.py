@@ -61,10 +61,6 @@ class ReturnTable:
 T = TypeVar("T", bound=ReturnTable)
 
 
-def empty_columns(schema: TableSchema, rows: int) -> dict[str, NDArray[Any]]:
-    return {name: np.empty(rows, dtype=kind) for name, (kind, _, _) in schema.columns.items()}
-
-
 def write_return_table(path: Path, table: ReturnTable) -> None:
     """Write a Parquet file that contains the unit and description of each column."""
     from pyarrow import parquet

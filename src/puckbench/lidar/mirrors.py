@@ -71,8 +71,7 @@ def _reflected(caster: RayCaster, paths: _Paths) -> tuple[_Paths, Floats]:
     across = (paths.directions * normals).sum(axis=1, keepdims=True)
     turned = paths.directions - 2 * across * normals
     starts = paths.ends + _OFF_THE_MIRROR * turned
-    single = np.column_stack([starts, turned]).astype(np.float32)
-    seen = caster.hits(turned, single, starts, paths.rays.shape, (0.0, np.inf))
+    seen = caster.hits(turned, starts, paths.rays.shape, (0.0, np.inf))
     ends = starts + np.where(np.isfinite(seen.distance), seen.distance, 0)[:, None] * turned
     lengths = paths.lengths + _OFF_THE_MIRROR + seen.distance
     return _Paths(paths.rays, turned, ends, lengths, seen.triangle), seen.incidence

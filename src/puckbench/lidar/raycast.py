@@ -7,7 +7,6 @@ translated to put the sensor at the origin, and distances are computed again in 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,9 @@ from puckbench.geometry.mesh import Mesh
 from puckbench.lidar.errors.model import Hits, Surfaces
 from puckbench.lidar.sweep import Rays
 from puckbench.lidar.trajectory import Poses
+
+_LEAST_COSINE = 1e-9
+"""Below this cosine between ray and normal, Embree's distance is more accurate than the plane's."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class RayCaster:
 
         self.threads = threads
         self.origin = np.asarray(origin, dtype=np.float64)
-        self.planes = _planes(mesh, self.origin)
+        self.planes = planes_of(mesh, self.origin)
         unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
         self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
         self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
@@ -53,17 +55,13 @@ class RayCaster:
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
-        from puckbench.lidar.kernels import fill_directions
-
-        directions = np.empty((rays.yaw.size, 3))
-        single = np.zeros((rays.yaw.size, 6), dtype=np.float32)
-        fill_directions(
-            _sine_cosine(rays.yaw), _sine_cosine(rays.pitch), poses.rotations, directions, single
-        )
+        (yaw_sine, yaw_cosine), (z, level) = _sine_cosine(rays.yaw), _sine_cosine(rays.pitch)
+        x, y = -yaw_sine * level, yaw_cosine * level
+        turned = np.moveaxis(poses.rotations, (-2, -1), (0, 1))[..., None]
+        rows = [turn[0] * x + turn[1] * y + turn[2] * z for turn in turned]
+        directions = np.stack([row.ravel() for row in rows], axis=1)
         starts = np.ascontiguousarray(poses.positions).reshape(-1, 3)
-        if starts.any():
-            single[:, :3] = np.repeat(starts, len(single) // len(starts), axis=0)
-        hits = self.hits(directions, single, starts, rays.yaw.shape, limits)
+        hits = self.hits(directions, starts, rays.yaw.shape, limits)
         return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
@@ -74,50 +72,62 @@ class RayCaster:
 
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
         """Cast rays; return distances (n,) of float32 accuracy (inf: miss) and triangles (n,)."""
-        answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
+        import open3d as o3d
+
+        single = np.column_stack([starts, directions]).astype(np.float32)
+        answer = self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
         return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
 
     def hits(
         self,
         directions: Floats,
-        single: NDArray[np.float32],
         starts: Floats,
         shape: tuple[int, ...],
         limits: tuple[float, float],
     ) -> Hits:
-        """Return the hits of rays, reshaped to `shape`.
+        """Return the hits of rays (n, 3), reshaped to `shape`, at distances within `limits`.
 
-        `single` (n, 6) are float32 origins and directions, for Embree; `starts`, (steps, 3) or (n,
-        3), are float64 origins. Both are relative to `origin`.
+        `starts`, (steps, 3) or (n, 3), are relative to `origin`.
         """
-        from puckbench.lidar.kernels import fill_distances
-
-        answer = self._nearest(single)
-        triangle = answer["primitive_ids"].numpy()
-        distance, cosine = np.empty(len(directions)), np.empty(len(directions))
-        nearest = answer["t_hit"].numpy()
-        fill_distances(directions, nearest, triangle, self.planes, starts, limits, distance, cosine)
-        incidence = np.arccos(cosine, out=cosine)
-        return Hits(distance, triangle, incidence, self.surfaces).reshaped(shape)
-
-    def _nearest(self, single: NDArray[np.float32]) -> Any:
-        import open3d as o3d
-
-        return self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
+        starts = np.repeat(starts, len(directions) // len(starts), axis=0)
+        nearest, triangle = self.met(starts, directions)
+        planes = self.planes.take(np.where(np.isfinite(nearest), triangle, 0), axis=0)
+        distance, cosine = plane_distances(directions, starts, nearest, planes, limits)
+        return Hits(distance, triangle, np.arccos(cosine), self.surfaces).reshaped(shape)
 
 
-def _planes(mesh: Mesh, origin: Floats) -> Floats:
-    from puckbench.lidar.kernels import fill_planes
+def plane_distances(
+    directions: Floats, starts: Floats, nearest: Floats, planes: Floats, limits: tuple[float, float]
+) -> tuple[Floats, Floats]:
+    """Compute distances (n,), m, of rays (n, 3) from planes (n, 4), and cosines of incidence.
 
-    planes = np.empty((len(mesh.triangles), 4))
-    vertices, triangles = np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.triangles)
-    fill_planes(vertices, triangles, origin, planes)
-    return planes
+    A miss, or a distance outside `limits`, has inf and nan. `nearest` (n,) are distances from
+    Embree (inf for a miss), which a ray parallel to its plane keeps.
+    """
+    cosine = dot(planes, directions)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (planes[:, 3] - dot(planes, starts)) / cosine
+    distance = np.where(np.abs(cosine) > _LEAST_COSINE, distance, nearest)
+    is_hit = np.isfinite(nearest) & (distance >= limits[0]) & (distance <= limits[1])
+    cosine = np.where(is_hit, np.minimum(np.abs(cosine), 1.0), np.nan)
+    return np.where(is_hit, distance, np.inf), cosine
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Return the scalar products (n,) of the first three columns."""
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+
+
+def planes_of(mesh: Mesh, origin: Floats) -> Floats:
+    """Return planes (t, 4): unit normals (0 if degenerate) and distances from `origin`."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    length = np.sqrt(dot(normals, normals))[:, None]
+    normals = np.divide(normals, length, out=normals, where=length > 0)
+    return np.column_stack([normals, dot(normals, a - origin)])
 
 
 def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
     # Each value of a broadcast array is computed once.
-    index = tuple(slice(None) if stride else slice(1) for stride in angles.strides)
-    values = angles[index]
-    sine, cosine = np.sin(values), np.cos(values)
-    return np.broadcast_to(sine, angles.shape), np.broadcast_to(cosine, angles.shape)
+    values = angles[tuple(slice(None) if stride else slice(1) for stride in angles.strides)]
+    return np.sin(values), np.cos(values)

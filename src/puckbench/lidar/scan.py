@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
-from puckbench.io.return_tables import empty_columns
 from puckbench.lidar.errors.model import Draws, ErrorModel
 from puckbench.lidar.errors.receiver import mirrors_of
 from puckbench.lidar.mirrors import follow_mirrors
 from puckbench.lidar.placement import check_free, check_untouched
-from puckbench.lidar.raycast import Cast, RayCaster
-from puckbench.lidar.scan_table import ScanTable, read_scan, write_scan
+from puckbench.lidar.raycast import Cast, RayCaster, dot
+from puckbench.lidar.scan_table import COLUMNS, ScanTable, read_scan, write_scan
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Rays, Sweep
 
@@ -59,10 +58,7 @@ class ScanJob:
         progress: Progress | None = None,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> ScanTable:
-        scanner = self._scanner(rng)
-        table = scanner.table(range(self.sweep.frames), rays_at_a_time, progress)
-        if len(table) == 0:
-            raise scanner.no_return()
+        (table,) = self.portions(rng, progress, self.rays, rays_at_a_time)
         return table
 
     def portions(
@@ -70,24 +66,28 @@ class ScanJob:
         rng: np.random.Generator,
         progress: Progress | None = None,
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
+        rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> Iterator[ScanTable]:
         """Yield tables of whole frames, which need less memory than one table of the scan."""
-        scanner, rows = self._scanner(rng), 0
-        at_a_time = rays_in_a_portion // scanner.rays_per_frame
-        for frames in _portions(range(self.sweep.frames), at_a_time):
-            table = scanner.table(frames, _RAYS_AT_A_TIME, progress)
-            rows += len(table)
-            if len(table):
-                yield table
+        scanner, rows = _Scanner(self._caster(), self.sensor, self.sweep, self.model, Draws(rng)), 0
+        rays_per_frame = self.rays // self.sweep.frames
+        for frames in _portions(range(self.sweep.frames), rays_in_a_portion // rays_per_frame):
+            parts = []
+            for some in _portions(frames, rays_at_a_time // rays_per_frame):
+                parts.append(scanner.returns(some))
+                if progress is not None:
+                    progress(some.stop, self.sweep.frames)
+            columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in COLUMNS}
+            rows += len(columns["distance"])
+            if len(columns["distance"]):
+                yield ScanTable(columns, scanner.about)
         if rows == 0:
-            raise scanner.no_return()
+            place = scanner.caster.origin.tolist()
+            raise InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
 
     def check(self) -> None:
         """Raise InputError if the mesh, or the sensor's position or path, is invalid."""
         self._caster()
-
-    def _scanner(self, rng: np.random.Generator) -> _Scanner:
-        return _Scanner(self._caster(), self.sensor, self.sweep, self.model, Draws(rng))
 
     def _caster(self) -> RayCaster:
         check_mesh(self.mesh, "the mesh to scan")
@@ -140,29 +140,20 @@ class _Scanner:
     model: ErrorModel
     draws: Draws
 
-    @property
-    def rays_per_frame(self) -> int:
-        return self.sweep.steps(self.sensor) * self.sensor.lasers
-
     @cached_property
     def about(self) -> dict[str, Any]:
-        return _about(self.sensor, self.sweep, self.model, self.caster.origin)
+        about = {
+            "sensor": self.sensor.model_dump(),
+            "sweep": self.sweep.model_dump(),
+            "errors": self.model.described(),
+            "origin": self.caster.origin.tolist(),
+        }
+        # With lists instead of tuples, as read from a file.
+        as_read: dict[str, Any] = json.loads(json.dumps(about))
+        return as_read
 
-    def no_return(self) -> InputError:
-        place = self.caster.origin.tolist()
-        return InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
-
-    def table(self, frames: range, rays_at_a_time: int, progress: Progress | None) -> ScanTable:
-        columns = empty_columns(ScanTable.schema, len(frames) * self.rays_per_frame)
-        rows = 0
-        for portion in _portions(frames, rays_at_a_time // self.rays_per_frame):
-            rows = self.add_returns(portion, columns, rows)
-            if progress is not None:
-                progress(portion.stop, self.sweep.frames)
-        return ScanTable({name: column[:rows] for name, column in columns.items()}, self.about)
-
-    def add_returns(self, frames: range, columns: dict[str, NDArray[Any]], row: int) -> int:
-        """Scan frames; write their returns from `row` on; return the next free row."""
+    def returns(self, frames: range) -> dict[str, NDArray[Any]]:
+        """Scan frames; return the columns of the rays that returned."""
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)
@@ -173,14 +164,35 @@ class _Scanner:
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
         lift = self.model.lift_points(hits, self.sensor, self.draws)
         returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
-        placed = measured if fired.placed_as_fired else truth
-        noisy = (distance, placed.directions)
-        end = self._write(frames, nominal, truth, noisy, returned, columns, row)
+        rays, (_, steps, lasers) = np.flatnonzero(returned), returned.shape
+        placed = (measured if fired.placed_as_fired else truth).directions.take(rays, axis=0)
+        triangles, directions = truth.hits.triangle.take(rays), truth.directions.take(rays, axis=0)
+        origins = truth.origins.take(rays // lasers, axis=0)
+        normals = self.caster.planes.take(triangles, axis=0)[:, :3]
+        normals *= np.where(dot(normals, directions) > 0, -1.0, 1.0)[:, None]
+        true, noisy = truth.hits.distance.take(rays), distance.take(rays)
+        points = origins + noisy[:, None] * placed
         if lift is not None:
-            step_of_row = np.flatnonzero(returned) // returned.shape[2]
-            origins = truth.origins[step_of_row]
-            _lift(lift[returned], origins, {k: v[row:end] for k, v in columns.items()})
-        return end
+            points += lift.take(rays)[:, None] * normals
+            away = points - origins
+            noisy = np.sqrt(dot(away, away))
+        values = {
+            "timestamp": self.sweep.firing_times(self.sensor, frames).take(rays),
+            "frame": frames.start + rays // (steps * lasers),
+            "laser_id": rays % lasers,
+            "yaw": nominal.yaw.take(rays),
+            "pitch": nominal.pitch.take(rays),
+            "distance": true,
+            "distance_noisy": noisy,
+            **dict(zip("xyz", (origins + true[:, None] * directions).T, strict=True)),
+            **dict(zip(("x_noisy", "y_noisy", "z_noisy"), points.T, strict=True)),
+            "incidence": truth.hits.incidence.take(rays),
+            "object_id": self.caster.object_id.take(triangles),
+            "primitive_id": self.caster.primitive_id.take(triangles),
+            "triangle_id": triangles,
+            **dict(zip(("nx", "ny", "nz"), normals.T, strict=True)),
+        }
+        return {name: values[name].astype(kind, copy=False) for name, (kind, *_) in COLUMNS.items()}
 
     def _cast(self, rays: Rays, frames: range) -> Cast:
         return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), self._limits)
@@ -192,42 +204,6 @@ class _Scanner:
     @property
     def _limits(self) -> tuple[float, float]:
         return self.sensor.min_range_m, self.sweep.max_range_m or self.sensor.max_range_m
-
-    def _write(
-        self,
-        frames: range,
-        nominal: Rays,
-        truth: Cast,
-        noisy: tuple[Floats, Floats],
-        returned: NDArray[np.bool_],
-        columns: dict[str, NDArray[Any]],
-        row: int,
-    ) -> int:
-        from puckbench.lidar import kernels
-
-        hits, flat, origin = truth.hits, returned.ravel(), truth.origins
-        times = self.sweep.firing_times(self.sensor, frames)
-        angles = (times, nominal.yaw, nominal.pitch)
-        fired = tuple(columns[name] for name in ("frame", "laser_id", "timestamp", "yaw", "pitch"))
-        end: int = kernels.fill_rays(returned, angles, frames.start, row, fired)
-        clean_out = tuple(columns[name] for name in ("distance", "x", "y", "z"))
-        kernels.fill_points(flat, origin, truth.directions, hits.distance.ravel(), row, clean_out)
-        noisy_out = tuple(columns[f"{name}_noisy"] for name in ("distance", "x", "y", "z"))
-        kernels.fill_points(flat, origin, noisy[1], noisy[0].ravel(), row, noisy_out)
-        struck = (truth.directions, hits.triangle.ravel(), hits.incidence.ravel())
-        surface = (self.caster.planes, self.caster.object_id, self.caster.primitive_id)
-        names = ("incidence", "triangle_id", "object_id", "primitive_id", "nx", "ny", "nz")
-        kernels.fill_surface(flat, struck, surface, row, tuple(columns[name] for name in names))
-        return end
-
-
-def _lift(along: Floats, origins: Floats, columns: dict[str, NDArray[Any]]) -> None:
-    squared = np.zeros(len(along))
-    for place, axis in zip(origins.T, "xyz", strict=True):
-        points = columns[f"{axis}_noisy"]
-        points += along * columns[f"n{axis}"]
-        squared += (points - place) ** 2
-    columns["distance_noisy"][:] = np.sqrt(squared)
 
 
 def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
@@ -243,15 +219,3 @@ def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
 def _portions(frames: range, at_a_time: int) -> list[range]:
     step = max(at_a_time, 1)
     return [frames[first : first + step] for first in range(0, len(frames), step)]
-
-
-def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> dict[str, Any]:
-    about = {
-        "sensor": sensor.model_dump(),
-        "sweep": sweep.model_dump(),
-        "errors": model.described(),
-        "origin": origin.tolist(),
-    }
-    # With lists instead of tuples, as read from a file.
-    as_read: dict[str, Any] = json.loads(json.dumps(about))
-    return as_read

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import NonNegativeFloat, PositiveInt
 
+from puckbench.geometry.cloud import Floats
 from puckbench.lidar.errors.beam import BeamOfWidth
 from puckbench.lidar.errors.model import Draws, Hits
 from puckbench.lidar.errors.registry import ERROR_MODELS
@@ -12,8 +14,7 @@ from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Rays
 
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-# In the order that the compiled loop numbers them.
-_Return = Literal["first", "strongest", "last", "mean"]
+Echo = Literal["first", "strongest", "last", "mean"]
 
 
 @ERROR_MODELS.register("beam_footprint")
@@ -29,7 +30,7 @@ class BeamFootprint(BeamOfWidth):
 
     sub_rays: PositiveInt = 9
     """Number of rays of a beam."""
-    returns: _Return = "strongest"
+    returns: Echo = "strongest"
     """Echo that is measured: the ``first``, the ``strongest`` (with most rays; of equals the
     first), the ``last``, or the ``mean`` of all hits."""
     merged_within_m: NonNegativeFloat = 0.9
@@ -48,15 +49,37 @@ class BeamFootprint(BeamOfWidth):
         return Rays(yaw.reshape(shape), pitch.reshape(shape), placed_as_fired=False)
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        from puckbench.lidar.kernels import fill_echoes
-
         apart = hits.distance.reshape(-1, self.sub_rays)
-        distance, middle = np.empty(len(apart)), np.empty(len(apart), dtype=np.int64)
-        fill_echoes(
-            apart, self.merged_within_m, get_args(_Return).index(self.returns), distance, middle
-        )
+        distance, middle = echoes(apart, self.merged_within_m, self.returns)
         beams = np.arange(len(middle))
         triangle = hits.triangle.reshape(apart.shape)[beams, middle]
         incidence = hits.incidence.reshape(apart.shape)[beams, middle]
         merged = Hits(distance, triangle, incidence, hits.surfaces)
         return merged.reshaped((*hits.distance.shape[:2], sensor.lasers))
+
+
+def echoes(apart: Floats, gap: float, choice: Echo) -> tuple[Floats, NDArray[np.intp]]:
+    """Return each beam's echo: mean distance (inf for none), and the ray nearest to the mean.
+
+    `apart` (beams, rays) are distances of rays, m, inf for a miss. In increasing order, a distance
+    more than `gap` beyond the previous one begins a new echo.
+    """
+    order = np.argsort(apart, axis=1, kind="stable")
+    reach = np.take_along_axis(apart, order, axis=1)
+    beams, is_hit = np.arange(len(apart)), np.isfinite(reach)
+    with np.errstate(invalid="ignore"):
+        is_new = np.diff(reach, axis=1, prepend=reach[:, :1]) > (
+            np.inf if choice == "mean" else gap
+        )
+    echo = np.cumsum(is_new & is_hit, axis=1)
+    place = beams[:, None] * apart.shape[1] + echo
+    counts, totals = (
+        np.bincount(place[is_hit], weights, apart.size).reshape(apart.shape)
+        for weights in (None, reach[is_hit])
+    )
+    chosen = {"strongest": counts.argmax(axis=1), "last": echo[:, -1]}.get(choice, 0 * beams)
+    with np.errstate(invalid="ignore"):
+        distance = totals[beams, chosen] / counts[beams, chosen]
+        off = np.abs(reach - distance[:, None])
+    off[~is_hit | (echo != chosen[:, None])] = np.inf
+    return np.where(is_hit[:, 0], distance, np.inf), order[beams, off.argmin(axis=1)]
