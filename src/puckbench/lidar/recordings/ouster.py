@@ -41,13 +41,6 @@ class Field(NamedTuple):
     bit: int
     bits: int
 
-    def whole(self, words: NDArray[np.uint32]) -> NDArray[Any] | None:
-        """Return a view of the values if they are aligned words of 8 or 16 bits, otherwise None."""
-        if self.bits not in (8, 16) or self.bit % self.bits:
-            return None
-        parts: NDArray[Any] = words.view(f"<u{self.bits // 8}")
-        return parts[..., self.word * 32 // self.bits + self.bit // self.bits]
-
     def of(self, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
         values = (words[..., self.word] >> self.bit) & ((1 << self.bits) - 1)
         return values.astype(np.uint32, copy=False)
@@ -272,29 +265,38 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
     _, rows = np.unique(frames * sensor.columns + columns["column"], return_index=True)
     ends = np.flatnonzero(np.diff(frames[rows])) + 1
     parts = np.split(columns[rows], ends) if len(rows) else []
-    turns = tuple(_turn(sensor, part) for part in parts)
+    profile = PROFILES[sensor.profile]
+    turns = tuple(turn_of_columns(profile, part, sensor.columns) for part in parts)
     complete = [k for k, part in enumerate(parts) if len(part) >= sensor.whole]
     whole = range(complete[0], complete[-1] + 1) if complete else range(0)
-    quantum, offset = PROFILES[sensor.profile].quantum_m, -sensor.radial_mm / 1000
-    returns = Returns(sensor.beams, sensor.layout, turns, quantum, sensor.name, offset)
+    offset = -sensor.radial_mm / 1000
+    returns = Returns(sensor.beams, sensor.layout, turns, profile.quantum_m, sensor.name, offset)
     return OusterTurns(returns, whole)
 
 
+def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:
+    is_legacy = "frame" not in (packets.dtype.names or ())
+    numbers = packets["columns"]["frame"][:, 0] if is_legacy else packets["frame"]
+    return np.asarray(numbers, dtype=np.int64)
+
+
 def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
-    legacy = sensor.profile == LEGACY
-    counters = (packets["columns"]["frame"][:, 0] if legacy else packets["frame"]).astype(np.int64)
+    counters = frame_numbers(packets)
     half = 1 << (31 if sensor.is_fusa else 15)
     steps = (np.diff(counters, prepend=counters[:1]) + half) % (2 * half) - half
     return np.cumsum(steps)
 
 
-def _turn(sensor: OusterSensor, columns: NDArray[Any]) -> Turn:
-    profile, words = PROFILES[sensor.profile], columns["pixels"]
-    ranges = np.stack([field.of(words) for field in profile.ranges])
-    reflectivities = np.stack([field.of(words) for field in profile.reflectivities])
+def turn_of_columns(profile: Profile, columns: NDArray[Any], steps: int) -> Turn:
+    """Convert columns (c,) of packets to a turn with `steps` columns in a whole revolution."""
+    words = columns["pixels"]
+    ranges, reflectivities = (
+        np.stack([field.of(words) for field in fields])
+        for fields in (profile.ranges, profile.reflectivities)
+    )
     # The lidar's frame is half a turn from the sensor's.
-    azimuths = (columns["column"].astype(np.int64) + sensor.columns // 2) % sensor.columns
-    times = (columns["time"] // np.uint64(1000)).astype(np.int64) % int(HOUR_US)
+    azimuths = (columns["column"].astype(np.int64) + steps // 2) % steps
+    times = columns["time"] // np.uint64(1000) % np.uint64(HOUR_US)
     return Turn(
         ranges.astype(np.uint32 if profile.ranges[0].bits > 16 else np.uint16),
         azimuths.astype(np.uint16),

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
 from puckbench.core.errors import InputError
-from puckbench.lidar.recordings.ouster import LEGACY, PROFILES, Field, OusterSensor, packet_type
+from puckbench.lidar.recordings.ouster import (
+    LEGACY,
+    PROFILES,
+    Field,
+    OusterSensor,
+    frame_numbers,
+    packet_type,
+    turn_of_columns,
+)
 from puckbench.lidar.recordings.packet_turns import Payloads, without_overlaps
 from puckbench.lidar.returns import HOUR_US
 from puckbench.lidar.turns import Layout, Turn
@@ -127,12 +135,8 @@ class OusterKind:
         return (*signals, *dependent, *others)
 
     def _reflectivity(self, kind: int) -> Field:
-        # Early firmware has 16 bits.
-        return (
-            PROFILES[self.profile]
-            .reflectivities[kind]
-            ._replace(bits=_HALF_WORD if self.profile == LEGACY else 8)
-        )
+        bits = _HALF_WORD if self.profile == LEGACY else 8  # early firmware has 16 bits
+        return PROFILES[self.profile].reflectivities[kind]._replace(bits=bits)
 
     def find(self, data: Payloads) -> NDArray[np.int64]:
         """Return ascending positions in `data` of packets with consecutive column numbers."""
@@ -156,37 +160,21 @@ class OusterKind:
         return without_overlaps(places[is_packet], span)
 
     def split_turns(self, payloads: Payloads) -> Iterator[tuple[OusterKind, Payloads]]:
-        packets = self._viewed(payloads)
-        has_frames = self.profile != LEGACY
-        frames = packets["frame"] if has_frames else packets["columns"]["frame"][:, 0]
-        changes = np.flatnonzero(np.diff(frames.astype(np.int64))) + 1
+        changes = np.flatnonzero(np.diff(frame_numbers(self._viewed(payloads)))) + 1
         most = self.layout.max_blocks // self.columns_per_packet
         for first, end in pairwise([0, *changes.tolist(), len(payloads)]):
             for start in range(first, end, most):
                 yield self, payloads[start : min(start + most, end)]
 
     def turn_of(self, payloads: Payloads) -> Turn:
-        columns = self._columns(payloads)
-        profile, words = PROFILES[self.profile], columns["pixels"]
-        ranges = np.stack([each.of(words) for each in profile.ranges])
-        reflectivities = np.stack([each.of(words) for each in profile.reflectivities])
-        steps = self.layout.azimuth_steps
-        azimuths = (columns["column"].astype(np.int64) + steps // 2) % steps
-        times = columns["time"] // np.uint64(_NS) % np.uint64(HOUR_US)
-        return Turn(
-            ranges.astype(np.uint32 if profile.ranges[0].bits > 16 else np.uint16),
-            azimuths.astype(np.uint16),
-            times.astype(np.uint32),
-            None if profile.signals else reflectivities.astype(np.uint8),
-        )
+        profile = PROFILES[self.profile]
+        turn = turn_of_columns(profile, self._columns(payloads), self.layout.azimuth_steps)
+        return replace(turn, reflectivities=None) if profile.signals else turn
 
     def rest_of(self, payloads: Payloads) -> Rest:
         columns = self._columns(payloads)
         words = columns["pixels"]
-        images = [
-            (each.of(words) if (whole := each.whole(words)) is None else whole).astype(np.uint16)
-            for each in (channel.field for channel in self.channels)
-        ]
+        images = [channel.field.of(words).astype(np.uint16) for channel in self.channels]
         heads = np.zeros(len(columns), _HEAD)
         heads["hours"] = columns["time"] // np.uint64(_NS * HOUR_US)
         for name in ("status", "encoder", "frame"):
@@ -221,10 +209,6 @@ class OusterKind:
         others = [channel.field for channel in self.channels]
         fields += zip(others, rest.images, strict=True)
         for field, values in fields:
-            whole = field.whole(words)
-            if whole is not None:
-                whole[:] = values
-                continue
             mask = np.uint32((1 << field.bits) - 1)
             words[..., field.word] |= (values.astype(np.uint32) & mask) << np.uint32(field.bit)
         packets["columns"] = columns.reshape(count, -1)

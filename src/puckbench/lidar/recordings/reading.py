@@ -72,21 +72,21 @@ def read_recording(
     stream, source, topic
         See `read_packets`.
     """
-    source = source or path
-    try:
-        is_cloud, is_table = path.suffix.lower() in SUFFIXES, path.suffix.lower() == ".parquet"
-        if is_cloud or is_table:
+    source, suffix = source or path, path.suffix.lower()
+    with naming(source):
+        is_file_of_returns = suffix in (*SUFFIXES, ".parquet")
+        if is_file_of_returns:
             refuse_stream(stream)
-        is_bag_of_clouds = not (is_cloud or is_table) and has_clouds(path, topic)
-        if time_unit is not None and not (is_cloud or is_bag_of_clouds):
+        has_units = suffix in SUFFIXES or (not is_file_of_returns and has_clouds(path, topic))
+        if time_unit is not None and not has_units:
             raise InputError(f"time unit {time_unit}: only times of clouds have units")
-        if is_cloud or is_table:
+        if is_file_of_returns:
             refuse_topic(topic)
-        if is_table:
+        if suffix == ".parquet":
             table = _between(read_returns(path), start_s, end_s)
-        elif is_cloud:
+        elif suffix in SUFFIXES:
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
-        elif is_bag_of_clouds:
+        elif has_units:
             returns = read_message_returns(path, topic, sensor, time_unit)
             table = _between(returns, start_s, end_s)
         else:
@@ -97,8 +97,6 @@ def read_recording(
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
             raise InputError("no return in the recording")
-    except InputError as error:
-        raise error if str(source) in str(error) else InputError(f"{source}: {error}") from error
     return replace(table, about={**table.about, "source": source.name})
 
 

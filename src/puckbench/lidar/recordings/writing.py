@@ -11,12 +11,12 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import write_bytes
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings.packets import (
+    BLOCK,
     BLOCKS,
     DISTANCE_UNIT_M,
     FLAG,
     HOUR_S,
     LASERS,
-    MODES,
     PACKET,
     PACKET_BYTES,
     RETURN,
@@ -70,16 +70,12 @@ def pack_blocks(
     azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = STRONGEST_MODE
 ) -> PacketLog:
     """Pack azimuths (b,) in 0.01 degrees, returns (b, 2, 16) and times (b,) in s into packets."""
-    if MODES.get(mode) is None:
-        raise ValueError(f"no return mode 0x{mode:02X}")
-    fill = -len(azimuth) % BLOCKS
-    blocks = np.zeros((len(azimuth) + fill) // BLOCKS * BLOCKS, dtype=PACKET["blocks"].base)
+    packets = np.zeros(-(-len(azimuth) // BLOCKS), dtype=PACKET)
+    blocks, start = np.zeros(len(packets) * BLOCKS, BLOCK), seconds[::BLOCKS]
     blocks["flag"] = FLAG
-    blocks["azimuth"] = np.pad(azimuth, (0, fill), mode="edge")
+    blocks["azimuth"] = np.pad(azimuth, (0, -len(azimuth) % BLOCKS), mode="edge")
     blocks["returns"][: len(returns)] = returns
-    packets = np.zeros(len(blocks) // BLOCKS, dtype=PACKET)
     packets["blocks"] = blocks.reshape(-1, BLOCKS)
-    start = seconds[::BLOCKS]
     packets["time_us"] = np.rint(np.mod(start, HOUR_S) * 1e6).astype(np.int64) % 3_600_000_000
     packets["mode"], packets["product"] = mode, VLP16
     about = {"returns": int(np.count_nonzero(returns["distance"]))}
