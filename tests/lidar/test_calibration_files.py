@@ -11,7 +11,7 @@ import pytest
 from puckbench import __version__
 from puckbench.core.errors import InputError
 from puckbench.jobs.calibrate import Calibrate
-from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, Domain
+from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions
 from puckbench.lidar.calibration.files import model_file, settings_for
 from puckbench.lidar.calibration.fitting import Estimate
 from puckbench.lidar.calibration.likelihood import NAMES
@@ -30,7 +30,8 @@ FOUND = Calibration(
     shape=RayShape("laplace", 12.34, 5.678),
     settings=CalibrationOptions(quantum_m=0.002),
     laser_ids=(1, 3),
-    domain=Domain(0.7, (1.0, 9.5)),
+    most_incidence_rad=0.7,
+    ranges_m=(1.0, 9.5),
     counts={"lasers": 2},
 )
 

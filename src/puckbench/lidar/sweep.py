@@ -104,23 +104,26 @@ class Sweep(Model):
         return round(self.duration_s * self.frames_per_second)
 
     def pitch_rad(self) -> Floats:
-        return self._pitch(range(self.frames))
-
-    def _pitch(self, frames: range) -> Floats:
-        time = np.asarray(frames) / max(self._keyed_frames - 1, 1)
+        time = np.arange(self.frames) / max(self._keyed_frames - 1, 1)
         span = self.pitch_end_deg - self.pitch_start_deg
         return np.radians(self.pitch_start_deg + span * ease(time))
 
     def rotations(self) -> Floats:
         """Return the rotation from the sensor to the world in each frame, (frames, 3, 3)."""
-        return self._rotations(range(self.frames))
+        pitch = self.pitch_rad()
+        sine, cosine = np.sin(pitch), np.cos(pitch)
+        rotations = np.tile(np.eye(3), (len(pitch), 1, 1))
+        rotations[:, 1, 1] = rotations[:, 2, 2] = cosine
+        rotations[:, 1, 2], rotations[:, 2, 1] = -sine, sine
+        return rotations
 
     def poses(self, sensor: Sensor, frames: range) -> Poses:
         """Return the sensor's pose at each step, (frames, steps), relative to the scan's origin."""
         shape = (len(frames), self.steps(sensor))
         if self._trajectory is not None:
             return self._trajectory.at(self.timestamps(sensor, frames))
-        rotations = np.broadcast_to(self._rotations(frames)[:, None], (*shape, 3, 3))
+        rotations = self.rotations()[frames.start : frames.stop, None]
+        rotations = np.broadcast_to(rotations, (*shape, 3, 3))
         return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
 
     def poses_during(self, times: Floats) -> Poses:
@@ -143,15 +146,6 @@ class Sweep(Model):
         within = keyed[(keyed > 0) & (keyed < self.duration_s)]
         times = np.concatenate([[0.0], within, [self.duration_s]])
         return times, self._trajectory.at(times).positions
-
-    def _rotations(self, frames: range) -> Floats:
-        pitch = self._pitch(frames)
-        sine, cosine = np.sin(pitch), np.cos(pitch)
-        rotations = np.zeros((len(frames), 3, 3))
-        rotations[:, 0, 0] = 1
-        rotations[:, 1, 1] = rotations[:, 2, 2] = cosine
-        rotations[:, 1, 2], rotations[:, 2, 1] = -sine, sine
-        return rotations
 
     def steps(self, sensor: Sensor) -> int:
         """Return the number of whole azimuth steps in a frame."""

@@ -17,7 +17,6 @@ from puckbench.metrics.primitive_differences import (
 )
 
 Ints = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 MIN_SHARE = 0.001
 """Minimum share of all points that a primitive must have to count."""
@@ -84,51 +83,38 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
         ``residual_m``, RMS distance of a true primitive's points to the match, and
         `parameter_differences`.
     """
-    table = _Overlaps.of(true, decoded)
-    pairs = [_pair(true, decoded, points, *pair) for pair in table.matches]
-    kinds = [ALL, *sorted(set(table.true_kinds) | set(table.decoded_kinds))]
-    return [_row(kind, table, pairs) for kind in kinds]
-
-
-@dataclass(frozen=True)
-class _Overlaps:
-    true_sizes: Ints
-    points_on_match: Ints
-    kinds: NDArray[np.object_]
-    true_kinds: NDArray[np.object_]
-    decoded_kinds: NDArray[np.object_]
-    matches: list[tuple[int, int]]
-
-    @classmethod
-    def of(cls, true: Segmentation, decoded: Segmentation) -> _Overlaps:
-        overlaps = np.zeros((len(true.primitives), len(decoded.primitives)), np.int64)
-        np.add.at(overlaps, (true.numbers, decoded.numbers), 1)
-        min_points = MIN_SHARE * len(true.numbers)
-        sizes, decoded_sizes = overlaps.sum(axis=1), overlaps.sum(axis=0)
-        is_primitive = true.kinds != FREEFORM
-        is_counted = is_primitive & (sizes >= min_points)
-        is_decoded_counted = (decoded_sizes >= min_points) & (
-            2 * overlaps[~is_primitive].sum(axis=0) <= decoded_sizes
-        )
-        union = sizes[:, None] + decoded_sizes[None, :] - overlaps
-        same_kind = true.kinds[:, None] == decoded.kinds[None, :]
-        matched = (
-            (overlaps > MIN_OVERLAP * union)
-            & same_kind
-            & is_counted[:, None]
-            & is_decoded_counted[None, :]
-        )
-        pairs = [(int(row), int(column)) for row, column in zip(*np.nonzero(matched), strict=True)]
-        points_on_match = np.where(matched, overlaps, 0).sum(axis=1)
-        kinds = true.kinds
-        return cls(
-            sizes,
-            points_on_match,
-            kinds,
-            kinds[is_counted],
-            decoded.kinds[is_decoded_counted],
-            pairs,
-        )
+    overlaps = np.zeros((len(true.primitives), len(decoded.primitives)), np.int64)
+    np.add.at(overlaps, (true.numbers, decoded.numbers), 1)
+    sizes, decoded_sizes = overlaps.sum(axis=1), overlaps.sum(axis=0)
+    min_points = MIN_SHARE * len(true.numbers)
+    is_primitive = true.kinds != FREEFORM
+    is_counted = is_primitive & (sizes >= min_points)
+    is_decoded_counted = (decoded_sizes >= min_points) & (
+        2 * overlaps[~is_primitive].sum(axis=0) <= decoded_sizes
+    )
+    union = sizes[:, None] + decoded_sizes - overlaps
+    is_match = (overlaps > MIN_OVERLAP * union) & (true.kinds[:, None] == decoded.kinds)
+    is_match &= is_counted[:, None] & is_decoded_counted
+    points_on_match = np.where(is_match, overlaps, 0).sum(axis=1)
+    pairs = [_pair(true, decoded, points, *pair) for pair in np.argwhere(is_match).tolist()]
+    kinds, decoded_kinds = true.kinds[is_counted], decoded.kinds[is_decoded_counted]
+    table = []
+    for kind in (ALL, *sorted({*kinds, *decoded_kinds})):
+        of_kind = is_primitive if kind == ALL else true.kinds == kind
+        counts = [
+            int(np.count_nonzero((each == kind) | (kind == ALL))) for each in (kinds, decoded_kinds)
+        ]
+        values = [value for name, value in pairs if kind in (name, ALL)]
+        row: dict[str, Any] = {"kind": kind, "true": counts[0], "found": counts[1]}
+        row["matched"] = len(values)
+        if counts[1]:
+            row["precision"] = len(values) / counts[1]
+        if counts[0]:
+            row["recall"] = len(values) / counts[0]
+        if of_points := int(sizes[of_kind].sum()):
+            row["label_accuracy"] = float(points_on_match[of_kind].sum() / of_points)
+        table.append({**row, **_medians(values)})
+    return table
 
 
 def _pair(
@@ -142,30 +128,6 @@ def _pair(
     return primitive.kind, {
         "residual_m": residual,
         **parameter_differences(primitive, match, primitive_points.mean(axis=0)),
-    }
-
-
-def _row(
-    kind: str, table: _Overlaps, pairs: Sequence[tuple[str, dict[str, float]]]
-) -> dict[str, Any]:
-    of_kind = table.kinds == kind if kind != ALL else table.kinds != FREEFORM
-    true = int(np.count_nonzero((table.true_kinds == kind) | (kind == ALL)))
-    decoded = int(np.count_nonzero((table.decoded_kinds == kind) | (kind == ALL)))
-    values = [value for name, value in pairs if kind in (name, ALL)]
-    matched, points = len(values), int(table.true_sizes[of_kind].sum())
-    return {
-        "kind": kind,
-        "true": true,
-        "found": decoded,
-        "matched": matched,
-        **({"precision": matched / decoded} if decoded else {}),
-        **({"recall": matched / true} if true else {}),
-        **(
-            {"label_accuracy": float(table.points_on_match[of_kind].sum() / points)}
-            if points
-            else {}
-        ),
-        **_medians(values),
     }
 
 

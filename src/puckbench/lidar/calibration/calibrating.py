@@ -37,18 +37,13 @@ class CalibrationOptions:
 
 
 @dataclass(frozen=True)
-class Domain:
-    most_incidence_rad: float
-    ranges_m: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
     `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean;
     they are empty for several devices. `mean`, m, is the lasers' mean bias, or None if inseparable
-    from the estimated positions of the planes.
+    from the estimated positions of the planes. `most_incidence_rad` and `ranges_m` (shortest,
+    longest) limit the returns that were used.
     """
 
     sigmas: dict[str, Estimate]
@@ -57,7 +52,8 @@ class Calibration:
     shape: RayShape
     settings: CalibrationOptions
     laser_ids: tuple[int, ...]
-    domain: Domain
+    most_incidence_rad: float
+    ranges_m: tuple[float, float]
     counts: dict[str, int] = field(default_factory=dict)
 
 
@@ -77,6 +73,7 @@ def calibrate(
     shape = ray_shape(likelihood, best)
     sigmas = intervals(likelihood, free, best, shape.widening)
     mean, biases = _biases(likelihood, _with_lasers(best, sigmas))
+    _, squares, far = seen.features.T
     return Calibration(
         sigmas=sigmas,
         biases=biases if seen.devices == 1 else (),
@@ -84,7 +81,8 @@ def calibrate(
         shape=shape,
         settings=settings,
         laser_ids=seen.laser_ids,
-        domain=_domain(seen),
+        most_incidence_rad=float(np.sqrt(squares.max())),
+        ranges_m=(float(far.min()), float(far.max())),
         counts=_counts(seen),
     )
 
@@ -106,11 +104,6 @@ def _biases(
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0))
     estimates = [interval(value, error) for value, error in zip(rows @ values, errors, strict=True)]
     return estimates[0], tuple(estimates[1:])
-
-
-def _domain(seen: Observations) -> Domain:
-    _, squares, far = seen.features.T
-    return Domain(float(np.sqrt(squares.max())), (float(far.min()), float(far.max())))
 
 
 def _counts(seen: Observations) -> dict[str, int]:

@@ -60,7 +60,7 @@ _DIGITS = 6
 def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the content of a calibration's YAML file: parameters, intervals and `sources`.
 
-    Sources are the names and hashes of the input tables (`described_table`).
+    Sources are the names and hashes of the input tables.
     """
     return {
         "format": FORMAT,
@@ -87,13 +87,10 @@ def write_calibration(
     path: Path, calibration: Calibration, tables: Sequence[Path]
 ) -> dict[str, Any]:
     """Write the YAML file of a calibration from `tables`; return its content."""
-    content = model_file(calibration, [described_table(table) for table in tables])
+    sources = [{"file": table.name, "sha256": sha256(table)} for table in tables]
+    content = model_file(calibration, sources)
     write_bytes(path, yaml_text(content).encode())
     return content
-
-
-def described_table(path: Path) -> dict[str, str]:
-    return {"file": path.name, "sha256": sha256(path)}
 
 
 def _parameters(calibration: Calibration) -> dict[str, Any]:
@@ -107,8 +104,8 @@ def _parameters(calibration: Calibration) -> dict[str, Any]:
         "ray_distribution": calibration.shape.distribution,
         # A mean that does not differ significantly from zero may be an effect of the planes.
         "range_mean_m": 0.0 if mean is None or mean.low <= 0 <= mean.high else _rounded(mean.value),
-        "most_incidence_rad": _rounded(calibration.domain.most_incidence_rad),
-        "ranges_m": [_rounded(estimate) for estimate in calibration.domain.ranges_m],
+        "most_incidence_rad": _rounded(calibration.most_incidence_rad),
+        "ranges_m": [_rounded(estimate) for estimate in calibration.ranges_m],
     }
     if calibration.biases:
         parameters["bias_m"] = [_rounded(estimate.value) for estimate in _by_laser(calibration)]

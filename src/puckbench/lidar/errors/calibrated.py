@@ -118,14 +118,10 @@ class Calibrated(ErrorModel):
         return np.asarray(biases)
 
 
-def shipped_calibration(name: str) -> Path:
-    return _SHIPPED / f"{name}.yaml"
-
-
 def read_parameters(file: str) -> dict[str, Any]:
     """Read the parameters of `Calibrated` from a YAML file: a path, or a shipped file's name."""
     path = Path(file)
-    path = path if path.suffix in {".yaml", ".yml"} else shipped_calibration(file)
+    path = path if path.suffix in {".yaml", ".yml"} else _SHIPPED / f"{file}.yaml"
     content = read_yaml(path)
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
         raise InputError(f"{path}: not a model file of puckbench calibrate (format: {FORMAT})")

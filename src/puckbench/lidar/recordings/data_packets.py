@@ -117,11 +117,9 @@ def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -
         other = serials.most_common(1)[0][0]
         raise InputError(f"packets of the sensor {other}, and {described} is of {sensor.serial}")
     about = {"format": "pcap", **_counts(capture, len(packets), size)}
-    payloads, received = (
-        [packet.payload for packet in packets],
-        [packet.received for packet in packets],
-    )
-    return replace(joined(payloads, received, about, size), sensor=sensor)
+    received = [packet.received for packet in packets]
+    log = joined([packet.payload for packet in packets], received, about, size)
+    return replace(log, sensor=sensor)
 
 
 def whole_packets(
@@ -176,10 +174,12 @@ def _select_stream(
     matches = [stream for stream in streams if name is None or _is_named(stream, name)]
     if len(matches) == 1:
         return matches[0]
-    listed = "; ".join(
-        _described(stream, [packet for packet in packets if packet.stream == stream], sensor)
-        for stream in list(streams)[:_MOST_LISTED]
-    )
+    described = []
+    for stream in list(streams)[:_MOST_LISTED]:
+        some = [packet for packet in packets if packet.stream == stream]
+        plural = "s" * (len(some) != 1)
+        described.append(f"{stream}, {len(some):,} packet{plural} of {sensor(some)}")
+    listed = "; ".join(described)
     more = "; ..." if len(streams) > _MOST_LISTED else ""
     fault = "" if name is None else f", {len(matches) or 'none'} of them '{name}'"
     raise InputError(
@@ -191,13 +191,6 @@ def _select_stream(
 def _is_named(stream: Stream, name: str) -> bool:
     full_name = f"{stream}"
     return full_name.startswith(name) and full_name[len(name) : len(name) + 1] in ("", ":", " ")
-
-
-def _described(
-    stream: Stream, packets: Sequence[Datagram], sensor: Callable[[Sequence[Datagram]], str]
-) -> str:
-    count = len(packets)
-    return f"{stream}, {count:,} packet{'s' * (count != 1)} of {sensor(packets)}"
 
 
 def _products(packets: Sequence[Datagram]) -> str:

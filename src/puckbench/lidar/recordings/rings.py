@@ -54,13 +54,8 @@ class RecoveredReturns:
         }
 
 
-@dataclass(frozen=True)
-class _Beam:
-    """A laser: tangent of elevation, height, m, and distance from the sensor's axis, m."""
-
-    tangent: float
-    height: float
-    sideways: float
+_Beam = tuple[float, float, float]
+"""A laser: tangent of elevation, height, m, and distance from the sensor's axis, m."""
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
@@ -91,7 +86,7 @@ def recovered_returns(
     for rows in kept:
         tangent, height = fitted_cone(level[rows], xyz[rows, 2])
         sideways, phase = _fitted_offset(level[rows], azimuth[rows], step)
-        beams.append(_Beam(tangent, height, sideways))
+        beams.append((tangent, height, sideways))
         turned = azimuth[rows] - np.arcsin(np.clip(sideways / level[rows], -1, 1)) - phase
         phases.append(phase)
         places.append(np.rint(turned / step).astype(np.int64))
@@ -101,7 +96,7 @@ def recovered_returns(
     used = np.unique(np.concatenate(columns))
     at = [np.searchsorted(used, places) for places in columns]
     turned_deg = np.degrees(np.array(phases)) + step_deg * np.array(shifts)
-    return _image(xyz, kept, at, beams, _Columns(used * step_deg, turned_deg, False), sensor)
+    return _image(xyz, kept, at, beams, (used * step_deg, turned_deg), False, sensor)
 
 
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
@@ -133,7 +128,7 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     rings = [seen[whole[seen, k]] * lasers + k for k in range(lasers)]
     at = [np.searchsorted(seen, rows // lasers) for rows in rings]
     azimuths = np.mod(np.degrees(middle) + off, 360)
-    return _image(flat, rings, at, beams, _Columns(azimuths, turned_deg, True), sensor)
+    return _image(flat, rings, at, beams, (azimuths, turned_deg), True, sensor)
 
 
 def _first_place(xyz: Floats, left: Floats) -> Floats:
@@ -177,7 +172,7 @@ def _without_turning(
     still = xyz.copy()
     still[..., 2] -= left[:, None] * (xyz[..., :2] @ fit[-2:])
     count = xyz.shape[1]
-    return still, [_Beam(float(fit[k]), float(fit[count + k]), 0.0) for k in range(count)]
+    return still, [(float(fit[k]), float(fit[count + k]), 0.0) for k in range(count)]
 
 
 def fitted_cone(level: Floats, z: Floats, prior: float = 0.0) -> tuple[float, float]:
@@ -234,43 +229,40 @@ def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]
     return shifts
 
 
-@dataclass(frozen=True)
-class _Columns:
-    azimuths_deg: Floats
-    turned_deg: Floats
-    clockwise: bool
-
-
 def _image(
     xyz: Floats,
     rings: Sequence[NDArray[np.intp]],
     columns: Sequence[Steps],
     beams: Sequence[_Beam],
-    grid: _Columns,
+    degrees: tuple[Floats, Floats],
+    clockwise: bool,
     sensor: str,
 ) -> RecoveredReturns:
-    lasers = len(rings)
-    ranges = np.zeros((1, len(grid.azimuths_deg), lasers), np.uint16)
+    """Make the image; `degrees` are azimuths of columns, and of lasers relative to the columns."""
+    lasers, (columns_deg, lasers_deg) = len(rings), degrees
+    ranges = np.zeros((1, len(columns_deg), lasers), np.uint16)
     source = np.zeros(ranges.shape[1:], np.intp)
     for laser, (rows, places, beam) in enumerate(zip(rings, columns, beams, strict=True)):
-        points, cosine = xyz[rows], 1 / np.hypot(1.0, beam.tangent)
-        level = np.sqrt(np.maximum(points[:, 0] ** 2 + points[:, 1] ** 2 - beam.sideways**2, 0.0))
-        along = (level + (points[:, 2] - beam.height) * beam.tangent) * cosine
+        tangent, height, sideways = beam
+        points, cosine = xyz[rows], 1 / np.hypot(1.0, tangent)
+        level = np.sqrt(np.maximum(points[:, 0] ** 2 + points[:, 1] ** 2 - sideways**2, 0.0))
+        along = (level + (points[:, 2] - height) * tangent) * cosine
         quanta = np.rint(along / USUAL_QUANTUM_M)
         inside = (quanta > 0) & (quanta <= _MOST_QUANTA)
         ranges[0, places[inside], laser] = quanta[inside]
         source[places[inside], laser] = rows[inside]
-    elevations = np.degrees(np.arctan([beam.tangent for beam in beams]))
+    tangents, heights, offsets = np.transpose(beams)
+    elevations = np.degrees(np.arctan(tangents))
     order = tuple(int(laser) for laser in np.argsort(elevations, kind="stable"))
     fitted = Beams(
         tuple(elevations.tolist()),
-        tuple(1000 * beam.height for beam in beams),
+        tuple((1000 * heights).tolist()),
         (0.0,) * lasers,
-        clockwise=grid.clockwise,
-        azimuths_deg=tuple(grid.turned_deg.tolist()),
-        sideways_mm=tuple(1000 * beam.sideways for beam in beams),
+        clockwise=clockwise,
+        azimuths_deg=tuple(lasers_deg.tolist()),
+        sideways_mm=tuple((1000 * offsets).tolist()),
     )
-    azimuths = (np.rint(grid.azimuths_deg * 100) % CENTIDEGREES).astype(np.uint16)
+    azimuths = (np.rint(columns_deg * 100) % CENTIDEGREES).astype(np.uint16)
     if not ranges.any():
         raise InputError("no point is within 131 m, the maximum range of returns")
     returns = Returns(fitted, Layout(order), (Turn(ranges, azimuths),), USUAL_QUANTUM_M, sensor)

@@ -180,18 +180,31 @@ class PlaneStatistics:
 
 
 def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
-    step = azimuth_step(planes.table)
-    return [_statistics(planes.table, surface, step) for surface in planes.surfaces]
+    step, parts = azimuth_step(planes.table), []
+    for surface in planes.surfaces:
+        rows = planes.table.select(surface.rows)
+        residual, laser = surface.plane.distances(rows.xyz), rows["laser_id"]
+        deviation = range_deviation(residual, incidence(rows, surface.plane))
+        noise = ray_noise(deviation, laser, rows["azimuth"], rows["turn"], step)
+        bias = laser_bias(deviation, laser)
+        parts.append(PlaneStatistics(surface, rows, residual, deviation, bias, noise))
+    return parts
 
 
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
-    step, parts = azimuth_step(planes.table), plane_statistics(planes)
+    parts, table = plane_statistics(planes), planes.table
     walls = [part.bias for part in parts if part.surface.kind == WALL]
     stds = [bias.std_m for bias in walls if bias.std_m is not None]
-    repeated, noise = repeatability(walls), _noise_of_all(parts, step)
+    repeated, noise = repeatability(walls), _noise_of_all(parts, azimuth_step(table))
     residuals = np.concatenate([part.residual for part in parts])
     return {
-        **_about(planes),
+        "capture": table.about["source"],
+        "sensor": table.about["sensor"],
+        "returns": table.about.get("returns"),
+        "bytes_cut_off": table.about.get("bytes_cut_off", 0),
+        "still_s": [float(table["timestamp"].min()), float(table["timestamp"].max())],
+        "turns": len(np.unique(table["turn"])),
+        "shift_m": planes.still and planes.still.shift_m,
         "rows": len(residuals),
         "mean_m": float(residuals.mean()),
         "std_m": float(residuals.std(ddof=1)),
@@ -199,17 +212,16 @@ def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
         "laser_bias_std_m": math.sqrt(float(np.mean(np.square(stds)))) if stds else None,
         "bias_repeatability": None if repeated is None else asdict(repeated),
         "planes": [part.described() for part in parts],
-        "rejected": [_rejected(plane.surface, plane.reason) for plane in planes.rejected],
+        "rejected": [
+            {
+                "surface": plane.surface.kind,
+                "distance_m": plane.surface.distance_m,
+                "rows": len(plane.surface.rows),
+                "reason": plane.reason,
+            }
+            for plane in planes.rejected
+        ],
     }
-
-
-def _statistics(table: RecordedReturns, surface: DetectedPlane, step: float) -> PlaneStatistics:
-    rows = table.select(surface.rows)
-    residual = surface.plane.distances(rows.xyz)
-    deviation = range_deviation(residual, incidence(rows, surface.plane))
-    laser = rows["laser_id"]
-    noise = ray_noise(deviation, laser, rows["azimuth"], rows["turn"], step)
-    return PlaneStatistics(surface, rows, residual, deviation, laser_bias(deviation, laser), noise)
 
 
 def _noise_of_all(parts: Sequence[PlaneStatistics], step: float) -> RayNoise | None:
@@ -220,21 +232,3 @@ def _noise_of_all(parts: Sequence[PlaneStatistics], step: float) -> RayNoise | N
     )
     deviation = np.concatenate([part.deviation for part in parts])
     return ray_noise(deviation, np.concatenate(lasers), azimuth, turn, step)
-
-
-def _about(planes: RecordedPlanes) -> dict[str, Any]:
-    about, time = planes.table.about, planes.table["timestamp"]
-    return {
-        "capture": about["source"],
-        "sensor": about["sensor"],
-        "returns": about.get("returns"),
-        "bytes_cut_off": about.get("bytes_cut_off", 0),
-        "still_s": [float(time.min()), float(time.max())],
-        "turns": len(np.unique(planes.table["turn"])),
-        "shift_m": planes.still and planes.still.shift_m,
-    }
-
-
-def _rejected(surface: DetectedPlane, reason: str) -> dict[str, Any]:
-    where = {"surface": surface.kind, "distance_m": surface.distance_m, "rows": len(surface.rows)}
-    return {**where, "reason": reason}

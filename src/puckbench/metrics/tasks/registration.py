@@ -64,12 +64,9 @@ def registration(
         if good.any():
             results[f"registration_{apart}m_error_m"] = float(np.median(errors[good, 0]))
     name = f"small_gicp {version('small_gicp')}"
-    return {**results, "registration": name, **_settings(voxel_m, reach_m, most_m, most_deg)}
-
-
-def _settings(voxel_m: float, reach_m: float, most_m: float, most_deg: float) -> dict[str, float]:
-    values = {"voxel_m": voxel_m, "reach_m": reach_m, "most_m": most_m, "most_deg": most_deg}
-    return {f"registration_{name}": value for name, value in values.items()}
+    limits = {"registration_most_m": most_m, "registration_most_deg": most_deg}
+    sizes = {"registration_voxel_m": voxel_m, "registration_reach_m": reach_m}
+    return {**results, "registration": name, **sizes, **limits}
 
 
 def _errors(
