@@ -8,7 +8,7 @@ from puckbench.geometry.closest import SearchableMesh, closest_surface_points, m
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud, distortion
-from puckbench.metrics.truth import Truth, scan_distortion, truth_distortion
+from puckbench.metrics.truth import Truth, truth_distortion
 
 FLOOR = Mesh(
     np.array([[0.0, 0, 0], [8, 0, 0], [8, 8, 0], [0, 8, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
@@ -53,7 +53,7 @@ def test_a_scan_at_an_offset_is_as_far_from_the_clean_scan_along_and_across_the_
     x, y = np.meshgrid(np.arange(1.0, 8), np.arange(1.0, 8))
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     clean = PointCloud(points, np.tile([0.0, 0, 1], (len(points), 1)))
-    values = scan_distortion(clean, FLOOR, points + np.array([0.25, 0, 0.5]))
+    values = truth_distortion(clean, FLOOR, points + np.array([0.25, 0, 0.5]), is_scan=True)
     for kind in ("acd_ab", "acd_ba", "cd"):
         assert values[f"truth_{kind}_plane"] == values[f"clean_{kind}_plane"] == 0.25
         assert values[f"clean_{kind}_point"] == 0.25**2 + 0.5**2
@@ -131,13 +131,13 @@ def test_one_surface_and_one_reference_give_the_values_of_one_off_calls() -> Non
     surface = SearchableMesh(mesh)
     for number in (1, 300, 7, 300):
         points = random.random((number, 3)) * [24, 24, 2] - 2
-        once, again = closest_surface_points(mesh, points), closest_surface_points(surface, points)
-        np.testing.assert_array_equal(once.xyz, again.xyz)
-        np.testing.assert_array_equal(once.normals, again.normals)
-        np.testing.assert_array_equal(once.triangles, again.triangles)
-        for measure in (truth_distortion, scan_distortion):
-            values = measure(ReferenceCloud(SEEN), surface, DistinctPoints(points))
-            assert values == measure(SEEN, mesh, points)
+        once, twice = closest_surface_points(mesh, points), closest_surface_points(surface, points)
+        np.testing.assert_array_equal(once.xyz, twice.xyz)
+        np.testing.assert_array_equal(once.normals, twice.normals)
+        np.testing.assert_array_equal(once.triangles, twice.triangles)
+        for scan in (False, True):
+            again = ReferenceCloud(SEEN), surface, DistinctPoints(points)
+            assert truth_distortion(*again, scan) == truth_distortion(SEEN, mesh, points, scan)
 
 
 @pytest.mark.parametrize(

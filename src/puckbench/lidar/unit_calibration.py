@@ -10,13 +10,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
 
 LASERS = 64
 _MESSAGE_BYTES, _LASER_BYTES = 1820, 28
@@ -27,7 +28,7 @@ _STATES = b"HMSDNYGTV"
 _S3_TYPE = ord("W")
 _OF_LASER = np.dtype([("laser", "u1"), ("values", "<i2", 7)])
 _PER_UNIT = np.array([100, 100, 1, 1, 1, 1, 1])
-"""Units of the values per degree or millimetre, in the order of `_Laser`."""
+"""Units of the values per degree or millimetre, in the order of `_DB_NAMES`."""
 _DB_NAMES = (
     "vertCorrection", "rotCorrection", "distCorrection", "distCorrectionX", "distCorrectionY",
     "vertOffsetCorrection", "horizOffsetCorrection",
@@ -36,16 +37,6 @@ _ROS_NAMES = (
     "vert_correction", "rot_correction", "dist_correction", "dist_correction_x",
     "dist_correction_y", "vert_offset_correction", "horiz_offset_correction",
 )  # fmt: skip
-
-
-class _Laser(NamedTuple):
-    elevation_deg: float
-    rotation_deg: float
-    far_mm: float
-    x_mm: float
-    y_mm: float
-    height_mm: float
-    sideways_mm: float
 
 
 def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
@@ -62,7 +53,7 @@ def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
         rows = np.frombuffer(body[_FIRST_LASER:end], np.uint8).reshape(LASERS, _LASER_BYTES)
         lasers = np.ascontiguousarray(rows[:, : _OF_LASER.itemsize]).view(_OF_LASER)[:, 0]
         if (lasers["laser"] == np.arange(LASERS)).all():  # no packet is missing
-            return _fields([_Laser(*row) for row in (lasers["values"] / _PER_UNIT).tolist()])
+            return _fields(lasers["values"] / _PER_UNIT)
     return None
 
 
@@ -101,32 +92,28 @@ def _parsed(
     units = [degrees] * 2 + [millimetres] * 5
     try:
         numbered = {
-            int(laser[number]): _Laser(
-                *(
-                    round(float(laser[name] if unit == degrees else laser.get(name, 0.0)) * unit, 6)
-                    for name, unit in zip(names, units, strict=True)
-                )
-            )
+            int(laser[number]): [
+                round(float(laser[name] if unit == degrees else laser.get(name, 0.0)) * unit, 6)
+                for name, unit in zip(names, units, strict=True)
+            ]
             for laser in lasers
         }
         rows = [numbered[laser] for laser in range(LASERS)]
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"not the calibration of an HDL-64E, with {LASERS} lasers") from error
-    return _fields(rows)
+    return _fields(np.array(rows))
 
 
-def _fields(lasers: list[_Laser]) -> dict[str, Any]:
-    # Without both near corrections, the far one applies everywhere.
-    near = [
-        laser if laser.x_mm and laser.y_mm else laser._replace(x_mm=laser.far_mm, y_mm=laser.far_mm)
-        for laser in lasers
-    ]
-    return {
-        "laser_elevation_deg": tuple(laser.elevation_deg for laser in lasers),
-        "laser_azimuth_deg": tuple(-laser.rotation_deg for laser in lasers),
-        "vertical_correction_mm": tuple(laser.height_mm for laser in lasers),
-        "horizontal_correction_mm": tuple(laser.sideways_mm for laser in lasers),
-        "distance_correction_mm": tuple(laser.far_mm for laser in lasers),
-        "distance_correction_x_mm": tuple(laser.x_mm for laser in near),
-        "distance_correction_y_mm": tuple(laser.y_mm for laser in near),
+def _fields(lasers: Floats) -> dict[str, Any]:
+    elevation, rotation, far, x, y, height, sideways = lasers.T
+    is_near = (x != 0) & (y != 0)  # without both near corrections, the far one applies everywhere
+    columns = {
+        "laser_elevation_deg": elevation,
+        "laser_azimuth_deg": -rotation,
+        "vertical_correction_mm": height,
+        "horizontal_correction_mm": sideways,
+        "distance_correction_mm": far,
+        "distance_correction_x_mm": np.where(is_near, x, far),
+        "distance_correction_y_mm": np.where(is_near, y, far),
     }
+    return {name: tuple(column.tolist()) for name, column in columns.items()}

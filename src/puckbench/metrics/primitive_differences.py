@@ -25,7 +25,23 @@ def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -
         ``angle_deg`` between normals or axes; ``position_m``, distance between planes or axes near
         `centre` (3,), between sphere centres or cone apexes; ``radius_m``; ``half_angle_deg``.
     """
-    return _DIFFERENCES[true.kind](true.parameters, decoded.parameters, centre)
+    a, b, kind = true.parameters, decoded.parameters, true.kind
+    direction = "normal" if kind == "plane" else "axis"
+    values = {"angle_deg": _angle_deg(a[direction], b[direction])} if direction in a else {}
+    if kind == "plane":
+        values["position_m"] = abs(float(np.dot(b["normal"], centre)) - b["offset"])
+    elif kind == "cylinder":
+        axis = np.asarray(a["axis"])
+        middle = np.asarray(a["point"]) + ((centre - a["point"]) @ axis) * axis
+        values["position_m"] = float(_along_and_across(b["point"], b["axis"], middle[None])[1][0])
+    else:
+        place = "centre" if kind == "sphere" else "apex"
+        values["position_m"] = float(np.linalg.norm(np.asarray(a[place]) - np.asarray(b[place])))
+    if "radius" in a:
+        values["radius_m"] = abs(a["radius"] - b["radius"])
+    if "half_angle" in a:
+        values["half_angle_deg"] = float(np.degrees(abs(a["half_angle"] - b["half_angle"])))
+    return values
 
 
 def _to_plane(plane: Parameters, points: Floats) -> Floats:
@@ -61,51 +77,11 @@ def _angle_deg(a: Any, b: Any) -> float:
     return float(np.degrees(np.arctan2(across, abs(float(np.dot(a, b))))))
 
 
-def _apart(a: Any, b: Any) -> float:
-    return float(np.linalg.norm(np.asarray(a) - np.asarray(b)))
-
-
-def _of_planes(true: Parameters, decoded: Parameters, centre: Floats) -> dict[str, float]:
-    distance = float(np.dot(decoded["normal"], centre)) - decoded["offset"]
-    return {"angle_deg": _angle_deg(true["normal"], decoded["normal"]), "position_m": abs(distance)}
-
-
-def _of_spheres(true: Parameters, decoded: Parameters, _: Floats) -> dict[str, float]:
-    radius = abs(true["radius"] - decoded["radius"])
-    return {"position_m": _apart(true["centre"], decoded["centre"]), "radius_m": radius}
-
-
-def _of_cylinders(true: Parameters, decoded: Parameters, centre: Floats) -> dict[str, float]:
-    axis = np.asarray(true["axis"])
-    middle = np.asarray(true["point"]) + ((centre - true["point"]) @ axis) * axis
-    _, across = _along_and_across(decoded["point"], decoded["axis"], middle[None])
-    return {
-        "angle_deg": _angle_deg(true["axis"], decoded["axis"]),
-        "position_m": float(across[0]),
-        "radius_m": abs(true["radius"] - decoded["radius"]),
-    }
-
-
-def _of_cones(true: Parameters, decoded: Parameters, _: Floats) -> dict[str, float]:
-    half_angle = abs(true["half_angle"] - decoded["half_angle"])
-    return {
-        "angle_deg": _angle_deg(true["axis"], decoded["axis"]),
-        "position_m": _apart(true["apex"], decoded["apex"]),
-        "half_angle_deg": float(np.degrees(half_angle)),
-    }
-
-
 _DISTANCES: dict[str, Callable[[Parameters, Floats], Floats]] = {
     "plane": _to_plane,
     "cylinder": _to_cylinder,
     "sphere": _to_sphere,
     "cone": _to_cone,
 }
-_DIFFERENCES: dict[str, Callable[[Parameters, Parameters, Floats], dict[str, float]]] = {
-    "plane": _of_planes,
-    "cylinder": _of_cylinders,
-    "sphere": _of_spheres,
-    "cone": _of_cones,
-}
-COMPARABLE = tuple(_DIFFERENCES)
+COMPARABLE = tuple(_DISTANCES)
 """Kinds with comparable parameters; primitives of other kinds are matched by their points only."""

@@ -48,8 +48,7 @@ class Truth:
 
     def metrics(self, decoded: Floats | DistinctPoints) -> dict[str, float]:
         """Return the distortion of decoded points (m, 3), in the reference's unit and in metres."""
-        distance_metrics = scan_distortion if self._is_scan else truth_distortion
-        distances = distance_metrics(self._visible, self._surface, decoded)
+        distances = truth_distortion(self._visible, self._surface, decoded, self._is_scan)
         return {**distances, **distortion_in_metres(distances, self._scale)}
 
 
@@ -62,39 +61,25 @@ def truth_distortion(
     visible: PointCloud | ReferenceCloud,
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
+    is_scan: bool = False,
 ) -> dict[str, float]:
     """Return the `distortion` between true surface (A) and decoded cloud (B), as ``truth_...``.
 
     * A to B: from `visible`, points with true normals on the part that the sensor saw.
     * B to A: to the closest point of the mesh or, to plane, along the mesh's normal there; without
       a mesh, to the visible points.
+
+    With `is_scan`, the visible points are the clean scan, the intersections of rays and surface;
+    the distortion from them is added as ``clean_...``.
     """
     errors = squared_errors(visible, decoded)
-    return _to_truth(errors, mesh)
-
-
-def scan_distortion(
-    clean: PointCloud | ReferenceCloud,
-    mesh: Mesh | SearchableMesh | None,
-    decoded: Floats | DistinctPoints,
-) -> dict[str, float]:
-    """Return `truth_distortion` of a decoded scan and, as ``clean_...``, `distortion` from the
-    clean scan.
-
-    The clean scan is the intersections (n, 3) of rays and surface, with true normals.
-    """
-    errors = squared_errors(clean, decoded)
-    to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}
-    counted = ("clean_points_a", "clean_points_b")
-    return {
-        **{key: value for key, value in to_points.items() if key not in counted},
-        **_to_truth(errors, mesh),
-    }
-
-
-def _to_truth(errors: SquaredErrors, mesh: Mesh | SearchableMesh | None) -> dict[str, float]:
     measured = errors if mesh is None else _to_mesh(errors, mesh)
-    return {f"truth_{key}": value for key, value in summarise_errors(measured).items()}
+    truth = {f"truth_{key}": value for key, value in summarise_errors(measured).items()}
+    if not is_scan:
+        return truth
+    clean = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}
+    del clean["clean_points_a"], clean["clean_points_b"]
+    return {**clean, **truth}
 
 
 def _to_mesh(errors: SquaredErrors, mesh: Mesh | SearchableMesh) -> SquaredErrors:
