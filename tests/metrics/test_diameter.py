@@ -85,7 +85,7 @@ def blocks(points: Floats) -> list[Floats]:
 def test_bounds_of_pairs_of_blocks_are_those_of_their_boxes() -> None:
     """Three blocks, of which the last is not full, as numpy has them."""
     points = generator(7, "blocks").normal(size=(150, 3)) * [1, 2, 4] + np.arange(150)[:, None] / 20
-    boxes, parts = _boxes(points), blocks(points)
+    (boxes, diagonals), parts = _boxes(points), blocks(points)
     corners = [
         np.array(list(product(*zip(p.min(axis=0), p.max(axis=0), strict=True)))) for p in parts
     ]
@@ -94,14 +94,16 @@ def test_bounds_of_pairs_of_blocks_are_those_of_their_boxes() -> None:
         farthest = cdist(parts[i], parts[j]).max() ** 2
         assert _pairs_squared(points, i, j) == pytest.approx(farthest, rel=1e-12)
         assert _box_squared(boxes, i, j) == pytest.approx(cdist(corners[i], corners[j]).max() ** 2)
-        assert _cap_squared(points, boxes, i, j) >= farthest * (1 - ROUNDING)
+        across = (diagonals[i] + diagonals[j]) / 2
+        cap = _cap_squared(points, boxes, across, i, j)
+        assert cap >= farthest * (1 - ROUNDING)
         if i == j:
             continue
         line = unit((boxes[i].mean(axis=0) - boxes[j].mean(axis=0))[None])[0]
         along = (parts[i] @ line).max() - (parts[j] @ line).min()
         across = (pdist(boxes[i])[0] + pdist(boxes[j])[0]) / 2
-        assert _cap_squared(points, boxes, i, j) == pytest.approx(along**2 + across**2, rel=1e-11)
-        assert _cap_squared(points, boxes, i, j) >= along**2 + across**2
+        assert cap == pytest.approx(along**2 + across**2, rel=1e-11)
+        assert cap >= along**2 + across**2
 
 
 def test_a_small_cloud_has_a_small_diameter() -> None:
@@ -114,15 +116,15 @@ def test_a_small_cloud_has_a_small_diameter() -> None:
 
 def test_a_farther_pair_than_any_other_is_not_looked_for() -> None:
     points = generator(7, "blocks").normal(size=(150, 3))
-    assert _largest_squared(points, 1e6) == 1e6
-    assert _largest_squared(points, 0.0) == pytest.approx(pdist(points).max() ** 2)
+    assert _largest_squared(points, *_boxes(points), 1e6) == 1e6
+    assert _largest_squared(points, *_boxes(points), 0.0) == pytest.approx(pdist(points).max() ** 2)
 
 
 @pytest.mark.parametrize("count", [1, 64, 65, 150])
 def test_no_block_is_looked_at_beyond_the_last(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the loops' own Python, which refuses an index outside of an array."""
-    for name in ("_boxes", "_box_squared", "_cap_squared", "_diagonal", "_pairs_squared"):
+    for name in ("_box_squared", "_cap_squared", "_pairs_squared"):
         monkeypatch.setattr(module, name, getattr(module, name).py_func)
     points = generator(8, "blocks").normal(size=(count, 3))
     farthest = cdist(points, points).max() ** 2
-    assert _largest_squared.py_func(points, 0.0) == pytest.approx(farthest)
+    assert _largest_squared.py_func(points, *_boxes(points), 0.0) == pytest.approx(farthest)

@@ -20,7 +20,15 @@ def diameter(points: Floats) -> float:
     radii = _distances(points, centre)
     candidates = points[radii >= length * (1 - ROUNDING) - radii.max()]
     _, candidates = distinct_points(candidates)
-    return float(np.sqrt(_largest_squared(candidates, length**2 * (1 - ROUNDING))))
+    least = length**2 * (1 - ROUNDING)
+    return float(np.sqrt(_largest_squared(candidates, *_boxes(candidates), least)))
+
+
+def _boxes(points: Floats) -> tuple[Floats, Floats]:
+    """Return the bounding boxes (b, 2, 3) of blocks of points, and the lengths of diagonals."""
+    starts = np.arange(0, len(points), BLOCK)
+    low, high = (each.reduceat(points, starts, axis=0) for each in (np.minimum, np.maximum))
+    return np.stack([low, high], axis=1), np.linalg.norm(high - low, axis=1)
 
 
 def _distances(points: Floats, centre: Floats) -> Floats:
@@ -41,23 +49,16 @@ def _far_pair(points: Floats) -> tuple[Floats, float]:
 
 
 @compiled
-def _largest_squared(points: Floats, largest: float) -> float:
-    boxes = _boxes(points)
+def _largest_squared(points: Floats, boxes: Floats, diagonals: Floats, largest: float) -> float:
     for i in range(len(boxes)):
         for j in range(i + 1):
-            if _box_squared(boxes, i, j) > largest and _cap_squared(points, boxes, i, j) > largest:
+            across = (diagonals[i] + diagonals[j]) / 2
+            if (
+                _box_squared(boxes, i, j) > largest
+                and _cap_squared(points, boxes, across, i, j) > largest
+            ):
                 largest = max(largest, _pairs_squared(points, i, j))
     return largest
-
-
-@compiled
-def _boxes(points: Floats) -> Floats:
-    boxes = np.empty((-(-len(points) // BLOCK), 2, 3))
-    for i in range(len(boxes)):
-        for axis in range(3):
-            column = points[i * BLOCK : (i + 1) * BLOCK, axis]
-            boxes[i, 0, axis], boxes[i, 1, axis] = column.min(), column.max()
-    return boxes
 
 
 @compiled
@@ -69,7 +70,7 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 
 @compiled
-def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
+def _cap_squared(points: Floats, boxes: Floats, across: float, i: int, j: int) -> float:
     """Return an upper bound of the squared distance between points of boxes i and j.
 
     It uses the points' extents along the line between the boxes' centres.
@@ -86,16 +87,7 @@ def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
         top = max(top, points[k, 0] * x + points[k, 1] * y + points[k, 2] * z)
     for k in range(j * BLOCK, min(len(points), (j + 1) * BLOCK)):
         bottom = min(bottom, points[k, 0] * x + points[k, 1] * y + points[k, 2] * z)
-    across = (_diagonal(boxes, i) + _diagonal(boxes, j)) / 2
     return ((top - bottom) ** 2 + across**2) * (1 + ROUNDING)
-
-
-@compiled
-def _diagonal(boxes: Floats, i: int) -> float:
-    x = boxes[i, 1, 0] - boxes[i, 0, 0]
-    y = boxes[i, 1, 1] - boxes[i, 0, 1]
-    z = boxes[i, 1, 2] - boxes[i, 0, 2]
-    return float(np.sqrt(x * x + y * y + z * z))
 
 
 @compiled

@@ -12,7 +12,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import compiled
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.neighbours import Neighbours, SearchablePoints
@@ -121,8 +120,8 @@ def squared_errors(
         b,
         ab.squared,
         ba.squared,
-        _projected(a, b, normals_b, ab.starts, ab.index),
-        _projected(b, a, normals, ba.starts, ba.index),
+        _projected(a, b, normals_b, ab),
+        _projected(b, a, normals, ba),
     )
 
 
@@ -166,48 +165,28 @@ def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours)
     whose nearest neighbour is b or, without such points, over b's nearest neighbours in A. `ab` are
     the neighbours in B of points of A, `ba` the reverse.
     """
-    sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
-    _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)
-    return np.asarray(sums / counts[:, None])
+    takers, sources = _exact_pairs(ab)
+    to_b = np.bincount(sources, minlength=size) == 0
+    queries, nearest = _exact_pairs(ba)
+    is_left = to_b[queries]
+    rows = np.concatenate([sources, queries[is_left]])
+    taken = normals.take(np.concatenate([takers, nearest[is_left]]), axis=0)
+    sums = [np.bincount(rows, column, size) for column in taken.T]
+    return np.stack(sums, axis=1) / np.bincount(rows, minlength=size)[:, None]
 
 
-@compiled
-def _sums_of_takers(
-    normals: Floats, size: int, starts: Rows, exact: Rows, index: Rows
-) -> tuple[Floats, Floats]:
-    sums, counts = np.zeros((size, 3)), np.zeros(size)
-    for i in range(len(normals)):
-        for j in range(starts[i], starts[i] + exact[i]):
-            counts[index[j]] += 1
-            for axis in range(3):
-                sums[index[j], axis] += normals[i, axis]
-    return sums, counts
+def _exact_pairs(neighbours: Neighbours) -> tuple[Rows, Rows]:
+    """Return query and nearest neighbour of all pairs at exactly the least distance."""
+    first = neighbours.starts[:-1]
+    queries = np.repeat(np.arange(len(first)), np.diff(neighbours.starts))
+    is_exact = np.arange(len(queries)) - first[queries] < neighbours.exact[queries]
+    return queries[is_exact], neighbours.index[is_exact]
 
 
-@compiled
-def _add_own_nearest(
-    normals: Floats, starts: Rows, exact: Rows, index: Rows, sums: Floats, counts: Floats
-) -> None:
-    for i in range(len(counts)):
-        if counts[i] > 0:
-            continue
-        for j in range(starts[i], starts[i] + exact[i]):
-            counts[i] += 1
-            for axis in range(3):
-                sums[i, axis] += normals[index[j], axis]
-
-
-@compiled
-def _projected(
-    queries: Floats, points: Floats, normals: Floats, starts: Rows, index: Rows
-) -> Floats:
-    squared = np.zeros(len(queries))
-    for i in range(len(queries)):
-        for j in range(starts[i], starts[i + 1]):
-            n = index[j]
-            along = 0.0
-            for axis in range(3):
-                along += (queries[i, axis] - points[n, axis]) * normals[n, axis]
-            squared[i] += along * along
-        squared[i] /= starts[i + 1] - starts[i]
-    return squared
+def _projected(queries: Floats, points: Floats, normals: Floats, nearest: Neighbours) -> Floats:
+    counts = np.diff(nearest.starts)
+    rows = np.repeat(np.arange(len(queries)), counts)
+    offsets = queries.take(rows, axis=0) - points.take(nearest.index, axis=0)
+    offsets *= normals.take(nearest.index, axis=0)
+    along = offsets[:, 0] + offsets[:, 1] + offsets[:, 2]
+    return np.bincount(rows, along * along, len(queries)) / counts
