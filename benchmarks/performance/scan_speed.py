@@ -34,6 +34,7 @@ from puckbench.scenes.rooms import make_room
 
 SENSOR = load_sensor("vlp16")
 OPTIONS: dict[str, dict[str, Any]] = {
+    "distance_table": {"table": [[1, 0, 0.01], [100, 0, 0.03]]},
     "calibrated": {"ray_sigma_m": 0.006},
 }
 

@@ -22,6 +22,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "vlp16": {"bias_redrawn": "scan", "ray_distribution": "laplace", "ray_mean_m": 0.01},
     "vlp16_divergence": {"yaw_width_deg": 0.3, "returns_along": "nominal"},
     "vlp16_incidence": {"incidence_factor": 0.2},
+    "distance_table": {"table": [[1, 0, 0.01], [5, 0.01, 0.02]], "distribution": "laplace"},
     "surface_normal": {"normal_sigma_m": 0.02, "ray_sigma_m": 0.01},
     "calibrated": {"ray_sigma_m": 0.007, "frame_sigma_m": 0.004},
     "beam_footprint": {"sub_rays": 5, "returns": "mean", "merged_within_m": 0.5},

@@ -18,7 +18,9 @@ def missing(frames: int = 2, steps: int = 3) -> Hits:
     return Hits(np.full(shape, np.inf), nowhere, np.full(shape, np.nan))
 
 
+TABLE = [[1, 0.0, 0.01], [3, 0.02, 0.03], [4, -0.02, 0.03]]
 NEEDED: dict[str, dict[str, Any]] = {
+    "distance_table": {"table": TABLE},
     "calibrated": {"ray_sigma_m": 0.006},
 }
 
@@ -107,6 +109,18 @@ def test_a_mean_shifts_every_range() -> None:
     assert result - errors("vlp16") == pytest.approx(0.05, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("distance", "mean", "sigma"),
+    [(0.5, 0, 0.01), (1.5, 0.005, 0.015), (3.5, 0, 0.03), (9, -0.02, 0.03)],
+)
+def test_mean_and_sigma_are_interpolated_over_the_distance(
+    distance: float, mean: float, sigma: float
+) -> None:
+    result = errors("distance_table", distance)
+    assert result.mean() == pytest.approx(mean, abs=4 * sigma / np.sqrt(800_000))
+    assert result.std() == pytest.approx(sigma, rel=0.003)
+
+
 def test_streams_run_on_and_can_be_had_from_their_start() -> None:
     draws, again = Draws(np.random.default_rng(3)), Draws(np.random.default_rng(3))
     split = [draws.running("a").standard_normal(4), draws.running("a").standard_normal(6)]
@@ -131,6 +145,12 @@ def test_streams_run_on_and_can_be_had_from_their_start() -> None:
         ("vlp16_divergence", {"returns_along": "both"}, "must be 'fired' or 'nominal'"),
         ("vlp16", {"ray_distribution": "cauchy"}, "must be 'gaussian' or 'laplace'"),
         ("vlp16_incidence", {"incidence_factor": -1}, "incidence_factor is -1,"),
+        ("distance_table", {}, "error model distance_table: the option 'table' is missing"),
+        ("distance_table", {"table": []}, "table is empty"),
+        ("distance_table", {"table": [1, 2]}, "table.0 is 1, but must be a list"),
+        ("distance_table", {"table": [[1, 0]]}, "a row that is not distance, mu, sigma"),
+        ("distance_table", {"table": [[1, 0, 1], [1, 0, 1]]}, "distances that do not increase"),
+        ("distance_table", {"table": [[1, 0, -1]]}, "table has a sigma below 0"),
         ("none", {"receiver": 2}, "none: receiver is 2, but must be a mapping of options"),
         ("none", {"receiver": {"quantum": 2}}, "none: receiver: unknown option 'quantum'"),
         (

@@ -26,7 +26,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.jobs.surfaces import read_surface
 from puckbench.lidar import ScanJob, Sweep, free_origin, load_sensor, open_error_model
-from puckbench.lidar.raycast import RayCaster, plane_distances
+from puckbench.lidar.raycast import RayCaster
 from puckbench.scenes.calibration import calibration_origin, make_calibration
 from puckbench.scenes.rooms import make_room
 
@@ -76,15 +76,13 @@ def scenes(mesh: Path | None) -> list[Scene]:
 def cast_by_us(scene: Scene, repeats: int) -> Ours:
     caster, frames = RayCaster(scene.mesh, scene.origin), range(SWEEP.frames)
     rays, poses = SWEEP.rays(SENSOR, frames), SWEEP.poses(SENSOR, frames)
-    single = caster.cast(rays, poses, (0.0, FARTHEST_M)).directions.astype(np.float32)
+    cast = caster.cast(rays, poses, (0.0, FARTHEST_M))
     # What Blender gets: its vectors are float32, and it makes them of length 1 again.
+    single = cast.directions.astype(np.float32)
     directions = single.astype(np.float64)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     start = np.zeros((len(single), 3))
-    nearest, triangle = caster.met(start, directions)
-    planes = caster.planes[np.where(np.isfinite(nearest), triangle, 0)]
-    limits = (0.0, FARTHEST_M)
-    distance, cosine = plane_distances(directions, start, nearest, planes, limits)
+    hits = caster.hits(directions, start, (len(single),), (0.0, FARTHEST_M))
     job = ScanJob(scene.mesh, SENSOR, SWEEP, open_error_model("vlp16"), scene.origin)
     times = least_times(
         [lambda: caster.met(start, directions), lambda: job.table(np.random.default_rng(0))],
@@ -93,8 +91,8 @@ def cast_by_us(scene: Scene, repeats: int) -> Ours:
     return Ours(
         directions,
         np.column_stack([rays.yaw.ravel(), rays.pitch.ravel()]),
-        distance,
-        np.arccos(cosine),
+        hits.distance,
+        hits.incidence,
         *times,
     )
 

@@ -61,12 +61,8 @@ class RayCaster:
         rows = [turn[0] * x + turn[1] * y + turn[2] * z for turn in turned]
         directions = np.stack([row.ravel() for row in rows], axis=1)
         starts = np.ascontiguousarray(poses.positions).reshape(-1, 3)
-        origins = np.repeat(starts, len(directions) // len(starts), axis=0)
-        nearest, triangle = self.met(origins, directions)
-        planes = self.planes.take(np.where(np.isfinite(nearest), triangle, 0), axis=0)
-        distance, cosine = plane_distances(directions, origins, nearest, planes, limits)
-        hits = Hits(distance, triangle, np.arccos(cosine), self.surfaces)
-        return Cast(directions, self.origin + starts, hits.reshaped(rays.yaw.shape))
+        hits = self.hits(directions, starts, rays.yaw.shape, limits)
+        return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
         import open3d as o3d
@@ -81,6 +77,23 @@ class RayCaster:
         single = np.column_stack([starts, directions]).astype(np.float32)
         answer = self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
         return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
+
+    def hits(
+        self,
+        directions: Floats,
+        starts: Floats,
+        shape: tuple[int, ...],
+        limits: tuple[float, float],
+    ) -> Hits:
+        """Return the hits of rays (n, 3), reshaped to `shape`, at distances within `limits`.
+
+        `starts`, (steps, 3) or (n, 3), are relative to `origin`.
+        """
+        starts = np.repeat(starts, len(directions) // len(starts), axis=0)
+        nearest, triangle = self.met(starts, directions)
+        planes = self.planes.take(np.where(np.isfinite(nearest), triangle, 0), axis=0)
+        distance, cosine = plane_distances(directions, starts, nearest, planes, limits)
+        return Hits(distance, triangle, np.arccos(cosine), self.surfaces).reshaped(shape)
 
 
 def plane_distances(

@@ -13,6 +13,8 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.lidar.errors.model import Draws, ErrorModel
+from puckbench.lidar.errors.receiver import mirrors_of
+from puckbench.lidar.mirrors import follow_mirrors
 from puckbench.lidar.placement import check_free, check_untouched
 from puckbench.lidar.raycast import Cast, RayCaster, dot
 from puckbench.lidar.scan_table import COLUMNS, ScanTable, read_scan, write_scan
@@ -156,6 +158,8 @@ class _Scanner:
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)
         measured = truth if fired is nominal else self._cast(fired, frames)
+        if self.mirrors is not None:
+            measured = follow_mirrors(self.caster, measured, self.mirrors, self._limits[1])
         hits = self.model.merge_hits(measured.hits, self.sensor)
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
         lift = self.model.lift_points(hits, self.sensor, self.draws)
@@ -191,8 +195,15 @@ class _Scanner:
         return {name: values[name].astype(kind, copy=False) for name, (kind, *_) in COLUMNS.items()}
 
     def _cast(self, rays: Rays, frames: range) -> Cast:
-        limits = self.sensor.min_range_m, self.sweep.max_range_m or self.sensor.max_range_m
-        return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), limits)
+        return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), self._limits)
+
+    @cached_property
+    def mirrors(self) -> NDArray[np.bool_] | None:
+        return mirrors_of(self.model, self.caster.surfaces)
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        return self.sensor.min_range_m, self.sweep.max_range_m or self.sensor.max_range_m
 
 
 def _checked_origin(origin: Floats | Sequence[float]) -> Floats:

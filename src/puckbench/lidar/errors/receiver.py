@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, NonNegativeFloat, PositiveFloat
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors.model import Draws, ErrorModel, Hits
+from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, Surfaces
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Rays
 
@@ -40,6 +40,10 @@ class Receiver(Model):
     """Returns with a shorter measured distance are lost."""
     range_quantum_mm: PositiveFloat | None = None
     """Measured distances are rounded to multiples of this quantum."""
+    mirrors: tuple[str, ...] = ()
+    """Names or semantic classes of mirrors. As in BlenSor, an object in a mirror is measured along
+    the fired ray at the length of the reflected path; true values are those of the mirror. Glass is
+    opaque."""
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
         """Round measured distances to the range quantum, and set those of lost returns to inf."""
@@ -91,3 +95,13 @@ class Received(ErrorModel):
 
     def described(self) -> dict[str, Any]:
         return {**self.model.described(), "receiver": self.receiver.model_dump()}
+
+
+def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
+    """Return a mask (t,) of the triangles that a model's receiver treats as mirrors, or None."""
+    names = model.receiver.mirrors if isinstance(model, Received) else ()
+    if not names:
+        return None
+    if surfaces is None:
+        raise InputError("mirrors are given by object, but the mesh has no labels")
+    return surfaces.values(dict.fromkeys(names, 1.0), 0.0) > 0

@@ -30,7 +30,7 @@ _UNREGISTERED = {
 # The models of thesis Figure 5.18 come first, in its order.
 _ORDER = (
     *(REAL, "none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence", "vlp16_measured"),
-    *("calibrated", "surface_normal", "beam_footprint", "vlp16_table51"),
+    *("calibrated", "surface_normal", "beam_footprint", "distance_table", "vlp16_table51"),
     *("vlp16_fig518", "vlp16_divergence_fig518", "thesis_room"),
 )
 
