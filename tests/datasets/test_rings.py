@@ -10,7 +10,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.datasets.kitti import Kitti
 from puckbench.datasets.nuscenes import NuScenes
-from puckbench.datasets.scene import Scene, of_returns
+from puckbench.datasets.scene import Scene
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings.rings import _first_place, recovered_firings
@@ -59,8 +59,8 @@ def of_kitti(folder: Path, data: bytes) -> Scene:
 def test_the_lasers_of_kitti_s_frames_are_found_from_points(tmp_path: Path) -> None:
     original = hdl64()
     scene = of_kitti(tmp_path, as_kitti(original))
-    assert of_returns(Kitti(path=str(tmp_path), returns=True))
-    assert not of_returns(Kitti(path=str(tmp_path)))
+    assert Kitti(path=str(tmp_path), returns=True).of_returns
+    assert not Kitti(path=str(tmp_path)).of_returns
     result = scene.returns
     assert result is not None
     assert len(result) == len(original)

@@ -21,6 +21,9 @@ class Clouds(GeneratedSet):
 
     def names(self):
         return ["office_1"]
+
+    def load(self, name):
+        raise KeyError(name)
 """
 
 

@@ -5,8 +5,7 @@ from typing import Any
 
 from puckbench.cli.types import json_object
 from puckbench.core.registry import trust
-from puckbench.datasets.published_counts import Counted
-from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
+from puckbench.datasets.registry import LOADERS, open_scene_set
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,12 +25,12 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 def _checked(loader: str, options: dict[str, Any]) -> dict[str, Any]:
     scenes = open_scene_set(loader, options)
-    counts = scenes.counts() if isinstance(scenes, Counted) else []
-    return {"scenes": len(scenes.names()), **{count.what: count.line() for count in counts}}
+    counts = {count.what: count.line() for count in scenes.counts()}
+    return {"scenes": len(scenes.names()), **counts}
 
 
 def _options(loader: str) -> dict[str, Any]:
-    fields = options_model(LOADERS.get(loader), f"loader {loader}").model_fields
+    fields = LOADERS.get(loader).model_fields
     return {name: "required" if o.is_required() else o.get_default() for name, o in fields.items()}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +21,60 @@ from puckbench.io.meshes import read_mesh_report
 T = TypeVar("T")
 
 
-class DataSet(Model):
-    """Base class of data sets, which implement `puckbench.datasets.scene.SceneSet`.
+class Count(NamedTuple):
+    """Number of items in the local copy of a data set, and the published number."""
 
-    Fields are options; the text below a field documents the option.
+    what: str
+    held: int
+    published: int
+
+    def line(self) -> str:
+        verdict = "" if self.held == self.published else ", which differs"
+        return f"{self.held} of {self.published} published{verdict}"
+
+
+class DataSet(Model, ABC):
+    """Base class of data sets. Fields are options; the text below a field documents the option.
+
+    Class variables: ``primitives``, whether labels have each triangle's geometric primitive;
+    ``of_clouds``, whether scenes are clouds instead of meshes; ``of_packets``, whether returns come
+    from recorded data packets; ``read_first``, whether clouds are read before a run.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
+    primitives: ClassVar[bool] = False
+    of_clouds: ClassVar[bool] = False
+    of_packets: ClassVar[bool] = False
+    read_first: ClassVar[bool] = False
+
+    @property
+    def of_returns(self) -> bool:
+        """Whether clouds are a sensor's returns."""
+        return False
+
+    @abstractmethod
+    def names(self) -> list[str]:
+        """Return the sorted names of the scenes; raise InputError if files are missing."""
+
+    @abstractmethod
+    def files(self, name: str) -> list[Path]:
+        """Return the files from which a scene is read; none for generated scenes."""
+
+    @abstractmethod
+    def load(self, name: str) -> Scene:
+        """Return a scene; raise InputError if it is unknown or damaged."""
+
+    def options_of(self, name: str) -> dict[str, Any] | None:
+        """Return options of a set with one scene, whose jobs then ignore other scenes; or None."""
+        return None
+
+    def counts(self) -> list[Count]:
+        """Return the counts for the whole data set, without options that select scenes."""
+        return []
+
 
 class GeneratedSet(DataSet):
-    of_clouds: ClassVar[bool] = False
-
     def files(self, name: str) -> list[Path]:
         return []
 
@@ -52,7 +94,7 @@ class Provenance:
     expected: str
 
 
-class FolderSet(DataSet, ABC):
+class FolderSet(DataSet):
     """Base class of data sets with a file or folder for each scene."""
 
     provenance: ClassVar[Provenance]
@@ -89,8 +131,6 @@ class FolderSet(DataSet, ABC):
 
 
 class MeshFolderSet(FolderSet):
-    of_clouds: ClassVar[bool] = False
-
     @abstractmethod
     def _group(self, path: Path) -> str:
         """Return the group of a file's scene: class, room type or building."""

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
-from puckbench.datasets.published_counts import Count
+from puckbench.datasets.base import Count, MeshFolderSet, Provenance, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 

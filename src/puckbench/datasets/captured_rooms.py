@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,6 @@ class CapturedRooms(FolderSet):
     of the smallest parallel patch within 15 cm; else "clutter". All surfaces are "freeform".
     """
 
-    of_clouds: ClassVar[bool] = False
     provenance = Provenance(
         "MIT", "Meta Platforms, npm package @iwer/sem", "expected captured rooms (.json)"
     )

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import DataSet, existing_folder, look_up, select_names
+from puckbench.datasets.base import Count, DataSet, existing_folder, look_up, select_names
 from puckbench.datasets.front3d_house import HouseRoom, build_room, read_rooms
-from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 
@@ -38,7 +37,6 @@ class Front3D(DataSet):
     left out and counted in `about`.
     """
 
-    of_clouds: ClassVar[bool] = False
     path: str
     """Folder of the houses."""
     models: str

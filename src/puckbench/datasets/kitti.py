@@ -21,9 +21,8 @@ import numpy as np
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import Provenance, select_names
+from puckbench.datasets.base import Count, Provenance, select_names
 from puckbench.datasets.frames import FrameSet
-from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import Floats, PointCloud, check_points

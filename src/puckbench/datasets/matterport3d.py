@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
-from puckbench.datasets.base import MeshFolderSet, Provenance, existing_folder, select_names
-from puckbench.datasets.published_counts import Count
+from puckbench.datasets.base import Count, MeshFolderSet, Provenance, existing_folder, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Literal
 
 from puckbench.core.content import plain_suffix
 from puckbench.datasets.captured_rooms import is_captured_room, read_capture
@@ -17,7 +17,6 @@ from puckbench.io.ply import has_faces
 class MeshFiles(FileSet):
     """The user's mesh files (OBJ, OFF, PLY, STL, GLB) and captured rooms (.json)."""
 
-    of_clouds: ClassVar[bool] = False
     suffixes = (*SUFFIXES, ".json")
     what = "meshes"
 

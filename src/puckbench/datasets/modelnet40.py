@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
-from puckbench.datasets.published_counts import Count
+from puckbench.datasets.base import Count, MeshFolderSet, Provenance, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
 

@@ -119,7 +119,6 @@ class Recordings(RecordingSet):
     recordings are left out and reported; damaged and repeated packets are left out and counted.
     """
 
-    of_returns: ClassVar[bool] = True
     of_packets: ClassVar[bool] = True
 
     turns: PositiveInt = 1
@@ -129,6 +128,10 @@ class Recordings(RecordingSet):
     stream: str | None = None
     """Sensor to read in packet captures with several, such as ``192.168.1.201:2368`` or
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
+
+    @property
+    def of_returns(self) -> bool:
+        return True
 
     def files(self, name: str) -> list[Path]:
         return _files(self._place(name)[0])

@@ -10,8 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import FolderSet, Provenance, select_names
-from puckbench.datasets.published_counts import Count
+from puckbench.datasets.base import Count, FolderSet, Provenance, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.datasets.xyzrgb import read_xyzrgb

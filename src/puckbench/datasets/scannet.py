@@ -11,8 +11,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import MeshFolderSet, Provenance
-from puckbench.datasets.published_counts import Count
+from puckbench.datasets.base import Count, MeshFolderSet, Provenance
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 from puckbench.geometry.cloud import Floats

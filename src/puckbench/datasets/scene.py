@@ -4,8 +4,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
@@ -52,50 +51,6 @@ class Scene:
     def __post_init__(self) -> None:
         if sum(source is not None for source in (self.mesh, self.cloud, self.returns)) != 1:
             raise ValueError(f"scene {self.name}: needs one of a mesh, a cloud and returns")
-
-
-class SceneSet(Protocol):
-    """Interface of data sets, whose constructors take options by name.
-
-    Optional class variables: ``primitives``, whether labels have each triangle's geometric
-    primitive; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
-    clouds are a sensor's returns; ``of_packets``, whether returns come from recorded data packets;
-    ``read_first``, whether clouds are read before a run. An optional method ``options_of(name)``
-    returns the options of a set with one scene, whose jobs then do not depend on other scenes.
-    """
-
-    def __init__(self, **options: Any) -> None: ...
-
-    def names(self) -> list[str]:
-        """Return the sorted names of the scenes; raise InputError if files are missing."""
-
-    def files(self, name: str) -> list[Path]:
-        """Return the files from which a scene is read; none for generated scenes."""
-
-    def load(self, name: str) -> Scene:
-        """Return a scene; raise InputError if it is unknown or damaged."""
-
-
-def has_primitives(scenes: SceneSet) -> bool:
-    return bool(getattr(scenes, "primitives", False))
-
-
-def of_clouds(scenes: SceneSet) -> bool | None:
-    """Return whether scenes are clouds instead of meshes; None if the class lacks ``of_clouds``."""
-    declared: bool | None = getattr(scenes, "of_clouds", None)
-    return declared
-
-
-def of_returns(scenes: SceneSet) -> bool:
-    return bool(getattr(scenes, "of_returns", False))
-
-
-def of_packets(scenes: SceneSet) -> bool:
-    return bool(getattr(scenes, "of_packets", False))
-
-
-def read_first(scenes: SceneSet) -> bool:
-    return bool(getattr(scenes, "read_first", False))
 
 
 def safe_name(text: str) -> str:

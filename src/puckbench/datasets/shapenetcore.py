@@ -10,8 +10,7 @@ from typing import Any
 
 import yaml
 
-from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
-from puckbench.datasets.published_counts import Count
+from puckbench.datasets.base import Count, MeshFolderSet, Provenance, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.meshes import read_mesh_report

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from pydantic import NonNegativeFloat
@@ -71,7 +70,6 @@ class Stanford2D3D(DataSet):
     scenes with one bounding box, as in the thesis.
     """
 
-    of_clouds: ClassVar[bool] = False
     path: str
     """Folder that holds the areas."""
     s3dis: str

@@ -10,7 +10,7 @@ from functools import cache, cached_property
 from importlib.resources import files
 from itertools import islice
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +56,6 @@ class SweetHome3D(DataSet):
     stands on z = 0, centred at x = y = 0, facing -y.
     """
 
-    of_clouds: ClassVar[bool] = False
     path: str = INSTALLED
     """Folder of the catalogues, or of the unpacked Debian package; by default, where the package
     installs the catalogues."""

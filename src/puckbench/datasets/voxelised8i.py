@@ -12,8 +12,7 @@ from pydantic import PositiveFloat, PositiveInt
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import FolderSet, Provenance, select_names
-from puckbench.datasets.published_counts import Count
+from puckbench.datasets.base import Count, FolderSet, Provenance, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
 from puckbench.geometry.cloud import Floats, PointCloud

@@ -4,7 +4,6 @@ import hashlib
 from functools import cache, cached_property
 
 from puckbench.datasets.registry import LOADERS
-from puckbench.datasets.scene import of_returns
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns
 from puckbench.jobs.sample import Sample
@@ -35,7 +34,7 @@ class CloudJobs:
 
     @cached_property
     def of_returns(self) -> list[str]:
-        return [name for name, scenes in self.plan.scenes.items() if of_returns(scenes.scenes)]
+        return [name for name, scenes in self.plan.scenes.items() if scenes.scenes.of_returns]
 
     def prepared(self, has_returns: bool) -> list[str]:
         sets = self.plan.datasets.items()

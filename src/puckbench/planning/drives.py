@@ -9,7 +9,6 @@ from typing import Any
 from puckbench.codecs.facts import find_rate
 from puckbench.core.errors import InputError, naming
 from puckbench.datasets.registry import LOADERS
-from puckbench.datasets.scene import of_packets, of_returns
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
@@ -160,8 +159,8 @@ class DriveJobs:
             return DrivePlan(name, value, scenes, scans, clouds, self._rates(value, scenes))
 
     def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
-        returns = value.is_scan or of_returns(scenes.scenes)
-        packets = of_packets(scenes.scenes)
+        returns = value.is_scan or scenes.scenes.of_returns
+        packets = scenes.scenes.of_packets
         rates = {}
         for codec in value.codecs or self.plan.codecs:
             opened = self.plan.opened[codec]

@@ -11,15 +11,8 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_training
 from puckbench.core.errors import NARROWER, InputError, among, closest, naming
 from puckbench.core.files import sha256
+from puckbench.datasets.base import DataSet
 from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import (
-    SceneSet,
-    has_primitives,
-    of_clouds,
-    of_packets,
-    of_returns,
-    read_first,
-)
 from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.geometry.scaling import GRID, METRIC
@@ -46,15 +39,15 @@ class ScenePlan:
     loader: str
     seed: int
     options: dict[str, Any]
-    scenes: SceneSet
+    scenes: DataSet
     chosen: tuple[str, ...]
 
     def files(self, scene: str) -> list[str]:
         return [str(path) for path in self.scenes.files(scene)]
 
     def options_of(self, scene: str) -> dict[str, Any]:
-        narrowed = getattr(self.scenes, "options_of", None)
-        return self.options if narrowed is None else dict(narrowed(scene))
+        narrowed = self.scenes.options_of(scene)
+        return self.options if narrowed is None else narrowed
 
 
 @dataclass(frozen=True)
@@ -206,7 +199,7 @@ class Plan:
 
     def _attributes_left_out(self) -> Iterator[dict[str, str]]:
         for data in self.datasets.values():
-            if not read_first(self.scenes[data.scenes].scenes):
+            if not self.scenes[data.scenes].scenes.read_first:
                 continue
             checks, reasons = list(self._checks(data.name, data.used_scenes).values()), []
             coded_by: dict[str, list[str]] = {}
@@ -410,8 +403,8 @@ class Plan:
 
     def _dataset(self, name: str, value: DataSetConfig) -> DataSetPlan:
         scenes = self.checked_scenes(f"datasets.{name}", value)
-        has_returns = value.is_metric and (value.is_scan or of_returns(scenes.scenes))
-        if of_returns(scenes.scenes) and not value.is_metric:
+        has_returns = value.is_metric and (value.is_scan or scenes.scenes.of_returns)
+        if scenes.scenes.of_returns and not value.is_metric:
             raise InputError(
                 f"datasets.{name}.size: {scenes.loader} has a sensor's returns (size: {METRIC})"
             )
@@ -420,17 +413,17 @@ class Plan:
                 f"datasets.{name}.size: a grid is only for captured clouds (make: cloud)"
             )
         points = _points(f"datasets.{name}", value)
-        if of_returns(scenes.scenes):
+        if scenes.scenes.of_returns:
             points = _RETURNS
         sources = {
             cloud: source
             for cloud, source in self._sources(value, self._usable(name, scenes))
             if f"{name}/{cloud}" not in self.config.failed
         }
-        if read_first(scenes.scenes):
+        if scenes.scenes.read_first:
             checks = self._checks(name, sources).values()
             points = max((check.points or 0 for check in checks), default=0) or points
-        packets = has_returns and of_packets(scenes.scenes)
+        packets = has_returns and scenes.scenes.of_packets
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
 
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
@@ -453,8 +446,8 @@ class Plan:
         if scenes is None:
             choices = among(value.scenes, self.scenes)
             raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
-        is_cloud = of_clouds(scenes.scenes)
-        if is_cloud is not None and is_cloud != (value.make == "cloud"):
+        is_cloud = scenes.scenes.of_clouds
+        if is_cloud != (value.make == "cloud"):
             made = get_args(type(value).model_fields["make"].annotation)
             how = "cloud" if is_cloud else " or ".join(make for make in made if make != "cloud")
             what = f"{scenes.loader} has {'clouds' if is_cloud else 'meshes'}: {how}"
@@ -506,7 +499,7 @@ def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
     return runnable
 
 
-def _file_of(dataset: str, scenes: SceneSet, scene: str) -> str:
+def _file_of(dataset: str, scenes: DataSet, scene: str) -> str:
     return str(next(iter(scenes.files(scene)), f"{dataset}/{scene}"))
 
 

@@ -14,7 +14,8 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_object, write_json
 from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
-from puckbench.datasets.scene import Scene, SceneSet, read_first
+from puckbench.datasets.base import DataSet
+from puckbench.datasets.scene import Scene
 from puckbench.geometry.cloud import Floats, PointCloud, bounds, check_extent
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
@@ -29,10 +30,10 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 
 
 def scene_faults(
-    scenes: SceneSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
+    scenes: DataSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
 ) -> dict[str, str]:
     """Return the scenes that a data set cannot use, with reasons; `results_file` is the cache."""
-    if settings.make == "cloud" and not read_first(scenes):
+    if settings.make == "cloud" and not scenes.read_first:
         return {}
     states = {
         name: _state(scenes, files, settings, name)
@@ -82,7 +83,7 @@ def read_checks(results_file: Path) -> dict[str, SceneCheck]:
     }
 
 
-def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
+def _state(scenes: DataSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
@@ -101,7 +102,7 @@ def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
 
 
 def _check_scene(
-    scenes: SceneSet, name: str, settings: DataSetConfig
+    scenes: DataSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, Any]]:
     from puckbench.geometry.mesh import check_mesh
 
@@ -145,7 +146,7 @@ def _extent(points: Floats) -> float:
     return float((high - low).max())
 
 
-def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
+def _remark_extent(scenes: DataSet, scene: Scene, settings: DataSetConfig) -> None:
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
         warn_of_implausible_extent(path, scene.mesh.bounds())

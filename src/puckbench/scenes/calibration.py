@@ -7,7 +7,7 @@ import numpy as np
 from puckbench.core.errors import InputError, among
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
-from puckbench.scenes import outlines
+from puckbench.scenes.outlines import rectangle, shifted
 from puckbench.scenes.pieces import Piece, build_mesh
 from puckbench.scenes.solids import flat
 from puckbench.scenes.surfaces import Surface
@@ -65,7 +65,7 @@ def _upright(surface: Surface) -> Surface:
 
 
 def _rectangle(width: float, length: float) -> Surface:
-    return flat(outlines.shifted(outlines.rectangle(width, length), 0.0, length / 2))
+    return flat(shifted(rectangle(width, length), 0.0, length / 2))
 
 
 def _distance(name: str) -> float:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from puckbench.scenes.furniture import plants, seating, small, tables
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.pieces import Item, Piece, posed
+from puckbench.scenes.pieces import Item, Piece, moved, posed
 from puckbench.scenes.surfaces import Surface, join, pose
 
 
@@ -13,7 +13,7 @@ def workstation(cad: Modeller) -> Item:
 
 def facing_workstations(cad: Modeller) -> Item:
     first, second = workstation(cad), workstation(cad)
-    return posed(first, pose(0, -0.42, 0)) + posed(second, pose(0, 0.42, 0, turn=180))
+    return moved(first, 0, -0.42, 0) + moved(second, 0, 0.42, 0, turn=180)
 
 
 def meeting_group(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Item:
@@ -25,8 +25,8 @@ def meeting_group(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
         for side in (-1, 1):
             turn = (180 if side < 0 else 0) + cad.between(-14, 14)
             away = width / 2 + cad.between(0.18, 0.42)
-            item += posed(chair(cad), pose(x, side * away, 0, turn=turn))
-    return item + posed(chair(cad), pose(length / 2 + 0.4, 0, 0, turn=-90 + cad.between(-25, 25)))
+            item += moved(chair(cad), x, side * away, 0, turn=turn)
+    return item + moved(chair(cad), length / 2 + 0.4, 0, 0, turn=-90 + cad.between(-25, 25))
 
 
 def cafe_group(cad: Modeller) -> Item:
@@ -35,22 +35,20 @@ def cafe_group(cad: Modeller) -> Item:
     count = int(cad.rng.integers(3, 5))
     for k in range(count):
         turn = 360.0 * k / count + cad.between(-12, 12)
-        item += posed(
-            posed(chair(cad), pose(0, 0.66, 0, turn=cad.between(-15, 15))), pose(turn=turn)
-        )
+        item += moved(moved(chair(cad), 0, 0.66, 0, turn=cad.between(-15, 15)), turn=turn)
     return item
 
 
 def seating_group(cad: Modeller) -> Item:
-    table = posed(tables.coffee_table(cad), pose(0.1, -0.95, 0, turn=cad.between(-4, 4)))
-    armchair = posed(seating.sofa(cad, 1), pose(-0.1, -2.0, 0, turn=180 + cad.between(-25, 25)))
+    table = moved(tables.coffee_table(cad), 0.1, -0.95, 0, turn=cad.between(-4, 4))
+    armchair = moved(seating.sofa(cad, 1), -0.1, -2.0, 0, turn=180 + cad.between(-25, 25))
     return seating.sofa(cad, 3) + table + armchair
 
 
 def auditorium_row(cad: Modeller, count: int) -> Item:
     item: Item = []
     for k in range(count):
-        item += posed(seating.auditorium_seat(cad), pose((k - (count - 1) / 2) * 0.6, 0, 0))
+        item += moved(seating.auditorium_seat(cad), (k - (count - 1) / 2) * 0.6, 0, 0)
     return item
 
 
@@ -85,4 +83,4 @@ def random_plant(cad: Modeller) -> Item:
 
 def balls(cad: Modeller) -> Item:
     spots = ((0.0, 0.0, 0.16), (0.3, 0.05, 0.11), (0.12, 0.3, 0.08))
-    return [piece for x, y, r in spots for piece in posed(small.ball(cad, r), pose(x, y))]
+    return [piece for x, y, r in spots for piece in moved(small.ball(cad, r), x, y)]

@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes import outlines, solids
-from puckbench.scenes.outlines import Outline, Point
+from puckbench.scenes import solids
+from puckbench.scenes.outlines import Outline, Point, Segment, catmull_rom, line, rounded_rectangle
 from puckbench.scenes.surfaces import Surface
 
 T = TypeVar("T")
@@ -52,7 +52,7 @@ class Modeller:
     def slab(self, x: float, y: float, z: float, radius: float) -> Surface:
         """Make a box on z = 0 with rounded vertical edges."""
         steps = max(2, self.steps(radius) // 4)
-        return solids.extrude(outlines.rounded_rectangle(x, y, radius, steps), z)
+        return solids.extrude(rounded_rectangle(x, y, radius, steps), z)
 
     def cylinder(self, radius: float, height: float) -> Surface:
         return solids.cylinder(radius, height, self.steps(radius))
@@ -96,26 +96,26 @@ class Modeller:
         sizes = (x / 2, y / 2, z / 2)
         return self.superquadric(sizes, (roundness, roundness)).at(z=z / 2)
 
-    def turned(self, profile: Outline, degrees: float = 360.0) -> Surface:
+    def turned(self, *paths: Outline, degrees: float = 360.0) -> Surface:
+        """Revolve a profile of successive paths of (r, z) points, as `solids.revolve` does."""
+        profile = tuple(segment for path in paths for segment in path)
         radius = max(float(segment.points[:, 0].max()) for segment in profile)
         return solids.revolve(profile, self.steps(radius), degrees)
 
     def vessel(self, points: Sequence[Point], wall: float) -> Surface:
         """Make an open vessel whose smooth outside passes through (r, z) points, bottom to rim."""
-        outside = outlines.catmull_rom(
-            np.array(points, dtype=np.float64), max(3, self.steps(0.2) // 8)
-        )
+        outside = catmull_rom(np.array(points, dtype=np.float64), max(3, self.steps(0.2) // 8))
         inside = np.maximum(outside - (wall, 0.0), 0.0)[::-1]
         floor = outside[0, 1] + wall
         inside = inside[inside[:, 1] > floor]
         (r0, z0), (r1, z1) = outside[0], outside[-1]
         low = float(inside[-1, 0])
         profile = (
-            *outlines.line((0.0, z0), (r0, z0)),
-            outlines.Segment("curve", outside),
-            *outlines.line((r1, z1), (r1 - wall, z1)),
-            outlines.Segment("curve", np.concatenate([[(r1 - wall, z1)], inside])),
-            *outlines.line((low, float(inside[-1, 1])), (low, floor), (0.0, floor)),
+            *line((0.0, z0), (r0, z0)),
+            Segment("curve", outside),
+            *line((r1, z1), (r1 - wall, z1)),
+            Segment("curve", np.concatenate([[(r1 - wall, z1)], inside])),
+            *line((low, float(inside[-1, 1])), (low, floor), (0.0, floor)),
         )
         return self.turned(profile)
 
@@ -124,4 +124,4 @@ class Modeller:
 
     def smooth(self, points: Sequence[Sequence[float]], steps: int = 8) -> Floats:
         segments = max(2, round(steps * self.detail))
-        return outlines.catmull_rom(np.array(points, dtype=np.float64), segments)
+        return catmull_rom(np.array(points, dtype=np.float64), segments)

@@ -10,8 +10,7 @@ from puckbench.core.seeding import generator
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.models import household, outdoors, tools
-from puckbench.scenes.pieces import Item, build_mesh, posed
-from puckbench.scenes.surfaces import pose
+from puckbench.scenes.pieces import Item, build_mesh, moved
 
 MEMBERS = 12
 
@@ -65,4 +64,4 @@ def _normalised(item: Item) -> Item:
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     scale = 1.0 / float((high - low).max())
     x, y = -(low + high)[:2] / 2 * scale
-    return posed(item, pose(float(x), float(y), -float(low[2]) * scale, scale=scale))
+    return moved(item, float(x), float(y), -float(low[2]) * scale, scale=scale)

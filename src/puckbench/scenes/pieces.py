@@ -8,7 +8,7 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
-from puckbench.scenes.surfaces import Shape, Surface, freeform, join, primitive
+from puckbench.scenes.surfaces import Shape, Surface, freeform, join, pose, primitive
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,13 @@ FurnitureMeshes = Mapping[str, Sequence[Mesh]]
 def posed(item: Iterable[Piece], pose: Floats) -> Item:
     """Transform all pieces of an item by a similarity transform (4, 4)."""
     return [piece.transformed(pose) for piece in item]
+
+
+def moved(
+    item: Iterable[Piece], x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float
+) -> Item:
+    """Scale, rotate and translate an item as `Surface.at` does."""
+    return posed(item, pose(x, y, z, **angles))
 
 
 def item_bounds(item: Iterable[Piece]) -> Floats:

@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes import outlines
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import Point, polygon
 from puckbench.scenes.pieces import Item, Piece, posed
 from puckbench.scenes.solids import box, flat
 from puckbench.scenes.surfaces import Surface, join
@@ -64,7 +64,7 @@ def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
 
 def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening, ...]) -> Item:
     """Make the floor, ceiling and walls of a room, facing inwards."""
-    ground = outlines.polygon(*[(float(x), float(y)) for x, y in outline])
+    ground = polygon(*[(float(x), float(y)) for x, y in outline])
     item = [Piece("floor", "floor", flat(ground))]
     item.append(Piece("ceiling", "ceiling", flat(ground).flipped().at(z=height)))
     for wall in range(len(outline)):
@@ -86,17 +86,17 @@ def depth(opening: Opening) -> float:
 
 
 def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
-    border: list[outlines.Point] = [(0.0, 0.0)]
+    border: list[Point] = [(0.0, 0.0)]
     holes = []
     for opening in sorted(openings, key=lambda each: each.at):
         x0, x1 = opening.span(length)
         low, high = opening.sill, opening.sill + opening.height
         if low > 0:
-            holes.append(outlines.polygon((x0, low), (x1, low), (x1, high), (x0, high)))
+            holes.append(polygon((x0, low), (x1, low), (x1, high), (x0, high)))
         else:
             border += [(x0, 0.0), (x0, high), (x1, high), (x1, 0.0)]
     border += [(length, 0.0), (length, height), (0.0, height)]
-    plane = flat(outlines.polygon(*border), holes).at(tilt=90)
+    plane = flat(polygon(*border), holes).at(tilt=90)
     sides = [_recess(each)[0].at(each.at * length, 0, each.sill) for each in openings]
     return join([plane, *sides])
 
@@ -121,9 +121,7 @@ def _skirting(length: float, openings: list[Opening]) -> Surface:
 
 
 def _casing(width: float, height: float) -> list[Surface]:
-    sides = [
-        box(CASING, 0.02, height + CASING).at(s * (width + CASING) / 2, -0.01) for s in (-1, 1)
-    ]
+    sides = box(CASING, 0.02, height + CASING).at_sides((width + CASING) / 2, -0.01)
     return [*sides, box(width, 0.02, CASING).at(y=-0.01, z=height)]
 
 
@@ -154,7 +152,7 @@ def _passage(cad: Modeller, opening: Opening) -> Item:
 
 def _window(cad: Modeller, opening: Opening) -> Item:
     width, height, y = opening.width, opening.height, WINDOW_DEPTH - 0.03
-    bars = [box(0.06, 0.06, height).at(s * (width / 2 - 0.03), y) for s in (-1, 1)]
+    bars = box(0.06, 0.06, height).at_sides(width / 2 - 0.03, y)
     bars += [box(width - 0.12, 0.06, 0.06).at(y=y, z=z) for z in (0.0, height - 0.06)]
     count = max(1, round(width / 0.75))
     xs = (np.arange(1, count) / count - 0.5) * width

@@ -80,6 +80,10 @@ class Surface:
         """Return copies at (-x, -y), (-x, y), (x, -y) and (x, y)."""
         return [self.at(a * x, b * y, z) for a in (-1, 1) for b in (-1, 1)]
 
+    def at_sides(self, x: float, y: float = 0.0, z: float = 0.0, **angles: float) -> list[Surface]:
+        """Return copies at (-x, y, z) and (x, y, z), rotated as `at` does."""
+        return [self.at(side * x, y, z, **angles) for side in (-1, 1)]
+
     def mirrored(self, axis: int = 0) -> Surface:
         """Reflect the surface in the plane x = 0, y = 0 or z = 0 (`axis` 0, 1, 2)."""
         mirror = np.eye(4)

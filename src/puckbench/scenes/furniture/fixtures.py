@@ -10,23 +10,23 @@ from itertools import pairwise
 
 import numpy as np
 
-from puckbench.scenes import outlines
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import arc, line
 from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.surfaces import Surface, join
 
 
 def panel_lamp(cad: Modeller) -> Item:
     frame = [cad.box(0.6, 0.04, 0.05).at(y=s * 0.28, z=-0.05) for s in (-1, 1)]
-    frame += [cad.box(0.04, 0.52, 0.05).at(x=s * 0.28, z=-0.05) for s in (-1, 1)]
+    frame += cad.box(0.04, 0.52, 0.05).at_sides(0.28, z=-0.05)
     return clutter("panel_lamp", *frame, cad.box(0.52, 0.52, 0.03).at(z=-0.035))
 
 
 def tube_lamp(cad: Modeller) -> Item:
     tray = cad.box(1.25, 0.16, 0.05).at(z=-0.05)
     tubes = [cad.rod((-0.58, y, -0.07), (0.58, y, -0.07), 0.013) for y in (-0.04, 0.04)]
-    ends = [cad.box(0.03, 0.12, 0.045).at(x=x, z=-0.09) for x in (-0.595, 0.595)]
+    ends = cad.box(0.03, 0.12, 0.045).at_sides(0.595, z=-0.09)
     return clutter("tube_lamp", tray, *tubes, *ends)
 
 
@@ -36,9 +36,7 @@ def pendant_lamp(cad: Modeller) -> Item:
     rose = cad.cone(0.03, 0.06, 0.03).at(z=-0.03)
     if cad.chance(0.5):
         return clutter("pendant_lamp", cord, rose, cad.sphere(0.15).at(z=-drop - 0.13))
-    shade = outlines.line(
-        (0, 0.116), (0.036, 0.116), (0.197, -0.1), (0.2, -0.1), (0.04, 0.12), (0, 0.12)
-    )
+    shade = line((0, 0.116), (0.036, 0.116), (0.197, -0.1), (0.2, -0.1), (0.04, 0.12), (0, 0.12))
     bulb = cad.sphere(0.04).at(z=-drop - 0.06)
     return clutter("pendant_lamp", cord, rose, cad.turned(shade).at(z=-drop - 0.1), bulb)
 
@@ -100,7 +98,7 @@ def whiteboard(cad: Modeller, width: float = 2.0) -> Item:
     bars = [
         cad.box(width + 0.04, 0.03, 0.025).at(y=-0.015, z=z) for z in (low - 0.02, low + height)
     ]
-    bars += [cad.box(0.02, 0.03, height).at(s * (width / 2 + 0.01), -0.015, low) for s in (-1, 1)]
+    bars += cad.box(0.02, 0.03, height).at_sides(width / 2 + 0.01, -0.015, low)
     tray = cad.box(width * 0.5, 0.08, 0.015).at(y=-0.06, z=low - 0.03)
     pens = [
         cad.rod((x, -0.07, low - 0.005), (x + 0.12, -0.06, low - 0.005), 0.009)
@@ -125,7 +123,7 @@ def picture(cad: Modeller) -> Item:
     width, height = cad.between(0.4, 0.9), cad.between(0.4, 0.7)
     z = 1.55 - height / 2
     bars = [cad.box(width, 0.03, 0.03).at(y=-0.015, z=at) for at in (z, z + height - 0.03)]
-    bars += [cad.box(0.03, 0.03, height).at(s * (width / 2 - 0.015), -0.015, z) for s in (-1, 1)]
+    bars += cad.box(0.03, 0.03, height).at_sides(width / 2 - 0.015, -0.015, z)
     return clutter(
         "picture", *bars, cad.box(width - 0.04, 0.012, height - 0.04).at(y=-0.006, z=z + 0.02)
     )
@@ -144,9 +142,9 @@ def clock(cad: Modeller) -> Item:
 def extinguisher(cad: Modeller) -> Item:
     radius, steps = 0.075, cad.steps(0.075) // 4
     profile = (
-        *outlines.line((0, 0), (radius, 0), (radius, 0.4)),
-        *outlines.arc((0.025, 0.4), 0.05, 0, 90, steps),
-        *outlines.line((0.025, 0.45), (0.02, 0.5), (0, 0.5)),
+        *line((0, 0), (radius, 0), (radius, 0.4)),
+        *arc((0.025, 0.4), 0.05, 0, 90, steps),
+        *line((0.025, 0.45), (0.02, 0.5), (0, 0.5)),
     )
     hose = cad.tube(
         cad.smooth([(0, 0, 0.48), (0.09, -0.02, 0.46), (0.11, -0.02, 0.25), (0.1, -0.03, 0.1)]),

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes import outlines
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import line
 from puckbench.scenes.pieces import Item
 from puckbench.scenes.solids import sheet
 from puckbench.scenes.surfaces import Surface
@@ -16,7 +16,7 @@ def pot(cad: Modeller, radius: float, height: float) -> Surface:
     edge = height * 0.85
     outside = ((0, 0), (low, 0), (radius, edge), (radius + wall, edge), (radius + wall, height))
     inside = ((radius - wall, height), (radius - wall, height * 0.9), (0, height * 0.9))
-    profile = outlines.line(*outside, *inside)
+    profile = line(*outside, *inside)
     return cad.turned(profile)
 
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.scenes import outlines
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import arc, line, polar, ring
 from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import extrude, sheet
 from puckbench.scenes.surfaces import Surface, join
@@ -62,9 +62,9 @@ def chair(cad: Modeller) -> Item:
 
 def _curved_back(cad: Modeller, width: float, height: float) -> Surface:
     radius, steps = width * 0.9, max(4, cad.steps(width) // 6)
-    outer = outlines.arc((0, -radius), radius + 0.012, 58, 122, steps)
-    inner = outlines.arc((0, -radius), radius, 122, 58, steps)
-    return extrude(outlines.ring(outer, inner), height)
+    outer = arc((0, -radius), radius + 0.012, 58, 122, steps)
+    inner = arc((0, -radius), radius, 122, 58, steps)
+    return extrude(ring(outer, inner), height)
 
 
 def shell_chair(cad: Modeller) -> Item:
@@ -86,11 +86,11 @@ def shell_chair(cad: Modeller) -> Item:
 
 def stool(cad: Modeller) -> Item:
     height = cad.between(0.45, 0.72)
-    base = cad.turned(outlines.line((0, 0), (0.2, 0), (0.2, 0.015), (0.03, 0.04), (0, 0.04)))
+    base = cad.turned(line((0, 0), (0.2, 0), (0.2, 0.015), (0.03, 0.04), (0, 0.04)))
     column = cad.cylinder(0.025, height - 0.08).at(z=0.03)
     seat = cad.superquadric((0.18, 0.18, 0.035), (0.5, 1.0)).at(z=height - 0.035)
     ring = cad.torus(0.13, 0.01).at(z=0.22)
-    ends = outlines.polar(0.13, np.radians((0, 120, 240)))
+    ends = polar(0.13, np.radians((0, 120, 240)))
     spokes = [cad.rod((0, 0, 0.22), (x, y, 0.22), 0.006) for x, y in ends]
     return [Piece("stool", "chair", join([base, column, seat, ring, *spokes]))]
 
@@ -114,8 +114,8 @@ def sofa(cad: Modeller, seats: int = 2) -> Item:
 
 def auditorium_seat(cad: Modeller) -> Item:
     high, lean = cad.between(0.5, 0.6), -cad.between(7, 13)
-    sides = [cad.slab(0.05, 0.4, 0.6, 0.02).at(x=x) for x in (-0.27, 0.27)]
+    sides = cad.slab(0.05, 0.4, 0.6, 0.02).at_sides(0.27)
     seat = cad.cushion(0.47, 0.4, 0.1, 0.35).at(y=-0.03, z=0.38)
     back = cad.cushion(0.47, 0.09, high, 0.3).at(y=0.2, z=0.4, tilt=lean)
-    pads = [cad.cushion(0.07, 0.3, 0.04, 0.5).at(x, -0.03, 0.59) for x in (-0.27, 0.27)]
+    pads = cad.cushion(0.07, 0.3, 0.04, 0.5).at_sides(0.27, -0.03, 0.59)
     return [Piece("seat", "chair", join([*sides, seat, back, *pads]))]

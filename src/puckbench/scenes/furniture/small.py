@@ -3,10 +3,9 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes import outlines
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.outlines import Point
-from puckbench.scenes.pieces import Item, Piece, posed
+from puckbench.scenes.outlines import Outline, Point, arc, curve, line, polar, polygon
+from puckbench.scenes.pieces import Item, Piece, moved, posed
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
 
@@ -59,13 +58,15 @@ def laptop(cad: Modeller) -> Item:
 def mug(cad: Modeller) -> Item:
     radius, height = cad.between(0.036, 0.043), cad.between(0.085, 0.1)
     body = cad.turned(
-        outlines.line(
+        line(
             (0, 0), (radius, 0), (radius, height), (radius - 0.004, height),
             (radius - 0.004, 0.006), (0, 0.006),
         )
     )  # fmt: skip
-    section = outlines.arc((0.026, 0), 0.005, 0, 360, cad.steps(0.01))
-    handle = cad.turned(section, 180).at(turn=-90).at(radius - 0.001, 0, height / 2, tilt=90)
+    section = arc((0.026, 0), 0.005, 0, 360, cad.steps(0.01))
+    handle = (
+        cad.turned(section, degrees=180).at(turn=-90).at(radius - 0.001, 0, height / 2, tilt=90)
+    )
     return clutter("mug", body, handle)
 
 
@@ -73,9 +74,9 @@ def bottle(cad: Modeller) -> Item:
     profile = cad.pick(BOTTLES)
     radius, top = profile[-1]
     body = (
-        *outlines.line((0, 0), profile[0]),
-        *outlines.curve(profile, max(3, cad.steps(0.1) // 8)),
-        *outlines.line((radius, top), (0, top)),
+        *line((0, 0), profile[0]),
+        *curve(profile, max(3, cad.steps(0.1) // 8)),
+        *line((radius, top), (0, top)),
     )
     cap = cad.cylinder(radius + 0.003, 0.018).at(z=top - 0.002)
     return clutter("bottle", cad.turned(body), cap)
@@ -85,8 +86,8 @@ def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
     width = height * 0.72
     boards = [cad.box(width, height, 0.003).at(z=z) for z in (0.0, thickness - 0.003)]
     pages = cad.box(width - 0.008, height - 0.01, thickness - 0.006).at(x=0.001, z=0.003)
-    arc = outlines.arc((0, 0), thickness / 2, 90, 270, max(4, cad.steps(0.01) // 2))
-    half = extrude((*arc, *outlines.line((0, -thickness / 2), (0, thickness / 2))), height)
+    back = arc((0, 0), thickness / 2, 90, 270, max(4, cad.steps(0.01) // 2))
+    half = extrude((*back, *line((0, -thickness / 2), (0, thickness / 2))), height)
     spine = half.at(-width / 2 + 0.002, height / 2, thickness / 2, tilt=90)
     return clutter("book", *boards, pages, spine)
 
@@ -106,7 +107,7 @@ def books(cad: Modeller) -> Item:
     for _ in range(int(cad.rng.integers(2, 5))):
         thickness = cad.between(0.015, 0.045)
         volume = book(cad, cad.between(0.2, 0.28), thickness)
-        item += posed(volume, pose(0, 0, z, turn=cad.between(-25, 25)))
+        item += moved(volume, 0, 0, z, turn=cad.between(-25, 25))
         z += thickness
     return item
 
@@ -131,7 +132,7 @@ def carton_stack(cad: Modeller) -> Item:
     z = 0.0
     for size in np.sort([cad.between(0.3, 0.6) for _ in range(int(cad.rng.integers(2, 5)))])[::-1]:
         box = carton(cad, float(size))
-        item += posed(box, pose(0, 0, z, turn=cad.between(-12, 12)))
+        item += moved(box, 0, 0, z, turn=cad.between(-12, 12))
         z += float(box[0].surface.bounds()[1, 2])
     return item
 
@@ -144,7 +145,7 @@ def ball(cad: Modeller, radius: float | None = None) -> Item:
 def waste_bin(cad: Modeller) -> Item:
     low, high, height = 0.1, cad.between(0.13, 0.16), cad.between(0.28, 0.4)
     wall = 0.004
-    profile = outlines.line(
+    profile = line(
         (0, 0), (low, 0), (high, height), (high - wall, height), (low - wall, wall), (0, wall)
     )
     return clutter("bin", cad.turned(profile), cad.torus(high, 0.006).at(z=height))
@@ -161,14 +162,14 @@ def desk_lamp(cad: Modeller) -> Item:
     return clutter("desk_lamp", foot, *arms, *joints, cover, bulb)
 
 
-def _shade_profile() -> outlines.Outline:
-    return outlines.line(
+def _shade_profile() -> Outline:
+    return line(
         (0.0, 0.066), (0.027, 0.066), (0.072, -0.05), (0.075, -0.05), (0.03, 0.07), (0.0, 0.07)
     )
 
 
 def telephone(cad: Modeller) -> Item:
-    wedge = extrude(outlines.polygon((-0.1, 0.0), (0.1, 0.0), (0.1, 0.07), (-0.1, 0.02)), 0.17).at(
+    wedge = extrude(polygon((-0.1, 0.0), (0.1, 0.0), (0.1, 0.07), (-0.1, 0.02)), 0.17).at(
         y=0.085, tilt=90
     )
     body = wedge.at(turn=90)
@@ -190,14 +191,12 @@ def vase(cad: Modeller) -> Item:
 
 def bowl(cad: Modeller) -> Item:
     dish = cad.vessel(((0.05, 0.0), (0.1, 0.03), (0.14, 0.08)), 0.006)
-    spots = outlines.polar(0.05, np.radians((0, 120, 240)))
+    spots = polar(0.05, np.radians((0, 120, 240)))
     return clutter("bowl", dish, *(cad.sphere(0.038).at(x, y, 0.055) for x, y in spots))
 
 
 def bucket(cad: Modeller) -> Item:
-    profile = outlines.line(
-        (0, 0), (0.11, 0), (0.15, 0.28), (0.145, 0.28), (0.106, 0.005), (0, 0.005)
-    )
+    profile = line((0, 0), (0.11, 0), (0.15, 0.28), (0.145, 0.28), (0.106, 0.005), (0, 0.005))
     angles = np.linspace(0, np.pi, max(9, cad.steps(0.15) // 2))
     bail = np.column_stack(
         [0.15 * np.cos(angles), 0.06 * np.sin(angles), 0.26 + 0.12 * np.sin(angles)]

@@ -2,12 +2,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.scenes import outlines
 from puckbench.scenes.furniture import small
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.pieces import Item, Piece, item_bounds, posed
+from puckbench.scenes.outlines import (
+    Outline,
+    arc,
+    curve,
+    line,
+    rectangle,
+    rounded_rectangle,
+    shifted,
+)
+from puckbench.scenes.pieces import Item, Piece, item_bounds, moved
 from puckbench.scenes.solids import extrude
-from puckbench.scenes.surfaces import Surface, join, pose
+from puckbench.scenes.surfaces import Surface, join
 
 SHELF_MAKERS = (small.carton, small.bottle, small.ball, small.vase, small.papers, small.books)
 RACK_MAKERS = (small.carton, small.carton, small.bucket, small.bottle, small.ball, small.printer)
@@ -15,7 +23,7 @@ RACK_MAKERS = (small.carton, small.carton, small.bucket, small.bottle, small.bal
 
 def bookcase(cad: Modeller, width: float = 0.9, levels: int = 5) -> Item:
     depth, height = 0.3, 0.12 + 0.37 * levels
-    sides = [cad.box(0.02, depth, height).at(x=s * (width / 2 - 0.01)) for s in (-1, 1)]
+    sides = cad.box(0.02, depth, height).at_sides(width / 2 - 0.01)
     heights = [0.07 + 0.37 * k for k in range(levels)]
     shelves = [cad.box(width - 0.04, depth - 0.01, 0.02).at(z=z) for z in [*heights, height - 0.02]]
     back = cad.box(width - 0.04, 0.008, height - 0.07).at(y=depth / 2 - 0.004, z=0.07)
@@ -23,7 +31,7 @@ def bookcase(cad: Modeller, width: float = 0.9, levels: int = 5) -> Item:
     item = [Piece("bookcase", "bookcase", join([*sides, *shelves, back, plinth]))]
     for z in heights:
         content = _row_of_books if cad.chance(0.65) else _other_objects
-        item += posed(content(cad, width - 0.06), pose(0, 0, z + 0.02))
+        item += moved(content(cad, width - 0.06), 0, 0, z + 0.02)
     return item
 
 
@@ -34,10 +42,10 @@ def _row_of_books(cad: Modeller, width: float) -> Item:
     while x < end:
         height, thickness = cad.between(0.2, 0.31), cad.between(0.018, 0.05)
         volume = small.standing_book(cad, height, thickness)
-        item += posed(volume, pose(x, cad.between(-0.02, 0.02), 0))
+        item += moved(volume, x, cad.between(-0.02, 0.02), 0)
         x += thickness + 0.001
     lean = small.standing_book(cad, 0.24, 0.03)
-    return item + posed(lean, pose(x + 0.062, 0, 0.0, roll=-14))
+    return item + moved(lean, x + 0.062, 0, 0.0, roll=-14)
 
 
 def _other_objects(cad: Modeller, width: float) -> Item:
@@ -45,15 +53,13 @@ def _other_objects(cad: Modeller, width: float) -> Item:
     for x in (-width * 0.32, 0.0, width * 0.32):
         if cad.chance(0.85):
             content = cad.pick(SHELF_MAKERS)(cad)
-            item += posed(
-                _fitted(content, (0.26, 0.24, 0.3)), pose(x, 0, 0, turn=cad.between(-20, 20))
-            )
+            item += moved(_fitted(content, (0.26, 0.24, 0.3)), x, 0, 0, turn=cad.between(-20, 20))
     return item
 
 
 def _fitted(item: Item, size: tuple[float, float, float]) -> Item:
     low, high = item_bounds(item)
-    return posed(item, pose(scale=min(1.0, float(np.min(np.array(size) / (high - low))))))
+    return moved(item, scale=min(1.0, float(np.min(np.array(size) / (high - low)))))
 
 
 def rack(cad: Modeller, width: float = 1.2, levels: int = 4) -> Item:
@@ -71,7 +77,7 @@ def rack(cad: Modeller, width: float = 1.2, levels: int = 4) -> Item:
         for x in (np.arange(3) - 1) * width / 3.2:
             if cad.chance(0.85):
                 content = _fitted(cad.pick(RACK_MAKERS)(cad), (width / 3.6, depth - 0.1, gap))
-                item += posed(content, pose(float(x), 0, float(z) + 0.03, turn=cad.between(-8, 8)))
+                item += moved(content, float(x), 0, float(z) + 0.03, turn=cad.between(-8, 8))
     return item
 
 
@@ -80,10 +86,7 @@ def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
     body = cad.box(width, depth, height - 0.05).at(z=0.05)
     plinth = cad.box(width - 0.06, depth - 0.06, 0.05)
     y = -depth / 2 - 0.009
-    doors = [
-        cad.box(width / 2 - 0.006, 0.018, height - 0.08).at(s * width / 4, y, 0.065)
-        for s in (-1, 1)
-    ]
+    doors = cad.box(width / 2 - 0.006, 0.018, height - 0.08).at_sides(width / 4, y, 0.065)
     low, high = height * 0.45, height * 0.62
     handles = [
         cad.handle((s * 0.04, y, low), (s * 0.04, y, high), y - 0.045, 0.006) for s in (-1, 1)
@@ -91,7 +94,7 @@ def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
     item = [Piece("cabinet", "clutter", join([body, plinth, *doors, *handles]))]
     if cad.chance(0.6):
         top = _fitted(cad.pick((small.carton, small.papers, small.vase))(cad), (0.4, 0.4, 0.35))
-        item += posed(top, pose(cad.between(-0.15, 0.15), 0, height, turn=cad.between(-15, 15)))
+        item += moved(top, cad.between(-0.15, 0.15), 0, height, turn=cad.between(-15, 15))
     return item
 
 
@@ -101,9 +104,7 @@ def sideboard(cad: Modeller) -> Item:
         content = cad.pick((small.printer, small.vase, small.books, small.bowl, small.desk_lamp))(
             cad
         )
-        item += posed(
-            _fitted(content, (0.4, 0.36, 0.6)), pose(x, 0, 0.8, turn=cad.between(-15, 15))
-        )
+        item += moved(_fitted(content, (0.4, 0.36, 0.6)), x, 0, 0.8, turn=cad.between(-15, 15))
     return item
 
 
@@ -142,14 +143,14 @@ def copier(cad: Modeller) -> Item:
 
 def water_cooler(cad: Modeller) -> Item:
     body = cad.slab(0.32, 0.32, 0.95, 0.05)
-    taps = [cad.cylinder(0.012, 0.06).at(x, -0.16, 0.8, tilt=90) for x in (-0.06, 0.06)]
+    taps = cad.cylinder(0.012, 0.06).at_sides(0.06, -0.16, 0.8, tilt=90)
     drip = cad.slab(0.22, 0.08, 0.02, 0.02).at(y=-0.19, z=0.62)
     profile = (
-        *outlines.line((0, 0.95), (0.04, 0.95), (0.04, 1.0)),
-        *outlines.curve([(0.04, 1.0), (0.12, 1.06), (0.135, 1.12), (0.13, 1.2), (0.135, 1.3)], 6),
-        *outlines.line((0.135, 1.3), (0.135, 1.38)),
-        *outlines.arc((0.105, 1.38), 0.03, 0, 90, max(3, cad.steps(0.03) // 4)),
-        *outlines.line((0.105, 1.41), (0, 1.41)),
+        *line((0, 0.95), (0.04, 0.95), (0.04, 1.0)),
+        *curve([(0.04, 1.0), (0.12, 1.06), (0.135, 1.12), (0.13, 1.2), (0.135, 1.3)], 6),
+        *line((0.135, 1.3), (0.135, 1.38)),
+        *arc((0.105, 1.38), 0.03, 0, 90, max(3, cad.steps(0.03) // 4)),
+        *line((0.105, 1.41), (0, 1.41)),
     )
     return small.clutter("water_cooler", body, *taps, drip, cad.turned(profile))
 
@@ -175,7 +176,7 @@ def kitchenette(cad: Modeller) -> Item:
         cad.box(0.44, 0.016, 0.68).at(-0.675 + 0.45 * k, -depth / 2 + 0.032, 0.1) for k in range(4)
     ]
     knobs = [cad.sphere(0.014).at(-0.53 + 0.45 * k, -depth / 2 + 0.012, 0.7) for k in range(4)]
-    hole = outlines.rounded_rectangle(0.44, 0.36, 0.06, max(3, cad.steps(0.06) // 4))
+    hole = rounded_rectangle(0.44, 0.36, 0.06, max(3, cad.steps(0.06) // 4))
     counter = _counter_top(width, depth, hole).at(z=height - 0.04)
     basin = _basin(cad).at(0.45, -0.02, height - 0.04)
     tap = cad.pipe([(0, 0.22, 0), (0, 0.22, 0.3), (0, 0.02, 0.3), (0, 0.02, 0.2)], 0.013, 0.07)
@@ -183,17 +184,17 @@ def kitchenette(cad: Modeller) -> Item:
     body = join([base, *doors, *knobs, counter, basin, (tap + lever).at(x=0.45, z=height)])
     item = [Piece("kitchenette", "clutter", body)]
     for maker, x in ((small.microwave, -0.6), (small.bottle, -0.2), (small.mug, -0.05)):
-        item += posed(maker(cad), pose(x, 0.02, height, turn=cad.between(-10, 10)))
+        item += moved(maker(cad), x, 0.02, height, turn=cad.between(-10, 10))
     return item
 
 
-def _counter_top(width: float, depth: float, hole: outlines.Outline) -> Surface:
-    return extrude(outlines.rectangle(width, depth), 0.04, [outlines.shifted(hole, 0.45, -0.02)])
+def _counter_top(width: float, depth: float, hole: Outline) -> Surface:
+    return extrude(rectangle(width, depth), 0.04, [shifted(hole, 0.45, -0.02)])
 
 
 def _basin(cad: Modeller) -> Surface:
     steps = max(3, cad.steps(0.06) // 4)
-    return extrude(outlines.rounded_rectangle(0.44, 0.36, 0.06, steps), 0.002).at(z=-0.002)
+    return extrude(rounded_rectangle(0.44, 0.36, 0.06, steps), 0.002).at(z=-0.002)
 
 
 def drum(cad: Modeller) -> Item:
@@ -205,11 +206,11 @@ def drum(cad: Modeller) -> Item:
 def gas_cylinder(cad: Modeller) -> Item:
     radius, height = 0.115, 1.2
     profile = (
-        *outlines.line((0, 0), (radius, 0), (radius, height)),
-        *outlines.arc((0, height), radius, 0, 70, cad.steps(radius) // 4),
+        *line((0, 0), (radius, 0), (radius, height)),
+        *arc((0, height), radius, 0, 70, cad.steps(radius) // 4),
     )
     r, z = profile[-1].points[-1]
-    neck = outlines.line(
+    neck = line(
         (float(r), float(z)), (0.02, float(z) + 0.04), (0.02, float(z) + 0.09), (0, float(z) + 0.09)
     )
     wheel = cad.torus(0.035, 0.007).at(z=float(z) + 0.1)

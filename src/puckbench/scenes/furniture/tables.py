@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from puckbench.scenes import outlines
 from puckbench.scenes.furniture import small
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.pieces import Item, Piece, posed
+from puckbench.scenes.outlines import Outline, arc, curve, line, rounded_rectangle
+from puckbench.scenes.pieces import Item, Piece, moved
 from puckbench.scenes.solids import extrude
-from puckbench.scenes.surfaces import Surface, join, pose
+from puckbench.scenes.surfaces import Surface, join
 
 Maker = Callable[[Modeller], Item]
 DESK_CLUTTER: tuple[Maker, ...] = (
@@ -57,11 +57,11 @@ def scattered(
 
 
 def _on(item: Item, x: float, y: float, z: float, turn: float) -> Item:
-    return posed(item, pose(x, y, z, turn=turn))
+    return moved(item, x, y, z, turn=turn)
 
 
 def _panel_legs(cad: Modeller, width: float, depth: float, height: float) -> list[Surface]:
-    sides = [cad.box(0.025, depth - 0.04, height).at(x=s * (width / 2 - 0.04)) for s in (-1, 1)]
+    sides = cad.box(0.025, depth - 0.04, height).at_sides(width / 2 - 0.04)
     return [*sides, cad.box(width - 0.1, 0.018, 0.4).at(y=depth / 2 - 0.06, z=height - 0.4)]
 
 
@@ -90,14 +90,12 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
     height = 0.74
     steps = max(4, cad.steps(width) // 8)
     if cad.chance(0.5):
-        outline = outlines.rounded_rectangle(length, width, width * 0.32, steps)
+        outline = rounded_rectangle(length, width, width * 0.32, steps)
     else:
         outline = _boat(length, width, steps)
     top = extrude(outline, 0.03).at(z=height - 0.03)
-    pedestals = [
-        cad.cone(0.09, 0.06, height - 0.05).at(x=s * length * 0.28, z=0.02) for s in (-1, 1)
-    ]
-    feet = [cad.slab(0.12, width * 0.65, 0.03, 0.05).at(x=s * length * 0.28) for s in (-1, 1)]
+    pedestals = cad.cone(0.09, 0.06, height - 0.05).at_sides(length * 0.28, z=0.02)
+    feet = cad.slab(0.12, width * 0.65, 0.03, 0.05).at_sides(length * 0.28)
     beam = cad.rod((-length * 0.28, 0, height - 0.08), (length * 0.28, 0, height - 0.08), 0.03)
     count = int(length / 0.7)
     spots = [
@@ -107,29 +105,25 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
     return item + scattered(cad, TABLE_CLUTTER, spots, height)
 
 
-def _boat(length: float, width: float, steps: int) -> outlines.Outline:
+def _boat(length: float, width: float, steps: int) -> Outline:
     x, end, sag = length / 2, width * 0.36, width * 0.14
     radius = (x**2 + sag**2) / (2 * sag)
     half = float(np.degrees(np.arcsin(x / radius)))
-    low = outlines.arc((0, radius - end - sag), radius, 270 - half, 270 + half, 4 * steps)
-    high = outlines.arc((0, end + sag - radius), radius, 90 - half, 90 + half, 4 * steps)
-    return (*low, *outlines.line((x, -end), (x, end)), *high, *outlines.line((-x, end), (-x, -end)))
+    low = arc((0, radius - end - sag), radius, 270 - half, 270 + half, 4 * steps)
+    high = arc((0, end + sag - radius), radius, 90 - half, 90 + half, 4 * steps)
+    return (*low, *line((x, -end), (x, end)), *high, *line((-x, end), (-x, -end)))
 
 
 def round_table(cad: Modeller, radius: float = 0.5, height: float = 0.74) -> Item:
     foot = (
-        *outlines.line((0, 0), (radius * 0.6, 0), (radius * 0.6, 0.012)),
-        *outlines.curve(
+        *line((0, 0), (radius * 0.6, 0), (radius * 0.6, 0.012)),
+        *curve(
             [(radius * 0.6, 0.012), (radius * 0.3, 0.05), (0.04, 0.25), (0.035, height - 0.03)], 6
         ),
-        *outlines.line((0.035, height - 0.03), (0, height - 0.03)),
+        *line((0.035, height - 0.03), (0, height - 0.03)),
     )
-    rim = outlines.arc((radius - 0.015, 0.015), 0.015, -90, 90, max(4, cad.steps(0.015) // 2))
-    profile = (
-        *outlines.line((0, 0), (radius - 0.015, 0)),
-        *rim,
-        *outlines.line((radius - 0.015, 0.03), (0, 0.03)),
-    )
+    rim = arc((radius - 0.015, 0.015), 0.015, -90, 90, max(4, cad.steps(0.015) // 2))
+    profile = (*line((0, 0), (radius - 0.015, 0)), *rim, *line((radius - 0.015, 0.03), (0, 0.03)))
     top = cad.turned(profile).at(z=height - 0.03)
     item = [Piece("round_table", "table", cad.turned(foot) + top)]
     spots = [(radius * 0.5, 0.0), (-radius * 0.3, radius * 0.4), (-radius * 0.3, -radius * 0.4)]

@@ -3,10 +3,19 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes import outlines
 from puckbench.scenes.furniture import fixtures, seating, small, tables
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import (
+    Point,
+    arc,
+    catmull_rom,
+    circle,
+    closed_curve,
+    curve,
+    line,
+    polar,
+)
 from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join
@@ -63,7 +72,7 @@ def lamp(cad: Modeller, member: int) -> Item:
 
 def _open_shade(cad: Modeller, low: float, high: float, height: float) -> Surface:
     wall = 0.004
-    ring = outlines.line((low, 0), (high, height), (high - wall, height), (low - wall, 0), (low, 0))
+    ring = line((low, 0), (high, height), (high - wall, height), (low - wall, 0), (low, 0))
     return cad.turned(ring)
 
 
@@ -71,13 +80,13 @@ def _floor_lamp(cad: Modeller) -> Item:
     height = cad.between(1.3, 1.6)
     foot = cad.turned(
         (
-            *outlines.line((0, 0), (0.15, 0)),
-            *outlines.arc((0.13, 0.0), 0.02, 0, 90, 6),
-            *outlines.line((0.13, 0.02), (0.0, 0.03)),
+            *line((0, 0), (0.15, 0)),
+            *arc((0.13, 0.0), 0.02, 0, 90, 6),
+            *line((0.13, 0.02), (0.0, 0.03)),
         )
     )
     shade = _open_shade(cad, cad.between(0.18, 0.24), cad.between(0.1, 0.17), 0.26).at(z=height)
-    ends = outlines.polar(0.17, np.radians((0, 120, 240)))
+    ends = polar(0.17, np.radians((0, 120, 240)))
     spokes = [cad.rod((0, 0, height + 0.05), (x, y, height + 0.05), 0.004) for x, y in ends]
     return clutter(
         "floor_lamp",
@@ -93,9 +102,9 @@ def _table_lamp(cad: Modeller) -> Item:
     a, b = cad.between(0.07, 0.12), cad.between(0.03, 0.06)
     body = cad.turned(
         (
-            *outlines.line((0, 0), (0.08, 0)),
-            *outlines.curve([(0.08, 0), (a, 0.08), (b, 0.2), (0.02, 0.28)], 10),
-            *outlines.line((0.02, 0.28), (0, 0.28)),
+            *line((0, 0), (0.08, 0)),
+            *curve([(0.08, 0), (a, 0.08), (b, 0.2), (0.02, 0.28)], 10),
+            *line((0.02, 0.28), (0, 0.28)),
         )
     )
     shade = _open_shade(cad, 0.17, cad.between(0.08, 0.17), 0.2).at(z=0.27)
@@ -118,7 +127,7 @@ def _arc_lamp(cad: Modeller) -> Item:
 
 def _lantern(cad: Modeller) -> Item:
     high, wide = cad.between(0.13, 0.2), cad.between(0.05, 0.068)
-    foot = outlines.line((0, 0), (0.09, 0), (0.09, 0.03), (0.06, 0.05), (0, 0.05))
+    foot = line((0, 0), (0.09, 0), (0.09, 0.03), (0.06, 0.05), (0, 0.05))
     glass = cad.superquadric((wide, wide, high / 2), (0.7, 1.0)).at(z=0.045 + high / 2)
     roof = cad.cone(0.09, 0.03, 0.06).at(z=0.045 + high)
     post = cad.cylinder(0.005, high + 0.03).at(x=0.08, z=0.02)
@@ -132,7 +141,7 @@ def bottle(cad: Modeller, member: int) -> Item:
     neck = cad.between(0.012, 0.018)
     body = cad.between(0.034, 0.05)
     waist = body * cad.between(0.75, 1.0)
-    points: list[outlines.Point] = [
+    points: list[Point] = [
         (body * 0.92, 0.0),
         (body, 0.02),
         (waist, 0.08),
@@ -169,7 +178,7 @@ def cup(cad: Modeller, member: int) -> Item:
     """Make a straight, tapered or bulbous cup with a handle, some on a saucer."""
     low, rim, height = (cad.between(0.025, 0.038), cad.between(0.036, 0.05), cad.between(0.06, 0.1))
     belly = max(low, rim) * cad.between(0.95, 1.15)
-    shapes: tuple[list[outlines.Point], ...] = (
+    shapes: tuple[list[Point], ...] = (
         [(rim, 0.0), (rim, height * 0.5), (rim, height)],
         [(low, 0.0), ((low + rim) / 2, height * 0.5), (rim, height)],
         [(low, 0.0), (belly, height * 0.35), (belly, height * 0.6), (rim, height)],
@@ -191,8 +200,8 @@ def cup(cad: Modeller, member: int) -> Item:
     return clutter("cup", *parts)
 
 
-def _radius(points: list[outlines.Point], height: float) -> float:
-    smooth = outlines.catmull_rom(np.array(points), 8)
+def _radius(points: list[Point], height: float) -> float:
+    smooth = catmull_rom(np.array(points), 8)
     return float(np.interp(height, smooth[:, 1], smooth[:, 0]))
 
 
@@ -246,8 +255,8 @@ def guitar(cad: Modeller, member: int) -> Item:
     ring = [*half, *((-x, y) for x, y in half[:0:-1])]
     depth = 0.045 if electric else 0.1
     steps = max(4, cad.steps(0.1) // 6)
-    hole = [] if electric else [outlines.circle(0.05, cad.steps(0.05), (0.0, 0.08))]
-    body = extrude(outlines.closed_curve(ring, steps), depth, hole)
+    hole = [] if electric else [circle(0.05, cad.steps(0.05), (0.0, 0.08))]
+    body = extrude(closed_curve(ring, steps), depth, hole)
     parts = [body, *_neck(cad, depth), cad.slab(0.14, 0.03, 0.012, 0.01).at(y=-0.12, z=depth)]
     if electric:
         parts += [cad.slab(0.09, 0.035, 0.01, 0.012).at(y=y, z=depth) for y in (-0.03, 0.08)]
@@ -259,11 +268,7 @@ def guitar(cad: Modeller, member: int) -> Item:
 
 def _neck(cad: Modeller, depth: float) -> list[Surface]:
     half = extrude(
-        (
-            *outlines.arc((0, 0), 0.026, 180, 360, cad.steps(0.03) // 2),
-            *outlines.line((0.026, 0), (-0.026, 0)),
-        ),
-        0.5,
+        (*arc((0, 0), 0.026, 180, 360, cad.steps(0.03) // 2), *line((0.026, 0), (-0.026, 0))), 0.5
     )
     parts = [half.at(tilt=90).at(y=0.68, z=depth + 0.012)]
     frets = 0.68 - 0.62 * (1 - 2 ** (-np.arange(1, 18) / 12))
@@ -302,9 +307,7 @@ def spectacles(cad: Modeller, member: int) -> Item:
     right.append(cad.superquadric((0.0015, 0.004, 0.006)).at(0.006, 0.006, -0.002))
     if member % 2:
         lens = extrude(
-            outlines.closed_curve(
-                [(float(a), float(b)) for a, b in zip(rim[:, 0], z, strict=True)], 1
-            ),
+            closed_curve([(float(a), float(b)) for a, b in zip(rim[:, 0], z, strict=True)], 1),
             0.001,
         )
         right.append(lens.at(tilt=90).at(y=0.0005))

@@ -3,10 +3,21 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes import outlines
 from puckbench.scenes.furniture.plants import leaf
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import (
+    Outline,
+    Point,
+    Segment,
+    arc,
+    catmull_rom,
+    curve,
+    line,
+    loop,
+    point,
+    rounded,
+)
 from puckbench.scenes.pieces import Item
 from puckbench.scenes.solids import extrude, loft
 from puckbench.scenes.surfaces import Surface, frame_along, join
@@ -58,9 +69,9 @@ def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
         (0.35, 0.985),
         (0.0, 1.0),
     ]
-    smooth = outlines.catmull_rom(np.array(shares) * (radius, length), max(4, cad.steps(1) // 12))
+    smooth = catmull_rom(np.array(shares) * (radius, length), max(4, cad.steps(1) // 12))
     smooth[:, 0] = np.maximum(smooth[:, 0], 0.0)
-    return cad.turned((outlines.Segment("curve", smooth),)).at(roll=90)
+    return cad.turned((Segment("curve", smooth),)).at(roll=90)
 
 
 def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> Surface:
@@ -78,8 +89,8 @@ def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> 
 def _nacelle(cad: Modeller, radius: float) -> Surface:
     length = radius * 3.2
     ring = (
-        *outlines.line((0, 0), (radius * 0.55, 0)),
-        *outlines.curve(
+        *line((0, 0), (radius * 0.55, 0)),
+        *curve(
             [
                 (radius * 0.55, 0),
                 (radius * 0.9, length * 0.35),
@@ -88,7 +99,7 @@ def _nacelle(cad: Modeller, radius: float) -> Surface:
             ],
             6,
         ),
-        *outlines.line(
+        *line(
             (radius * 0.92, length),
             (radius * 0.84, length),
             (radius * 0.84, length * 0.75),
@@ -145,7 +156,7 @@ def car(cad: Modeller, member: int) -> Item:
     )
     axles = (-side[1][0] * 0.62, side[1][0] * 0.64)
     body = extrude(_with_arches(cad, side, axles, 0.42, steps), width).at(y=width / 2, tilt=90)
-    top = _tapered(outlines.rounded(cabin, 0.1, steps), width * 0.98, width * 0.8)
+    top = _tapered(rounded(cabin, 0.1, steps), width * 0.98, width * 0.8)
     wheels = [
         _wheel(cad).at(x, s * (width / 2 - 0.1), 0.33, turn=0 if s > 0 else 180)
         for x in axles
@@ -188,27 +199,27 @@ def car(cad: Modeller, member: int) -> Item:
 
 
 def _with_arches(
-    cad: Modeller, side: list[outlines.Point], axles: tuple[float, float], radius: float, steps: int
-) -> outlines.Outline:
+    cad: Modeller, side: list[Point], axles: tuple[float, float], radius: float, steps: int
+) -> Outline:
     low = side[0][1]
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
     start = float(np.degrees(np.arctan2(low - 0.33, -half)))
     end = float(np.degrees(np.arctan2(low - 0.33, half)))
-    cuts: list[outlines.Segment] = []
+    cuts: list[Segment] = []
     x = side[0][0] + 0.09
     for axle in axles:
-        cuts += outlines.line((x, low), (axle - half, low))
-        cuts += outlines.arc((axle, 0.33), radius, start, end, cad.steps(radius) // 2)
+        cuts += line((x, low), (axle - half, low))
+        cuts += arc((axle, 0.33), radius, start, end, cad.steps(radius) // 2)
         x = axle + half
-    whole = outlines.rounded(side, 0.09, steps)
+    whole = rounded(side, 0.09, steps)
     corners = [segment for segment in whole if segment.kind == "arc"]
-    cuts += outlines.line((x, low), outlines.point(corners[1].points[0]))
-    first = outlines.line(outlines.point(whole[0].points[-1]), (side[0][0] + 0.09, low))
+    cuts += line((x, low), point(corners[1].points[0]))
+    first = line(point(whole[0].points[-1]), (side[0][0] + 0.09, low))
     return (whole[0], *first, *cuts, *whole[2:])
 
 
-def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
-    points = outlines.loop(outline)
+def _tapered(outline: Outline, low: float, high: float) -> Surface:
+    points = loop(outline)
     foot, roof = points[:, 1].min(), points[:, 1].max()
     half = (low + (high - low) * (points[:, 1] - foot) / (roof - foot)) / 2
     sides = [np.column_stack([points[:, 0], s * half, points[:, 1]]) for s in (1, -1)]
@@ -235,9 +246,7 @@ def _conifer(cad: Modeller) -> list[Surface]:
     for k in range(tiers):
         share = k / tiers
         radius = (1.15 - share) * cad.between(0.9, 1.1)
-        wall = outlines.line(
-            (0, 0.1), (radius, 0), (0.03, height / tiers * 1.6), (0, height / tiers * 1.6)
-        )
+        wall = line((0, 0.1), (radius, 0), (0.03, height / tiers * 1.6), (0, height / tiers * 1.6))
         parts.append(cad.turned(wall).at(z=height * (0.2 + 0.75 * share), tilt=cad.between(-3, 3)))
     return parts
 

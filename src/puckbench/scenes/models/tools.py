@@ -2,10 +2,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.scenes import outlines
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.outlines import Outline
+from puckbench.scenes.outlines import (
+    Outline,
+    Segment,
+    arc,
+    circle,
+    line,
+    loop,
+    polar,
+    polygon,
+    rectangle,
+    rounded,
+)
 from puckbench.scenes.pieces import Item
 from puckbench.scenes.solids import extrude, loft
 from puckbench.scenes.surfaces import Surface, grid, join
@@ -31,7 +41,7 @@ def _handle(cad: Modeller, length: float) -> Surface:
 
 def _claw(cad: Modeller) -> Surface:
     face = cad.turned(
-        outlines.line(
+        line(
             (0, 0),
             (0.012, 0),
             (0.015, 0.004),
@@ -53,7 +63,7 @@ def _claw(cad: Modeller) -> Surface:
 
 
 def _ball_peen(cad: Modeller) -> Surface:
-    face = outlines.line(
+    face = line(
         (0, 0),
         (0.014, 0),
         (0.016, 0.003),
@@ -63,34 +73,31 @@ def _ball_peen(cad: Modeller) -> Surface:
         (0.013, 0.056),
         (0.008, 0.064),
     )
-    ball = outlines.arc((0, 0.076), 0.0144, -56, 90, max(6, cad.steps(0.02) // 2))
+    ball = arc((0, 0.076), 0.0144, -56, 90, max(6, cad.steps(0.02) // 2))
     return cad.turned((*face, *ball)).at(x=0.045, roll=-90)
 
 
 def _mallet(cad: Modeller) -> Surface:
     radius, length = cad.between(0.03, 0.042), cad.between(0.1, 0.13)
-    rounded = outlines.rounded([(-0.1, 0), (radius, 0), (radius, length), (-0.1, length)], 0.006, 6)
-    return cad.turned(_right_half(rounded)).at(x=length / 2, roll=-90)
+    corners = [(-0.1, 0.0), (radius, 0.0), (radius, length), (-0.1, length)]
+    return cad.turned(_right_half(rounded(corners, 0.006, 6))).at(x=length / 2, roll=-90)
 
 
 def _right_half(outline: Outline) -> Outline:
-    points = outlines.loop(outline)
+    points = loop(outline)
     low, high = float(points[:, 1].min()), float(points[:, 1].max())
     segments = [segment for segment in outline if segment.points[:, 0].min() > 0]
     first, last = segments[0].points[0], segments[-1].points[-1]
-    lower = outlines.line((0.0, low), (float(first[0]), low))
-    return (*lower, *segments, *outlines.line((float(last[0]), high), (0.0, high)))
+    lower = line((0.0, low), (float(first[0]), low))
+    return (*lower, *segments, *line((float(last[0]), high), (0.0, high)))
 
 
 def _sledge(cad: Modeller) -> Surface:
     size = cad.between(0.04, 0.055)
-    corners = outlines.polar(size * 0.54, np.radians(np.arange(22.5, 360, 45)))
-    octagon = outlines.polygon(*corners)
+    corners = polar(size * 0.54, np.radians(np.arange(22.5, 360, 45)))
+    octagon = polygon(*corners)
     body = extrude(octagon, size * 2.2).at(x=size * 1.1, roll=-90)
-    caps = [
-        cad.superquadric((size * 0.46, size * 0.46, size * 0.12)).at(s * size * 1.1, roll=90)
-        for s in (-1, 1)
-    ]
+    caps = cad.superquadric((size * 0.46, size * 0.46, size * 0.12)).at_sides(size * 1.1, roll=90)
     return join([body, *caps])
 
 
@@ -99,7 +106,7 @@ def screw(cad: Modeller, member: int) -> Item:
     radius, length = cad.between(0.07, 0.11), cad.between(0.6, 0.9)
     pitch = radius * cad.between(0.32, 0.5)
     point = radius * 2.2 if member % 3 == 2 else radius * 0.3
-    profile = outlines.line(
+    profile = line(
         (0, -point),
         (radius * (0.0 if member % 3 == 2 else 0.75), -point),
         (radius, 0),
@@ -129,27 +136,23 @@ def _thread(cad: Modeller, radius: float, pitch: float, length: float) -> Surfac
 
 
 def _hex_head(cad: Modeller, size: float) -> Surface:
-    corners = outlines.polar(size, np.radians(np.arange(0, 360, 60)))
+    corners = polar(size, np.radians(np.arange(0, 360, 60)))
     washer = cad.cylinder(size * 1.15, size * 0.12)
-    return extrude(outlines.polygon(*corners), size * 0.7).at(z=size * 0.1) + washer
+    return extrude(polygon(*corners), size * 0.7).at(z=size * 0.1) + washer
 
 
 def _slotted_head(cad: Modeller, size: float) -> Surface:
-    slot = [outlines.rectangle(size * 0.24, size * 1.7)]
-    rim = outlines.arc((size * 0.8, size * 0.2), size * 0.2, -90, 0, max(4, cad.steps(size) // 8))
-    side = (
-        *outlines.line((0, 0), (size * 0.8, 0)),
-        *rim,
-        *outlines.line((size, size * 0.2), (size, size * 0.3)),
-    )
-    plate = extrude(outlines.circle(size, cad.steps(size)), size * 0.3, slot)
-    floor = outlines.line((size, size * 0.3), (0, size * 0.3))
+    slot = [rectangle(size * 0.24, size * 1.7)]
+    rim = arc((size * 0.8, size * 0.2), size * 0.2, -90, 0, max(4, cad.steps(size) // 8))
+    side = (*line((0, 0), (size * 0.8, 0)), *rim, *line((size, size * 0.2), (size, size * 0.3)))
+    plate = extrude(circle(size, cad.steps(size)), size * 0.3, slot)
+    floor = line((size, size * 0.3), (0, size * 0.3))
     return cad.turned((*side, *floor)) + plate.at(z=size * 0.3)
 
 
 def _flat_head(cad: Modeller, size: float) -> Surface:
     side = cad.turned(
-        outlines.line((0, -size * 0.6), (size * 0.5, -size * 0.6), (size, 0), (size, size * 0.05))
+        line((0, -size * 0.6), (size * 0.5, -size * 0.6), (size, 0), (size, size * 0.05))
     )
     a, b = size * 0.12, size * 0.5
     cross = [
@@ -166,15 +169,13 @@ def _flat_head(cad: Modeller, size: float) -> Surface:
         (-b, -a),
         (-a, -a),
     ]
-    plate = extrude(outlines.circle(size, cad.steps(size)), size * 0.2, [outlines.polygon(*cross)])
+    plate = extrude(circle(size, cad.steps(size)), size * 0.2, [polygon(*cross)])
     return side + plate.at(z=size * 0.05)
 
 
 def _socket_head(cad: Modeller, size: float) -> Surface:
-    corners = outlines.polar(size * 0.5, np.radians(np.arange(0, 360, 60)))
-    ring = extrude(
-        outlines.circle(size * 0.9, cad.steps(size)), size * 0.8, [outlines.polygon(*corners)]
-    )
+    corners = polar(size * 0.5, np.radians(np.arange(0, 360, 60)))
+    ring = extrude(circle(size * 0.9, cad.steps(size)), size * 0.8, [polygon(*corners)])
     return ring.at(z=size * 0.2) + cad.cylinder(size * 0.9, size * 0.2)
 
 
@@ -186,16 +187,12 @@ def gear(cad: Modeller, member: int) -> Item:
     holes: list[Outline] = [_keyed_bore(cad, bore)] if style != 3 else []
     if style in (0, 1):
         count = int(cad.rng.integers(4, 7))
-        spots = outlines.polar(0.27, 2 * np.pi * np.arange(count) / count)
-        holes += [
-            outlines.circle(cad.between(0.05, 0.075), cad.steps(0.06), spot) for spot in spots
-        ]
+        spots = polar(0.27, 2 * np.pi * np.arange(count) / count)
+        holes += [circle(cad.between(0.05, 0.075), cad.steps(0.06), spot) for spot in spots]
     parts = [extrude(_toothed(cad, teeth, 0.5), width, holes)]
     if style == 1:
         parts.append(
-            extrude(outlines.circle(bore * 1.6, cad.steps(bore)), width * 1.8, holes[:1]).at(
-                z=-width * 0.4
-            )
+            extrude(circle(bore * 1.6, cad.steps(bore)), width * 1.8, holes[:1]).at(z=-width * 0.4)
         )
     if style == 2:
         parts.append(extrude(_toothed(cad, max(9, teeth // 2), 0.28), width, holes).at(z=width))
@@ -208,11 +205,11 @@ def _toothed(cad: Modeller, teeth: int, radius: float) -> Outline:
     step = 360.0 / teeth
     root = radius * (1 - 4.2 / (teeth + 6))
     steps = max(2, cad.steps(radius) // (4 * teeth) + 1)
-    outline: list[outlines.Segment] = []
+    outline: list[Segment] = []
     for k in range(teeth):
         start = k * step
-        low = outlines.arc((0, 0), root, start, start + 0.36 * step, steps)
-        high = outlines.arc((0, 0), radius, start + 0.54 * step, start + 0.82 * step, steps)
+        low = arc((0, 0), root, start, start + 0.36 * step, steps)
+        high = arc((0, 0), radius, start + 0.54 * step, start + 0.82 * step, steps)
         following = np.radians(start + step)
         ends = [
             low[0].points[-1],
@@ -220,7 +217,7 @@ def _toothed(cad: Modeller, teeth: int, radius: float) -> Outline:
             high[0].points[-1],
             root * np.array([np.cos(following), np.sin(following)]),
         ]
-        up, down = (outlines.Segment("line", np.stack(pair)) for pair in (ends[:2], ends[2:]))
+        up, down = (Segment("line", np.stack(pair)) for pair in (ends[:2], ends[2:]))
         outline += [*low, up, *high, down]
     return tuple(outline)
 
@@ -229,11 +226,8 @@ def _keyed_bore(cad: Modeller, radius: float) -> Outline:
     half = radius * 0.25
     angle = float(np.degrees(np.arcsin(half / radius)))
     x = float(np.sqrt(radius**2 - half**2))
-    ring = outlines.arc((0, 0), radius, angle, 360 - angle, cad.steps(radius))
-    return (
-        *ring,
-        *outlines.line((x, -half), (radius * 1.25, -half), (radius * 1.25, half), (x, half)),
-    )
+    ring = arc((0, 0), radius, angle, 360 - angle, cad.steps(radius))
+    return (*ring, *line((x, -half), (radius * 1.25, -half), (radius * 1.25, half), (x, half)))
 
 
 def pipe_fitting(cad: Modeller, member: int) -> Item:
@@ -244,7 +238,7 @@ def pipe_fitting(cad: Modeller, member: int) -> Item:
 
 def _collar(cad: Modeller, radius: float) -> Surface:
     outer, depth = radius * cad.pick((1.25, 1.35)), radius * 1.1
-    bead = outlines.line(
+    bead = line(
         (0, -depth),
         (outer, -depth),
         (outer, -0.12 * radius),
@@ -294,15 +288,15 @@ def _reducer(cad: Modeller, radius: float) -> Surface:
 
 
 def _flange(cad: Modeller, radius: float, bolts: int) -> Surface:
-    spots = outlines.polar(1.65 * radius, 2 * np.pi * np.arange(bolts) / bolts)
-    holes = [outlines.circle(radius * 0.8, cad.steps(radius))]
-    holes += [outlines.circle(radius * 0.2, cad.steps(radius * 0.2), spot) for spot in spots]
-    return extrude(outlines.circle(radius * 2.1, cad.steps(radius * 2)), radius * 0.4, holes)
+    spots = polar(1.65 * radius, 2 * np.pi * np.arange(bolts) / bolts)
+    holes = [circle(radius * 0.8, cad.steps(radius))]
+    holes += [circle(radius * 0.2, cad.steps(radius * 0.2), spot) for spot in spots]
+    return extrude(circle(radius * 2.1, cad.steps(radius * 2)), radius * 0.4, holes)
 
 
 def _flanged(cad: Modeller, radius: float) -> Surface:
     length, bolts = radius * cad.between(3, 5), int(cad.rng.integers(4, 9))
-    tube = outlines.line(
+    tube = line(
         (radius, 0), (radius, length), (radius * 0.8, length), (radius * 0.8, 0), (radius, 0)
     )
     flange = _flange(cad, radius, bolts)
@@ -314,7 +308,7 @@ def _valve(cad: Modeller, radius: float) -> Surface:
     arms = [_branch(cad, radius, length).at(roll=90), _branch(cad, radius, length).at(roll=-90)]
     stem = [cad.cylinder(radius * 0.6, radius * 1.6), cad.cylinder(radius * 0.25, radius * 3)]
     wheel = cad.torus(radius * 1.3, radius * 0.16).at(z=radius * 2.9)
-    ends = outlines.polar(radius * 1.3, np.radians(np.arange(0, 360, 72)))
+    ends = polar(radius * 1.3, np.radians(np.arange(0, 360, 72)))
     high = radius * 2.9
     spokes = [cad.rod((0, 0, high), (x, y, high), radius * 0.1) for x, y in ends]
     return join([*arms, cad.sphere(radius * 1.3), *stem, wheel, *spokes])

@@ -10,9 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from puckbench.scenes import outlines
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.outlines import Outline, Point
+from puckbench.scenes.outlines import Outline, Point, arc, line, ring
 from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import box, extrude, flat
 from puckbench.scenes.surfaces import Surface, join, planar
@@ -65,8 +64,8 @@ def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
     x, inner, y = length / 2, length / 2 - _CORNER, ROAD + _CORNER
     far, steps = x + CROSS_STREET, cad.steps(_CORNER) // 4
     border = (
-        *outlines.arc((inner, -y), _CORNER, 90, 0, steps),
-        *outlines.line(
+        *arc((inner, -y), _CORNER, 90, 0, steps),
+        *line(
             (x, -y),
             (x, -HALF_WIDTH),
             (far, -HALF_WIDTH),
@@ -74,8 +73,8 @@ def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
             (x, HALF_WIDTH),
             (x, y),
         ),
-        *outlines.arc((inner, y), _CORNER, 0, -90, steps),
-        *outlines.line((inner, ROAD), (inner, -ROAD)),
+        *arc((inner, y), _CORNER, 0, -90, steps),
+        *line((inner, ROAD), (inner, -ROAD)),
     )
     return "junction", "road", flat(border)
 
@@ -83,8 +82,8 @@ def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
 def _block(cad: Modeller, length: float) -> list[tuple[str, str, Surface]]:
     steps, x = cad.steps(_CORNER) // 4, length / 2 - _STONE
     outer, inner = (_edge(length, inset, HALF_WIDTH, steps) for inset in (0.0, _STONE))
-    stones = _uncovered(extrude(outlines.ring(outer, _backwards(inner)), KERB))
-    paved = flat(outlines.ring(_edge(length, _STONE, PROPERTY_Y, steps))).at(z=PAVEMENT_Z)
+    stones = _uncovered(extrude(ring(outer, _backwards(inner)), KERB))
+    paved = flat(ring(_edge(length, _STONE, PROPERTY_Y, steps))).at(z=PAVEMENT_Z)
     yards = _rectangle((-x, PROPERTY_Y), (x, HALF_WIDTH))
     return [("kerb", "kerb", stones), ("pavement", "pavement", paved), ("yards", "terrain", yards)]
 
@@ -100,11 +99,11 @@ def _far(length: float) -> list[tuple[str, str, Surface]]:
 def _edge(length: float, inset: float, end: float, steps: int) -> Outline:
     x, inner, y = length / 2 - inset, length / 2 - _CORNER, ROAD + _CORNER
     return (
-        *outlines.line((-x, end), (-x, y)),
-        *outlines.arc((-inner, y), _CORNER - inset, 180, 270, steps),
-        *outlines.line((-inner, ROAD + inset), (inner, ROAD + inset)),
-        *outlines.arc((inner, y), _CORNER - inset, 270, 360, steps),
-        *outlines.line((x, y), (x, end)),
+        *line((-x, end), (-x, y)),
+        *arc((-inner, y), _CORNER - inset, 180, 270, steps),
+        *line((-inner, ROAD + inset), (inner, ROAD + inset)),
+        *arc((inner, y), _CORNER - inset, 270, 360, steps),
+        *line((x, y), (x, end)),
     )
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes import outlines
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import polygon
 from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.shell import door_leaf
 from puckbench.scenes.solids import box, extrude
@@ -143,11 +143,11 @@ def _walls(cad: Modeller, facade: _Facade, depth: float) -> Surface:
     x, z, rise = facade.width / 2, facade.height, cad.between(0.25, 0.42)
     roof = cad.pick(("flat", "along", "along", "across"))
     if roof == "across" and facade.width < 12:
-        side = outlines.polygon((-x, 0), (x, 0), (x, z), (0, z + 2 * rise * x), (-x, z))
+        side = polygon((-x, 0), (x, 0), (x, z), (0, z + 2 * rise * x), (-x, z))
         body = extrude(side, depth).at(tilt=90).at(y=depth).select(1, 3, 4, 5, 6)
         return join([body, _triangle((-x, z), (x, z), (0.0, z + 2 * rise * x))])
     ridge = [] if roof == "flat" else [(depth / 2, z + rise * depth)]
-    side = outlines.polygon((0, 0), (depth, 0), (depth, z), *ridge, (0, z))
+    side = polygon((0, 0), (depth, 0), (depth, z), *ridge, (0, z))
     faces = range(3, len(side) + 1)
     body = extrude(side, facade.width).select(0, 1, *faces).at(tilt=90).at(turn=90).at(x=-x)
     return join([body, _cornice_and_chimney(cad, facade, depth, rise if ridge else 0.0)])
@@ -187,10 +187,7 @@ def _balcony(width: float) -> Surface:
     rail = 0.05 - BALCONY_DEPTH
     rails = [box(width, 0.05, 0.05).at(y=rail, z=z) for z in (0.1, 1.0)]
     bars = [box(0.025, 0.025, 0.85).at(float(x), rail, 0.15) for x in _positions(width, 0.12)]
-    sides = [
-        box(0.04, BALCONY_DEPTH - 0.1, 0.04).at(s * (width / 2 - 0.02), -BALCONY_DEPTH / 2, 1.0)
-        for s in (-1, 1)
-    ]
+    sides = box(0.04, BALCONY_DEPTH - 0.1, 0.04).at_sides(width / 2 - 0.02, -BALCONY_DEPTH / 2, 1.0)
     return join([slab, *rails, *bars, *sides])
 
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.scenes import outlines
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.outlines import arc, circle, line, polygon, rectangle
 from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join
@@ -37,9 +37,9 @@ def sign(cad: Modeller) -> Item:
     height = cad.between(2.2, 2.7)
     outline = cad.pick(
         (
-            outlines.circle(0.3, cad.steps(0.3)),
-            outlines.polygon((-0.4, -0.23), (0.4, -0.23), (0.0, 0.46)),
-            outlines.rectangle(0.5, 0.7),
+            circle(0.3, cad.steps(0.3)),
+            polygon((-0.4, -0.23), (0.4, -0.23), (0.0, 0.46)),
+            rectangle(0.5, 0.7),
         )
     )
     plate = extrude(outline, 0.03).at(tilt=90).at(turn=90).at(x=0.04, z=height - 0.4)
@@ -49,8 +49,8 @@ def sign(cad: Modeller) -> Item:
 
 def bollard(cad: Modeller) -> Item:
     radius, height = 0.065, 0.85
-    top = outlines.arc((0.0, height), radius, 0, 90, cad.steps(radius) // 4)
-    profile = (*outlines.line((0, 0), (radius, 0), (radius, height)), *top)
+    top = arc((0.0, height), radius, 0, 90, cad.steps(radius) // 4)
+    profile = (*line((0, 0), (radius, 0), (radius, height)), *top)
     return [Piece("bollard", "pole", cad.turned(profile))]
 
 
