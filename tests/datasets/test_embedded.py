@@ -1,8 +1,5 @@
 """Generated scenes as scene sets."""
 
-import zipfile
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -56,30 +53,6 @@ def test_the_seed_makes_the_room() -> None:
     assert other is not None
     assert np.array_equal(first.vertices, again.vertices)
     assert first.vertices.shape != other.vertices.shape or (first.vertices != other.vertices).any()
-
-
-def test_real_furniture_replaces_the_generated_and_is_credited(tmp_path: Path) -> None:
-    items = []
-    for semantic in ("Bookcase", "Chair", "Sofa", "Table"):
-        sides = "".join(f"{side}#{len(items)}=50\n" for side in ("width", "depth", "height"))
-        fields = {"name": semantic, "category": "Office", "model": "/a.obj", "creator": "Ada"}
-        text = "".join(f"{key}#{len(items)}={value}\n" for key, value in fields.items())
-        items.append(f"id#{len(items)}=Test#{semantic}\n{text}{sides}")
-    with zipfile.ZipFile(tmp_path / "Test.sh3f", "w") as archive:
-        archive.writestr("PluginFurnitureCatalog.properties", "\n".join(items))
-        archive.writestr("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n")
-    rooms = EmbeddedRooms(seed=1, furniture=str(tmp_path))
-    scene, plain = rooms.load("office_1"), EmbeddedRooms(seed=1).load("office_1")
-    assert scene.mesh is not None
-    assert plain.mesh is not None
-    assert scene.mesh.labels is not None
-    labels = scene.mesh.labels
-    sizes = np.bincount(labels.object_id, minlength=len(labels.objects))
-    chairs = [sizes[k] for k, item in enumerate(labels.objects) if item.semantic == "chair"]
-    assert chairs
-    assert set(chairs) == {3}
-    assert "Ada" in scene.about["credit"]
-    assert rooms.files("office_1") == [tmp_path / "Test.sh3f"]
 
 
 def test_objects_are_chosen_by_class_and_member() -> None:

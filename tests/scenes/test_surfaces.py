@@ -5,7 +5,7 @@ import pytest
 
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes import outlines, solids
-from puckbench.scenes.pieces import Piece, build_mesh, with_meshes
+from puckbench.scenes.pieces import Piece, build_mesh
 from puckbench.scenes.surfaces import Surface, pose
 from tests.support.scenes_residuals import plane_alignment, volume, worst_residual
 
@@ -113,13 +113,3 @@ def test_triangles_cover_the_polygon_once(
     cut = sum(20 * radius**2 * np.sin(2 * np.pi / 40) for _, radius in holes)
     assert (doubled > 0).all()
     assert doubled.sum() / 2 == pytest.approx(area - cut)
-
-
-def test_a_given_mesh_has_the_position_and_size_of_the_replaced_piece() -> None:
-    chair, table = (Piece(name, name, solids.box(1, 2, 3)) for name in ("chair", "table"))
-    cone = mesh_of(solids.cone(5, 1, 10, 16).at(x=100.0))
-    new, same = with_meshes([chair, table], {"chair": [cone]}, np.random.default_rng(0))
-    assert same is table
-    assert new.surface.bounds() == pytest.approx(chair.surface.bounds())
-    assert {shape.kind for shape in new.surface.shapes} == {"freeform"}
-    assert (new.kind, new.semantic) == ("chair", "chair")

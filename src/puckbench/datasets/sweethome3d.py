@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,6 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, SceneObject
 from puckbench.io.meshes.reading import mesh_from_polygons, y_up_to_z_up
 
-FURNITURE = ("bookcase", "chair", "sofa", "table")
 INSTALLED = "/usr/share/sweethome3d/furniture"
 _INSIDE = ("", "furniture", "usr/share/sweethome3d/furniture")
 _PROPERTIES = "PluginFurnitureCatalog.properties"
@@ -86,20 +84,7 @@ class SweetHome3D(DataSet):
     def model(self, name: str) -> CatalogueModel:
         return look_up(self._table, name, str(self.path))
 
-    def of_class(self, semantic: str) -> list[str]:
-        return sorted(name for name, model in self._table.items() if model.semantic == semantic)
-
-    def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
-        """Return meshes by class, `per_class` each, with at most `most_triangles` triangles."""
-        meshes_by_class = {}
-        for semantic in self.classes or FURNITURE:
-            scenes = map(self.load, self.of_class(semantic))
-            meshes = (scene.mesh for scene in scenes if scene.mesh is not None)
-            small = (mesh for mesh in meshes if len(mesh.triangles) <= most_triangles)
-            meshes_by_class[semantic] = list(islice(small, per_class))
-        return meshes_by_class
-
-    def catalogues(self) -> list[Path]:
+    def _catalogues(self) -> list[Path]:
         for inside in _INSIDE:
             paths = sorted((Path(self.path) / inside).glob("*.sh3f"))
             if paths:
@@ -108,13 +93,9 @@ class SweetHome3D(DataSet):
             f"{self.path}: no .sh3f catalogues (expected Debian's sweethome3d-furniture)"
         )
 
-    def credit(self) -> str:
-        creators = {model.creator for model in self._table.values() if model.creator}
-        return f"models of Sweet Home 3D by {', '.join(sorted(creators))}"
-
     @cached_property
     def _table(self) -> dict[str, CatalogueModel]:
-        models = [model for path in self.catalogues() for model in _read_catalogue(path)]
+        models = [model for path in self._catalogues() for model in _read_catalogue(path)]
         names = unique_names(model.name for model in models)
         classes = sorted({model.semantic for model in models})
         kept = select_names("classes", self.classes, classes)

@@ -1,14 +1,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
-from puckbench.scenes.surfaces import Shape, Surface, freeform, join, pose, primitive
+from puckbench.scenes.surfaces import Shape, Surface, join, pose, primitive
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,6 @@ class Piece:
 
 
 Item = list[Piece]
-FurnitureMeshes = Mapping[str, Sequence[Mesh]]
 
 
 def posed(item: Iterable[Piece], pose: Floats) -> Item:
@@ -52,32 +51,6 @@ def _box_corners(piece: Piece) -> Floats:
     box = piece.surface.bounds()
     corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
     return np.asarray(corners @ piece.pose[:3, :3].T + piece.pose[:3, 3])
-
-
-def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator) -> Item:
-    """Replace generated furniture by meshes (metres, z up, facing -y) of the same semantic class.
-
-    A random mesh of similar proportions is stretched to the size of a piece. A replaced bookcase
-    loses its content.
-    """
-    if item[0].semantic == "bookcase" and furniture.get("bookcase"):
-        item = item[:1]
-    return [
-        _replaced(piece, furniture[piece.semantic], rng) if furniture.get(piece.semantic) else piece
-        for piece in item
-    ]
-
-
-def _replaced(piece: Piece, meshes: Sequence[Mesh], rng: np.random.Generator) -> Piece:
-    target = piece.surface.bounds()
-    sizes = np.array([np.ptp(mesh.bounds(), axis=0) for mesh in meshes])
-    factors = np.ptp(target, axis=0) / np.maximum(sizes, 1e-9)
-    stretch = factors.max(axis=1) / factors.min(axis=1)
-    fitting = np.flatnonzero(stretch <= max(1.5, float(stretch.min())))
-    choice = int(rng.choice(fitting))
-    mesh = meshes[choice]
-    vertices = (mesh.vertices - mesh.bounds().mean(axis=0)) * factors[choice] + target.mean(axis=0)
-    return replace(piece, surface=freeform(vertices, mesh.triangles))
 
 
 def build_mesh(pieces: Sequence[Piece]) -> Mesh:

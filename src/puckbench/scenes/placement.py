@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -9,7 +9,7 @@ import numpy as np
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes.floor_plan import FloorPlan, footprint, square
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.pieces import FurnitureMeshes, Item, Piece, item_bounds, posed, with_meshes
+from puckbench.scenes.pieces import Item, Piece, item_bounds, moved, posed
 from puckbench.scenes.shell import Opening, depth, shell, wall_frame
 from puckbench.scenes.surfaces import pose
 
@@ -48,7 +48,6 @@ class Room:
     height: float
     openings: tuple[Opening, ...]
     origin: tuple[float, float]
-    furniture: FurnitureMeshes = field(default_factory=dict)
     item: Item = field(default_factory=list)
     plan: FloorPlan = field(init=False)
 
@@ -67,29 +66,28 @@ class Room:
         self.plan.occupy(taken, opening.sill - 0.04, opening.sill + opening.height + 0.1)
 
     def put(self, placement: Placement) -> None:
-        placers = {
-            "wall": self._by_wall,
-            "mounted": self._mounted,
-            "floor": self._on_floor,
-            "ceiling": self._hanging,
-            "fixed": self._fixed,
-        }
-        placers[placement.where](placement)
+        item, at = placement.maker(self.cad), placement.at
+        if placement.where == "fixed":
+            x, y, z = at or (0.0, 0.0, 0.0)
+            self.item += moved(item, x, y, z, turn=placement.turn)
+        elif placement.where == "ceiling":
+            x, y = at or self.origin
+            self._try(item, pose(x, y, self.height, turn=placement.turn))
+        elif placement.where == "floor":
+            self._on_floor(item, placement)
+        else:
+            self._along_wall(item, placement)
 
     def _try(self, item: Item, place: Floats) -> bool:
         high = item_bounds(item)[1, 2] + place[2, 3]
         if high > self.height + 1e-6 or not occupy_if_free(self.plan, item, place):
             return False
-        self._add(item, place)
+        self.item += posed(item, place)
         return True
 
-    def _add(self, item: Item, place: Floats) -> None:
-        self.item += posed(with_meshes(item, self.furniture, self.cad.rng), place)
-
-    def _along_wall(
-        self, placement: Placement, *, gap: tuple[float, float], turn_range: float
-    ) -> None:
-        item = placement.maker(self.cad)
+    def _along_wall(self, item: Item, placement: Placement) -> None:
+        is_mounted = placement.where == "mounted"
+        gap, turn_range = ((0.0, 0.0), 0.0) if is_mounted else ((0.03, 0.08), 1.5)
         box = item_bounds(item)
         half = float(max(-box[0, 0], box[1, 0]))
         for _ in range(MAX_TRIES):
@@ -104,32 +102,17 @@ class Room:
             if self._try(item, frame @ pose(x, -back, 0, turn=turn)) or placement.at is not None:
                 return
 
-    def _by_wall(self, placement: Placement) -> None:
-        self._along_wall(placement, gap=(0.03, 0.08), turn_range=1.5)
-
-    def _mounted(self, placement: Placement) -> None:
-        self._along_wall(placement, gap=(0.0, 0.0), turn_range=0.0)
-
-    def _on_floor(self, placement: Placement) -> None:
-        item = placement.maker(self.cad)
+    def _on_floor(self, item: Item, placement: Placement) -> None:
         if placement.at is not None:
             turn = placement.turn + self.cad.between(-placement.turn_range, placement.turn_range)
-            z = placement.at[2] if len(placement.at) > 2 else 0.0
-            self._try(item, pose(placement.at[0], placement.at[1], z, turn=turn))
+            x, y, z = (*placement.at, 0.0)[:3]
+            self._try(item, pose(x, y, z, turn=turn))
             return
         low, high = self.outline.min(axis=0), self.outline.max(axis=0)
         for _ in range(MAX_TRIES):
             x, y = self.cad.rng.uniform(low, high)
             if self._try(item, pose(x, y, 0, turn=self.cad.between(0, 360))):
                 return
-
-    def _hanging(self, placement: Placement) -> None:
-        x, y = placement.at or self.origin
-        self._try(placement.maker(self.cad), pose(x, y, self.height, turn=placement.turn))
-
-    def _fixed(self, placement: Placement) -> None:
-        x, y, z = placement.at or (0.0, 0.0, 0.0)
-        self._add(placement.maker(self.cad), pose(x, y, z, turn=placement.turn))
 
 
 def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
@@ -153,12 +136,9 @@ def _feet(item: Item) -> Item:
     return [piece for piece, low in zip(item, lows, strict=True) if low < min(lows) + 0.06]
 
 
-def lamp_grid(
-    maker: Maker, outline: Floats, spacing: float, turn: float = 0.0
-) -> Sequence[Placement]:
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    counts = np.maximum(1, np.round((high - low) / spacing)).astype(int)
-    xs, ys = (
-        low[k] + (high[k] - low[k]) * (np.arange(counts[k]) + 0.5) / counts[k] for k in (0, 1)
-    )
+def lamp_grid(outline: Floats, maker: Maker, spacing: float) -> list[Placement]:
+    low, size = outline.min(axis=0), np.ptp(outline, axis=0)
+    counts = np.maximum(1, np.round(size / spacing)).astype(int)
+    xs, ys = (low[k] + size[k] * (np.arange(counts[k]) + 0.5) / counts[k] for k in (0, 1))
+    turn = 90.0 if size[1] > size[0] else 0.0
     return [Placement(maker, "ceiling", at=(float(x), float(y)), turn=turn) for x in xs for y in ys]

@@ -6,8 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from puckbench.core.yaml_files import read_yaml
 from puckbench.scenes import furniture_groups
 from puckbench.scenes.furniture import fixtures, seating, small, storage, tables
@@ -36,11 +34,6 @@ class RoomSpec:
     openings: tuple[Opening, ...]
     furnishing: tuple[Placement, ...]
     lamps: tuple[Maker, float]
-
-    @property
-    def size(self) -> tuple[float, float, float]:
-        x, y = np.ptp(np.array(self.outline), axis=0).tolist()
-        return x, y, self.height
 
 
 def _room(

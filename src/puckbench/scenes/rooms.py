@@ -8,26 +8,23 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes.building import building_room, room_types
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.pieces import FurnitureMeshes, build_mesh
-from puckbench.scenes.placement import Maker, Room, lamp_grid
+from puckbench.scenes.pieces import build_mesh
+from puckbench.scenes.placement import Room, lamp_grid
 from puckbench.scenes.room_catalogue import ROOMS, RoomSpec
 
 SENSOR_HEIGHT = 1.3
 
 
-def make_room(
-    name: str, seed: int, detail: float = 1.0, furniture: FurnitureMeshes | None = None
-) -> Mesh:
+def make_room(name: str, seed: int, detail: float = 1.0) -> Mesh:
     """Return the labelled mesh of a room in `room_catalogue.ROOMS` or `building.room_types`.
 
-    `detail` multiplies the number of segments of curved parts. Meshes in `furniture` replace
-    generated furniture of the same semantic class.
+    `detail` multiplies the number of segments of curved parts.
     """
     spec = room_spec(name, seed)
     cad = Modeller(generator(seed, "room", name), detail)
     outline = np.array(spec.outline)
-    room = Room(cad, outline, spec.height, spec.openings, spec.origin, furniture or {})
-    for placement in (*spec.furnishing, *lamp_grid(*_lamps(spec, outline))):
+    room = Room(cad, outline, spec.height, spec.openings, spec.origin)
+    for placement in (*spec.furnishing, *lamp_grid(outline, *spec.lamps)):
         room.put(placement)
     return build_mesh(room.item)
 
@@ -52,9 +49,3 @@ def room_spec(name: str, seed: int = 0) -> RoomSpec:
     if name not in ROOMS:
         raise InputError(f"unknown room {name!r}{among(name, ROOMS)}")
     return ROOMS[name]
-
-
-def _lamps(spec: RoomSpec, outline: Floats) -> tuple[Maker, Floats, float, float]:
-    maker, spacing = spec.lamps
-    x, y = np.ptp(outline, axis=0)
-    return maker, outline, spacing, 90.0 if y > x else 0.0
