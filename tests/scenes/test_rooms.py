@@ -21,11 +21,11 @@ FACING_AWAY, ESCAPING = 2e-4, 1e-4
 every_room = pytest.mark.parametrize("name", ROOMS)
 
 
-@cache
 def _size(spec: RoomSpec) -> list[float]:
     return [*np.ptp(np.array(spec.outline), axis=0).tolist(), spec.height]
 
 
+@cache
 def room(name: str) -> Mesh:
     return make_room(name, 3, detail=0.25)
 

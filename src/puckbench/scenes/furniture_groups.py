@@ -55,9 +55,8 @@ def auditorium_row(cad: Modeller, count: int) -> Item:
 def lectern(cad: Modeller) -> Item:
     body = cad.slab(0.6, 0.45, 1.05, 0.06)
     top = cad.box(0.66, 0.52, 0.03).at(y=0.0, z=1.08, tilt=14)
-    neck = cad.smooth(
-        [(0.15, -0.1, 1.06), (0.15, -0.12, 1.25), (0.13, 0.05, 1.36), (0.12, 0.12, 1.34)]
-    )
+    path = [(0.15, -0.1, 1.06), (0.15, -0.12, 1.25), (0.13, 0.05, 1.36), (0.12, 0.12, 1.34)]
+    neck = cad.smooth(path)
     stand = cad.tube(neck, 0.006) + cad.superquadric((0.02, 0.03, 0.02)).at(*neck[-1])
     return [Piece("lectern", "table", join([body, top])), *small.clutter("microphone", stand)]
 

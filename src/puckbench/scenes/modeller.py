@@ -46,8 +46,7 @@ class Modeller:
     def chance(self, probability: float) -> bool:
         return bool(self.rng.random() < probability)
 
-    def box(self, x: float, y: float, z: float) -> Surface:
-        return solids.box(x, y, z)
+    box = staticmethod(solids.box)
 
     def slab(self, x: float, y: float, z: float, radius: float) -> Surface:
         """Make a box on z = 0 with rounded vertical edges."""
@@ -65,11 +64,9 @@ class Modeller:
 
     def legs(self, foot: Point, top: Point, height: float, radius: float) -> list[Surface]:
         """Make four rods from (+-x, +-y) of `foot`, on z = 0, to (+-x, +-y) of `top`."""
+        (x0, y0), (x1, y1) = foot, top
         sides = [(a, b) for a in (-1, 1) for b in (-1, 1)]
-        return [
-            self.rod((a * foot[0], b * foot[1], 0), (a * top[0], b * top[1], height), radius)
-            for a, b in sides
-        ]
+        return [self.rod((a * x0, b * y0, 0), (a * x1, b * y1, height), radius) for a, b in sides]
 
     def handle(
         self, start: Sequence[float], end: Sequence[float], y: float, radius: float

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -81,8 +81,7 @@ def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
     arcs = [_fillet(a, b, c, radius, steps) for a, b, c in zip(before, corners, after, strict=True)]
     segments: list[Segment] = []
-    for index, fillet in enumerate(arcs):
-        following = arcs[(index + 1) % len(arcs)]
+    for fillet, following in zip(arcs, [*arcs[1:], arcs[0]], strict=True):
         ends = np.stack([fillet.points[-1], following.points[0]])
         segments.append(fillet)
         if np.linalg.norm(ends[1] - ends[0]) > 1e-9:
@@ -96,14 +95,10 @@ def rounded_rectangle(width: float, depth: float, radius: float, steps: int) -> 
 
 
 def shifted(outline: Outline, x: float, y: float) -> Outline:
+    shift = np.array([x, y])
     return tuple(
-        Segment(
-            segment.kind,
-            segment.points + np.array([x, y]),
-            (segment.centre[0] + x, segment.centre[1] + y),
-            segment.radius,
-        )
-        for segment in outline
+        replace(each, points=each.points + shift, centre=point(each.centre + shift))
+        for each in outline
     )
 
 
@@ -190,19 +185,16 @@ def _crosses(start: Floats, end: Floats, edges: Floats) -> bool:
 def _ears(vertices: Floats, ring: list[int]) -> Ints:
     triangles = []
     ring = list(ring)
-    at = 0
-    misses = 0
+    at = misses = 0
     while len(ring) > 3:
         at %= len(ring)
         a, b, c = ring[at - 1], ring[at], ring[(at + 1) % len(ring)]
-        if _is_ear(vertices, ring, (a, b, c)) or misses > len(ring):
+        misses += 1
+        if _is_ear(vertices, ring, (a, b, c)) or misses > len(ring) + 1:
             triangles.append((a, b, c))
             del ring[at]
             misses = 0
-            at += 1
-        else:
-            at += 1
-            misses += 1
+        at += 1
     return np.array([*triangles, ring], dtype=np.int64)
 
 

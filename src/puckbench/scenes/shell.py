@@ -12,7 +12,7 @@ from puckbench.scenes.pieces import Item, Piece, posed
 from puckbench.scenes.solids import box, flat
 from puckbench.scenes.surfaces import Surface, join
 
-DOOR_DEPTH, PASSAGE_DEPTH, WINDOW_DEPTH = 0.14, 1.4, 0.2
+_DEPTHS = {"door": 0.14, "passage": 1.4, "window": 0.2}
 CASING = 0.07
 
 
@@ -81,8 +81,7 @@ def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening
 
 
 def depth(opening: Opening) -> float:
-    depths = {"door": DOOR_DEPTH, "passage": PASSAGE_DEPTH, "window": WINDOW_DEPTH}
-    return depths[opening.kind]
+    return _DEPTHS[opening.kind]
 
 
 def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
@@ -101,11 +100,14 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
     return join([plane, *sides])
 
 
-def _recess(opening: Opening) -> tuple[Surface, Surface]:
+def recess(width: float, depth: float, height: float) -> tuple[Surface, Surface]:
     """Make the sides and the back of an opening in a wall at y = 0."""
-    reach = depth(opening)
-    whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
+    whole = box(width, depth, height).flipped().at(y=depth / 2)
     return whole.select(0, 1, 4, 5), whole.select(3)
+
+
+def _recess(opening: Opening) -> tuple[Surface, Surface]:
+    return recess(opening.width, depth(opening), opening.height)
 
 
 def _skirting(length: float, openings: list[Opening]) -> Surface:
@@ -142,16 +144,14 @@ def _door(cad: Modeller, opening: Opening) -> Item:
 
 
 def _passage(cad: Modeller, opening: Opening) -> Item:
-    leaf = door_leaf(cad, opening.width - 0.008, opening.height - 0.008)
-    swung = leaf.at(x=opening.width / 2).at(
-        -opening.width / 2 + 0.06, 0.12, 0.004, turn=cad.between(84, 89)
-    )
+    leaf, half = door_leaf(cad, opening.width - 0.008, opening.height - 0.008), opening.width / 2
+    swung = leaf.at(x=half).at(-half + 0.06, 0.12, 0.004, turn=cad.between(84, 89))
     frame = join([swung, *_casing(opening.width, opening.height)])
     return [Piece("door", "door", frame), Piece("passage_end", "wall", _recess(opening)[1])]
 
 
 def _window(cad: Modeller, opening: Opening) -> Item:
-    width, height, y = opening.width, opening.height, WINDOW_DEPTH - 0.03
+    width, height, y = opening.width, opening.height, depth(opening) - 0.03
     bars = box(0.06, 0.06, height).at_sides(width / 2 - 0.03, y)
     bars += [box(width - 0.12, 0.06, 0.06).at(y=y, z=z) for z in (0.0, height - 0.06)]
     count = max(1, round(width / 0.75))
@@ -160,11 +160,8 @@ def _window(cad: Modeller, opening: Opening) -> Item:
     x = float(xs[0]) if len(xs) else 0.0
     grip = cad.rod((x, y - 0.05, height * 0.4), (x, y - 0.05, height * 0.52), 0.01)
     sill = cad.slab(width + 0.1, 0.09, 0.03, 0.02).at(y=-0.045, z=-0.03)
-    frame = join([*bars, grip, sill])
-    return [
-        Piece("window_frame", "window", frame),
-        Piece("window_pane", "window", _recess(opening)[1]),
-    ]
+    frame = Piece("window_frame", "window", join([*bars, grip, sill]))
+    return [frame, Piece("window_pane", "window", _recess(opening)[1])]
 
 
 _FILLINGS = {"door": _door, "passage": _passage, "window": _window}

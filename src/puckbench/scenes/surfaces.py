@@ -80,9 +80,12 @@ class Surface:
         """Return copies at (-x, -y), (-x, y), (x, -y) and (x, y)."""
         return [self.at(a * x, b * y, z) for a in (-1, 1) for b in (-1, 1)]
 
-    def at_sides(self, x: float, y: float = 0.0, z: float = 0.0, **angles: float) -> list[Surface]:
-        """Return copies at (-x, y, z) and (x, y, z), rotated as `at` does."""
-        return [self.at(side * x, y, z, **angles) for side in (-1, 1)]
+    def at_sides(
+        self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, axis: int = 0, **angles: float
+    ) -> list[Surface]:
+        """Return a copy whose `axis` coordinate is negated, and one at (x, y, z), rotated."""
+        place = [-value if number == axis else value for number, value in enumerate((x, y, z))]
+        return [self.at(*place, **angles), self.at(x, y, z, **angles)]
 
     def mirrored(self, axis: int = 0) -> Surface:
         """Reflect the surface in the plane x = 0, y = 0 or z = 0 (`axis` 0, 1, 2)."""
@@ -111,18 +114,16 @@ class Surface:
 
 
 def join(surfaces: list[Surface]) -> Surface:
-    vertex_counts = [len(each.vertices) for each in surfaces]
-    shape_counts = [len(each.shapes) for each in surfaces]
-    first_vertex = np.cumsum([0, *vertex_counts])
-    first_shape = np.cumsum([0, *shape_counts])
+    vertices, shapes = 0, 0
+    triangles, shape_ids = [], []
+    for each in surfaces:
+        triangles.append(each.triangles + vertices)
+        shape_ids.append(each.shape_id + shapes)
+        vertices, shapes = vertices + len(each.vertices), shapes + len(each.shapes)
     return Surface(
         np.concatenate([each.vertices for each in surfaces]),
-        np.concatenate(
-            [each.triangles + first for each, first in zip(surfaces, first_vertex, strict=False)]
-        ),
-        np.concatenate(
-            [each.shape_id + first for each, first in zip(surfaces, first_shape, strict=False)]
-        ),
+        np.concatenate(triangles),
+        np.concatenate(shape_ids),
         tuple(shape for each in surfaces for shape in each.shapes),
         np.concatenate([each.frames for each in surfaces]),
     )

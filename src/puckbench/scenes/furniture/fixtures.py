@@ -18,7 +18,7 @@ from puckbench.scenes.surfaces import Surface, join
 
 
 def panel_lamp(cad: Modeller) -> Item:
-    frame = [cad.box(0.6, 0.04, 0.05).at(y=s * 0.28, z=-0.05) for s in (-1, 1)]
+    frame = cad.box(0.6, 0.04, 0.05).at_sides(y=0.28, z=-0.05, axis=1)
     frame += cad.box(0.04, 0.52, 0.05).at_sides(0.28, z=-0.05)
     return clutter("panel_lamp", *frame, cad.box(0.52, 0.52, 0.03).at(z=-0.035))
 
@@ -84,9 +84,8 @@ def radiator(cad: Modeller, width: float = 1.0) -> Item:
     ribs = [cad.slab(0.05, 0.1, 0.5, 0.022).at(float(x), -0.1, 0.14) for x in xs]
     bars = [cad.rod((xs[0], -0.1, z), (xs[-1], -0.1, z), 0.022) for z in (0.19, 0.59)]
     end = float(xs[-1]) + 0.03
-    feed = cad.pipe(
-        [(end - 0.02, -0.1, 0.59), (end + 0.07, -0.1, 0.59), (end + 0.07, -0.1, 0.0)], 0.01, 0.03
-    )
+    path = [(end - 0.02, -0.1, 0.59), (end + 0.07, -0.1, 0.59), (end + 0.07, -0.1, 0.0)]
+    feed = cad.pipe(path, 0.01, 0.03)
     knob = cad.cone(0.022, 0.016, 0.06).at(end + 0.03, -0.1, 0.59, roll=90)
     stays = [cad.rod((x, -0.1, 0.3), (x, 0, 0.3), 0.008) for x in (xs[1], xs[-2])]
     return clutter("radiator", *ribs, *bars, feed, knob, *stays)
@@ -95,15 +94,12 @@ def radiator(cad: Modeller, width: float = 1.0) -> Item:
 def whiteboard(cad: Modeller, width: float = 2.0) -> Item:
     height, low = 1.1, 0.9
     panel = cad.box(width, 0.02, height).at(y=-0.01, z=low)
-    bars = [
-        cad.box(width + 0.04, 0.03, 0.025).at(y=-0.015, z=z) for z in (low - 0.02, low + height)
-    ]
+    bar = cad.box(width + 0.04, 0.03, 0.025).at(y=-0.015)
+    bars = [bar.at(z=z) for z in (low - 0.02, low + height)]
     bars += cad.box(0.02, 0.03, height).at_sides(width / 2 + 0.01, -0.015, low)
     tray = cad.box(width * 0.5, 0.08, 0.015).at(y=-0.06, z=low - 0.03)
-    pens = [
-        cad.rod((x, -0.07, low - 0.005), (x + 0.12, -0.06, low - 0.005), 0.009)
-        for x in (-0.3, -0.1, 0.15)
-    ]
+    z = low - 0.005
+    pens = [cad.rod((x, -0.07, z), (x + 0.12, -0.06, z), 0.009) for x in (-0.3, -0.1, 0.15)]
     return [Piece("whiteboard", "board", join([panel, *bars, tray, *pens]))]
 
 
@@ -124,9 +120,8 @@ def picture(cad: Modeller) -> Item:
     z = 1.55 - height / 2
     bars = [cad.box(width, 0.03, 0.03).at(y=-0.015, z=at) for at in (z, z + height - 0.03)]
     bars += cad.box(0.03, 0.03, height).at_sides(width / 2 - 0.015, -0.015, z)
-    return clutter(
-        "picture", *bars, cad.box(width - 0.04, 0.012, height - 0.04).at(y=-0.006, z=z + 0.02)
-    )
+    canvas = cad.box(width - 0.04, 0.012, height - 0.04).at(y=-0.006, z=z + 0.02)
+    return clutter("picture", *bars, canvas)
 
 
 def clock(cad: Modeller) -> Item:
@@ -141,20 +136,13 @@ def clock(cad: Modeller) -> Item:
 
 def extinguisher(cad: Modeller) -> Item:
     radius, steps = 0.075, cad.steps(0.075) // 4
-    profile = (
-        *line((0, 0), (radius, 0), (radius, 0.4)),
-        *arc((0.025, 0.4), 0.05, 0, 90, steps),
-        *line((0.025, 0.45), (0.02, 0.5), (0, 0.5)),
-    )
-    hose = cad.tube(
-        cad.smooth([(0, 0, 0.48), (0.09, -0.02, 0.46), (0.11, -0.02, 0.25), (0.1, -0.03, 0.1)]),
-        0.01,
-    )
+    side, shoulder = line((0, 0), (radius, 0), (radius, 0.4)), arc((0.025, 0.4), 0.05, 0, 90, steps)
+    bottle = cad.turned(side, shoulder, line((0.025, 0.45), (0.02, 0.5), (0, 0.5)))
+    path = [(0, 0, 0.48), (0.09, -0.02, 0.46), (0.11, -0.02, 0.25), (0.1, -0.03, 0.1)]
+    hose = cad.tube(cad.smooth(path), 0.01)
     lever = cad.box(0.02, 0.14, 0.02).at(y=-0.05, z=0.5, tilt=10)
-    body = cad.turned(profile) + hose + lever
-    return clutter(
-        "extinguisher", body.at(y=-0.09, z=0.75), cad.box(0.06, 0.03, 0.2).at(y=-0.015, z=0.9)
-    )
+    bracket = cad.box(0.06, 0.03, 0.2).at(y=-0.015, z=0.9)
+    return clutter("extinguisher", (bottle + hose + lever).at(y=-0.09, z=0.75), bracket)
 
 
 def coat_rack(cad: Modeller) -> Item:
@@ -169,9 +157,8 @@ def wall_shelf(cad: Modeller) -> Item:
     board = cad.box(0.9, 0.22, 0.02).at(y=-0.11, z=1.6)
     arms = [cad.rod((x, -0.19, 1.595), (x, -0.005, 1.44), 0.008) for x in (-0.3, 0.3)]
     balls = [cad.sphere(0.07).at(-0.25, -0.11, 1.69), cad.cone(0.07, 0.0, 0.2).at(0.0, -0.11, 1.62)]
-    return clutter(
-        "wall_shelf", board, *arms, *balls, cad.cylinder(0.05, 0.18).at(0.25, -0.11, 1.62)
-    )
+    can = cad.cylinder(0.05, 0.18).at(0.25, -0.11, 1.62)
+    return clutter("wall_shelf", board, *arms, *balls, can)
 
 
 def projection_screen(cad: Modeller, width: float = 3.0) -> Item:
@@ -182,11 +169,8 @@ def projection_screen(cad: Modeller, width: float = 3.0) -> Item:
 
 
 def light_switch(cad: Modeller) -> Item:
-    return clutter(
-        "switch",
-        cad.box(0.08, 0.01, 0.08).at(y=-0.005, z=1.05),
-        cad.box(0.04, 0.008, 0.05).at(y=-0.012, z=1.065),
-    )
+    plate = cad.box(0.08, 0.01, 0.08).at(y=-0.005, z=1.05)
+    return clutter("switch", plate, cad.box(0.04, 0.008, 0.05).at(y=-0.012, z=1.065))
 
 
 def round_column(cad: Modeller, height: float, radius: float = 0.22) -> Item:
@@ -195,11 +179,8 @@ def round_column(cad: Modeller, height: float, radius: float = 0.22) -> Item:
 
 
 def square_column(cad: Modeller, height: float, size: float = 0.4) -> Item:
-    return [
-        Piece(
-            "column", "column", cad.box(size, size, height) + cad.box(size + 0.04, size + 0.04, 0.1)
-        )
-    ]
+    shaft, base = cad.box(size, size, height), cad.box(size + 0.04, size + 0.04, 0.1)
+    return [Piece("column", "column", shaft + base)]
 
 
 def beam(cad: Modeller, length: float, depth: float = 0.3) -> Item:

@@ -16,9 +16,8 @@ def office_chair(cad: Modeller) -> Item:
     hub = cad.cone(0.05, 0.035, 0.06).at(z=0.07)
     plate = cad.box(0.2, 0.2, 0.03).at(z=height - 0.03)
     seat = cad.cushion(0.5, 0.48, 0.1, 0.4).at(z=height)
-    spine = cad.pipe(
-        [(0, 0.1, height - 0.01), (0, 0.3, height - 0.01), (0, 0.29, height + 0.4)], 0.02, 0.05
-    )
+    path = [(0, 0.1, height - 0.01), (0, 0.3, height - 0.01), (0, 0.29, height + 0.4)]
+    spine = cad.pipe(path, 0.02, 0.05)
     back = cad.cushion(0.46, 0.1, cad.between(0.5, 0.7), 0.4).at(y=0.24, z=height + 0.16, tilt=-6)
     parts = [*arms, *column, hub, plate, seat, spine, back]
     if cad.chance(0.7):
@@ -44,19 +43,13 @@ def chair(cad: Modeller) -> Item:
     width, depth, height = (cad.between(0.4, 0.46), cad.between(0.4, 0.46), cad.between(0.43, 0.47))
     seat = cad.slab(width, depth, 0.035, 0.06).at(z=height - 0.035)
     x, y = width / 2 - 0.045, depth / 2 - 0.045
-    legs = [
-        cad.rod((a * x * 1.1, b * y * 1.1, 0), (a * x, b * y, height - 0.03), 0.014)
-        for b in (-1, 1)
-        for a in (-1, 1)
-    ]
-    posts = [
-        cad.rod((a * x, y, height - 0.01), (a * x, y + 0.09, height + 0.42), 0.012) for a in (-1, 1)
-    ]
-    back = [
-        _curved_back(cad, width, 0.11).at(y=y + 0.04 + 0.045 * k, z=height + 0.16 + 0.15 * k)
-        for k in range(2)
-    ]
-    rungs = [cad.rod((a * x, -y, 0.2), (a * x, y, 0.2), 0.009) for a in (-1, 1)]
+    corners = [(a * x, b * y) for b in (-1, 1) for a in (-1, 1)]
+    legs = [cad.rod((a * 1.1, b * 1.1, 0), (a, b, height - 0.03), 0.014) for a, b in corners]
+    low, high = height - 0.01, height + 0.42
+    posts = [cad.rod((a, y, low), (a, y + 0.09, high), 0.012) for a in (-x, x)]
+    slat = _curved_back(cad, width, 0.11)
+    back = [slat.at(y=y + 0.04 + 0.045 * k, z=height + 0.16 + 0.15 * k) for k in range(2)]
+    rungs = [cad.rod((a, -y, 0.2), (a, y, 0.2), 0.009) for a in (-x, x)]
     return [Piece("chair", "chair", join([seat, *legs, *posts, *back, *rungs]))]
 
 

@@ -2,9 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.outlines import Outline, Point, arc, curve, line, polar, polygon
+from puckbench.scenes.outlines import Point, arc, curve, line, polar, polygon
 from puckbench.scenes.pieces import Item, Piece, moved, posed
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
@@ -57,29 +56,21 @@ def laptop(cad: Modeller) -> Item:
 
 def mug(cad: Modeller) -> Item:
     radius, height = cad.between(0.036, 0.043), cad.between(0.085, 0.1)
-    body = cad.turned(
-        line(
-            (0, 0), (radius, 0), (radius, height), (radius - 0.004, height),
-            (radius - 0.004, 0.006), (0, 0.006),
-        )
-    )  # fmt: skip
+    inner = radius - 0.004
+    outside, inside = ((radius, 0), (radius, height)), ((inner, height), (inner, 0.006))
+    outline = line((0, 0), *outside, *inside, (0, 0.006))
     section = arc((0.026, 0), 0.005, 0, 360, cad.steps(0.01))
-    handle = (
-        cad.turned(section, degrees=180).at(turn=-90).at(radius - 0.001, 0, height / 2, tilt=90)
-    )
-    return clutter("mug", body, handle)
+    handle = cad.turned(section, degrees=180).at(turn=-90)
+    handle = handle.at(radius - 0.001, 0, height / 2, tilt=90)
+    return clutter("mug", cad.turned(outline), handle)
 
 
 def bottle(cad: Modeller) -> Item:
     profile = cad.pick(BOTTLES)
     radius, top = profile[-1]
-    body = (
-        *line((0, 0), profile[0]),
-        *curve(profile, max(3, cad.steps(0.1) // 8)),
-        *line((radius, top), (0, top)),
-    )
-    cap = cad.cylinder(radius + 0.003, 0.018).at(z=top - 0.002)
-    return clutter("bottle", cad.turned(body), cap)
+    side = curve(profile, max(3, cad.steps(0.1) // 8))
+    body = cad.turned(line((0, 0), profile[0]), side, line((radius, top), (0, top)))
+    return clutter("bottle", body, cad.cylinder(radius + 0.003, 0.018).at(z=top - 0.002))
 
 
 def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
@@ -94,11 +85,8 @@ def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
 
 def standing_book(cad: Modeller, height: float, thickness: float) -> Item:
     """Make an upright book, spine to the front, thickness along x."""
-    return posed(book(cad, height, thickness), _upright(height, thickness))
-
-
-def _upright(height: float, thickness: float) -> Floats:
-    return pose(thickness / 2, 0, height / 2, turn=90) @ pose(tilt=90)
+    upright = pose(thickness / 2, 0, height / 2, turn=90) @ pose(tilt=90)
+    return posed(book(cad, height, thickness), upright)
 
 
 def books(cad: Modeller) -> Item:
@@ -113,16 +101,14 @@ def books(cad: Modeller) -> Item:
 
 
 def papers(cad: Modeller) -> Item:
-    sheets = [
-        cad.box(0.21, 0.297, 0.006).at(0, 0, 0.006 * k, turn=cad.between(-4, 4))
-        for k in range(int(cad.rng.integers(2, 6)))
-    ]
+    sheet, count = cad.box(0.21, 0.297, 0.006), int(cad.rng.integers(2, 6))
+    sheets = [sheet.at(z=0.006 * k, turn=cad.between(-4, 4)) for k in range(count)]
     return clutter("papers", *sheets)
 
 
 def carton(cad: Modeller, size: float = 0.4) -> Item:
     x, y, z = (size * cad.between(0.6, 1.0) for _ in range(3))
-    flaps = [cad.box(x, y / 2 - 0.002, 0.004).at(y=s * (y / 4 + 0.001), z=z) for s in (-1, 1)]
+    flaps = cad.box(x, y / 2 - 0.002, 0.004).at_sides(y=y / 4 + 0.001, z=z, axis=1)
     tape = cad.box(x * 0.9, 0.05, 0.001).at(z=z + 0.004)
     return clutter("box", cad.box(x, y, z), *flaps, tape)
 
@@ -157,22 +143,17 @@ def desk_lamp(cad: Modeller) -> Item:
     foot = cad.cylinder(cad.between(0.07, 0.09), 0.02)
     arms = [cad.rod((0, 0, 0.01), elbow, 0.008), cad.rod(elbow, head, 0.008)]
     joints = [cad.sphere(0.014).at(*point) for point in (elbow, head)]
-    cover = cad.turned(_shade_profile()).at(0, -0.03, -0.03, tilt=-25).at(*head)
+    shade = line(
+        (0.0, 0.066), (0.027, 0.066), (0.072, -0.05), (0.075, -0.05), (0.03, 0.07), (0.0, 0.07)
+    )
+    cover = cad.turned(shade).at(0, -0.03, -0.03, tilt=-25).at(*head)
     bulb = cad.sphere(0.025).at(0, -0.03, -0.04).at(*head)
     return clutter("desk_lamp", foot, *arms, *joints, cover, bulb)
 
 
-def _shade_profile() -> Outline:
-    return line(
-        (0.0, 0.066), (0.027, 0.066), (0.072, -0.05), (0.075, -0.05), (0.03, 0.07), (0.0, 0.07)
-    )
-
-
 def telephone(cad: Modeller) -> Item:
-    wedge = extrude(polygon((-0.1, 0.0), (0.1, 0.0), (0.1, 0.07), (-0.1, 0.02)), 0.17).at(
-        y=0.085, tilt=90
-    )
-    body = wedge.at(turn=90)
+    wedge = extrude(polygon((-0.1, 0.0), (0.1, 0.0), (0.1, 0.07), (-0.1, 0.02)), 0.17)
+    body = wedge.at(y=0.085, tilt=90).at(turn=90)
     keys = [
         cad.box(0.014, 0.014, 0.008).at(0.02 + 0.022 * i, -0.06 + 0.03 * j, 0.036 + 0.0075 * j)
         for i in range(3)
@@ -198,20 +179,15 @@ def bowl(cad: Modeller) -> Item:
 def bucket(cad: Modeller) -> Item:
     profile = line((0, 0), (0.11, 0), (0.15, 0.28), (0.145, 0.28), (0.106, 0.005), (0, 0.005))
     angles = np.linspace(0, np.pi, max(9, cad.steps(0.15) // 2))
-    bail = np.column_stack(
-        [0.15 * np.cos(angles), 0.06 * np.sin(angles), 0.26 + 0.12 * np.sin(angles)]
-    )
+    cosine, sine = np.cos(angles), np.sin(angles)
+    bail = np.column_stack([0.15 * cosine, 0.06 * sine, 0.26 + 0.12 * sine])
     return clutter("bucket", cad.turned(profile), cad.tube(bail, 0.004))
 
 
 def printer(cad: Modeller) -> Item:
-    body = cad.cushion(0.42, 0.36, 0.22, 0.15)
-    return clutter(
-        "printer",
-        body,
-        cad.box(0.24, 0.14, 0.01).at(y=-0.22, z=0.07),
-        cad.box(0.22, 0.012, 0.16).at(y=0.14, z=0.2, tilt=-20),
-    )
+    tray = cad.box(0.24, 0.14, 0.01).at(y=-0.22, z=0.07)
+    feeder = cad.box(0.22, 0.012, 0.16).at(y=0.14, z=0.2, tilt=-20)
+    return clutter("printer", cad.cushion(0.42, 0.36, 0.22, 0.15), tray, feeder)
 
 
 def microwave(cad: Modeller) -> Item:

@@ -4,18 +4,10 @@ import numpy as np
 
 from puckbench.scenes.furniture import small
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.outlines import (
-    Outline,
-    arc,
-    curve,
-    line,
-    rectangle,
-    rounded_rectangle,
-    shifted,
-)
+from puckbench.scenes.outlines import arc, curve, line, point, rectangle, rounded_rectangle, shifted
 from puckbench.scenes.pieces import Item, Piece, item_bounds, moved
 from puckbench.scenes.solids import extrude
-from puckbench.scenes.surfaces import Surface, join
+from puckbench.scenes.surfaces import join
 
 SHELF_MAKERS = (small.carton, small.bottle, small.ball, small.vase, small.papers, small.books)
 RACK_MAKERS = (small.carton, small.carton, small.bucket, small.bottle, small.ball, small.printer)
@@ -67,10 +59,8 @@ def rack(cad: Modeller, width: float = 1.2, levels: int = 4) -> Item:
     posts = cad.box(0.035, 0.035, height).at_corners(width / 2 - 0.02, depth / 2 - 0.02)
     heights = np.linspace(0.12, height - 0.05, levels + 1)
     boards = [cad.box(width - 0.01, depth - 0.01, 0.03).at(z=z) for z in heights]
-    braces = [
-        cad.rod((-x, depth / 2 - 0.02, 0.2), (x, depth / 2 - 0.02, height - 0.2), 0.006)
-        for x in (-width / 2 + 0.03, width / 2 - 0.03)
-    ]
+    x, y = width / 2 - 0.03, depth / 2 - 0.02
+    braces = [cad.rod((-a, y, 0.2), (a, y, height - 0.2), 0.006) for a in (-x, x)]
     item = [Piece("rack", "bookcase", join([*posts, *boards, *braces]))]
     gap = float(heights[1] - heights[0]) - 0.06
     for z in heights[:-1]:
@@ -88,9 +78,7 @@ def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
     y = -depth / 2 - 0.009
     doors = cad.box(width / 2 - 0.006, 0.018, height - 0.08).at_sides(width / 4, y, 0.065)
     low, high = height * 0.45, height * 0.62
-    handles = [
-        cad.handle((s * 0.04, y, low), (s * 0.04, y, high), y - 0.045, 0.006) for s in (-1, 1)
-    ]
+    handles = [cad.handle((x, y, low), (x, y, high), y - 0.045, 0.006) for x in (-0.04, 0.04)]
     item = [Piece("cabinet", "clutter", join([body, plinth, *doors, *handles]))]
     if cad.chance(0.6):
         top = _fitted(cad.pick((small.carton, small.papers, small.vase))(cad), (0.4, 0.4, 0.35))
@@ -100,10 +88,9 @@ def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
 
 def sideboard(cad: Modeller) -> Item:
     item = cabinet(cad, 1.2, 0.8)[:1]
+    makers = (small.printer, small.vase, small.books, small.bowl, small.desk_lamp)
     for x in (-0.4, 0.0, 0.4):
-        content = cad.pick((small.printer, small.vase, small.books, small.bowl, small.desk_lamp))(
-            cad
-        )
+        content = cad.pick(makers)(cad)
         item += moved(_fitted(content, (0.4, 0.36, 0.6)), x, 0, 0.8, turn=cad.between(-15, 15))
     return item
 
@@ -114,10 +101,8 @@ def lockers(cad: Modeller, columns: int = 4) -> Item:
     for k in range(columns):
         x = (k - (columns - 1) / 2) * width
         parts.append(cad.box(width - 0.012, 0.014, height - 0.06).at(x, -depth / 2 - 0.007, 0.03))
-        parts += [
-            cad.box(0.2, 0.01, 0.012).at(x, -depth / 2 - 0.019, z)
-            for z in height - 0.2 - 0.035 * np.arange(5)
-        ]
+        slits = height - 0.2 - 0.035 * np.arange(5)
+        parts += [cad.box(0.2, 0.01, 0.012).at(x, -depth / 2 - 0.019, z) for z in slits]
         parts.append(cad.cylinder(0.014, 0.03).at(x + 0.13, -depth / 2 - 0.014, 1.0, tilt=90))
     return [Piece("lockers", "clutter", join(parts))]
 
@@ -126,33 +111,29 @@ def copier(cad: Modeller) -> Item:
     body = cad.slab(0.65, 0.6, 0.72, 0.03).at(z=0.06)
     feet = cad.cylinder(0.03, 0.06).at_corners(0.26, 0.24)
     trays = [cad.box(0.6, 0.02, 0.13).at(y=-0.308, z=0.1 + 0.15 * k) for k in range(4)]
-    grips = [
-        cad.rod((-0.1, -0.325, 0.2 + 0.15 * k), (0.1, -0.325, 0.2 + 0.15 * k), 0.01)
-        for k in range(4)
-    ]
+    heights = [0.2 + 0.15 * k for k in range(4)]
+    grips = [cad.rod((-0.1, -0.325, z), (0.1, -0.325, z), 0.01) for z in heights]
     head = cad.slab(0.62, 0.55, 0.14, 0.04).at(y=0.02, z=0.92)
-    neck = [
-        cad.box(0.14, 0.5, 0.15).at(x=-0.23, y=0.03, z=0.78),
-        cad.box(0.6, 0.12, 0.15).at(y=0.22, z=0.78),
-    ]
+    stem = cad.box(0.14, 0.5, 0.15).at(x=-0.23, y=0.03, z=0.78)
+    back = cad.box(0.6, 0.12, 0.15).at(y=0.22, z=0.78)
     lid = cad.cushion(0.58, 0.5, 0.12, 0.25).at(y=0.03, z=1.05)
     panel = cad.slab(0.24, 0.15, 0.02, 0.02).at(0.16, -0.31, 1.04, tilt=25)
     tray = cad.box(0.3, 0.4, 0.015).at(x=0.47, z=0.6, roll=-15)
-    return small.clutter("copier", body, *feet, *trays, *grips, head, *neck, lid, panel, tray)
+    return small.clutter("copier", body, *feet, *trays, *grips, head, stem, back, lid, panel, tray)
 
 
 def water_cooler(cad: Modeller) -> Item:
     body = cad.slab(0.32, 0.32, 0.95, 0.05)
     taps = cad.cylinder(0.012, 0.06).at_sides(0.06, -0.16, 0.8, tilt=90)
     drip = cad.slab(0.22, 0.08, 0.02, 0.02).at(y=-0.19, z=0.62)
-    profile = (
-        *line((0, 0.95), (0.04, 0.95), (0.04, 1.0)),
-        *curve([(0.04, 1.0), (0.12, 1.06), (0.135, 1.12), (0.13, 1.2), (0.135, 1.3)], 6),
-        *line((0.135, 1.3), (0.135, 1.38)),
-        *arc((0.105, 1.38), 0.03, 0, 90, max(3, cad.steps(0.03) // 4)),
-        *line((0.105, 1.41), (0, 1.41)),
+    bottle = cad.turned(
+        line((0, 0.95), (0.04, 0.95), (0.04, 1.0)),
+        curve([(0.04, 1.0), (0.12, 1.06), (0.135, 1.12), (0.13, 1.2), (0.135, 1.3)], 6),
+        line((0.135, 1.3), (0.135, 1.38)),
+        arc((0.105, 1.38), 0.03, 0, 90, max(3, cad.steps(0.03) // 4)),
+        line((0.105, 1.41), (0, 1.41)),
     )
-    return small.clutter("water_cooler", body, *taps, drip, cad.turned(profile))
+    return small.clutter("water_cooler", body, *taps, drip, bottle)
 
 
 def fridge(cad: Modeller) -> Item:
@@ -161,10 +142,8 @@ def fridge(cad: Modeller) -> Item:
         cad.slab(0.59, z, 0.04, 0.02).at(y=-0.29, z=at + z / 2, tilt=90)
         for at, z in ((0.06, 1.1), (1.18, 0.58))
     ]
-    bars = [
-        cad.handle((-0.24, -0.33, low), (-0.24, -0.33, high), -0.38, 0.01)
-        for low, high in ((0.7, 1.1), (1.24, 1.5))
-    ]
+    spans, x, y = ((0.7, 1.1), (1.24, 1.5)), -0.24, -0.33
+    bars = [cad.handle((x, y, low), (x, y, high), -0.38, 0.01) for low, high in spans]
     feet = cad.cylinder(0.03, 0.03).at_corners(0.22, 0.2)
     return small.clutter("fridge", body, *doors, *bars, *feet)
 
@@ -172,13 +151,13 @@ def fridge(cad: Modeller) -> Item:
 def kitchenette(cad: Modeller) -> Item:
     width, depth, height = 1.8, 0.6, 0.9
     base = cad.box(width, depth - 0.04, height - 0.04).at(y=0.02)
-    doors = [
-        cad.box(0.44, 0.016, 0.68).at(-0.675 + 0.45 * k, -depth / 2 + 0.032, 0.1) for k in range(4)
-    ]
-    knobs = [cad.sphere(0.014).at(-0.53 + 0.45 * k, -depth / 2 + 0.012, 0.7) for k in range(4)]
+    door, knob, y = cad.box(0.44, 0.016, 0.68), cad.sphere(0.014), -depth / 2
+    doors = [door.at(-0.675 + 0.45 * k, y + 0.032, 0.1) for k in range(4)]
+    knobs = [knob.at(-0.53 + 0.45 * k, y + 0.012, 0.7) for k in range(4)]
     hole = rounded_rectangle(0.44, 0.36, 0.06, max(3, cad.steps(0.06) // 4))
-    counter = _counter_top(width, depth, hole).at(z=height - 0.04)
-    basin = _basin(cad).at(0.45, -0.02, height - 0.04)
+    counter = extrude(rectangle(width, depth), 0.04, [shifted(hole, 0.45, -0.02)])
+    counter = counter.at(z=height - 0.04)
+    basin = extrude(hole, 0.002).at(z=-0.002).at(0.45, -0.02, height - 0.04)
     tap = cad.pipe([(0, 0.22, 0), (0, 0.22, 0.3), (0, 0.02, 0.3), (0, 0.02, 0.2)], 0.013, 0.07)
     lever = cad.rod((0.02, 0.22, 0.08), (0.1, 0.2, 0.12), 0.008)
     body = join([base, *doors, *knobs, counter, basin, (tap + lever).at(x=0.45, z=height)])
@@ -186,15 +165,6 @@ def kitchenette(cad: Modeller) -> Item:
     for maker, x in ((small.microwave, -0.6), (small.bottle, -0.2), (small.mug, -0.05)):
         item += moved(maker(cad), x, 0.02, height, turn=cad.between(-10, 10))
     return item
-
-
-def _counter_top(width: float, depth: float, hole: Outline) -> Surface:
-    return extrude(rectangle(width, depth), 0.04, [shifted(hole, 0.45, -0.02)])
-
-
-def _basin(cad: Modeller) -> Surface:
-    steps = max(3, cad.steps(0.06) // 4)
-    return extrude(rounded_rectangle(0.44, 0.36, 0.06, steps), 0.002).at(z=-0.002)
 
 
 def drum(cad: Modeller) -> Item:
@@ -205,16 +175,12 @@ def drum(cad: Modeller) -> Item:
 
 def gas_cylinder(cad: Modeller) -> Item:
     radius, height = 0.115, 1.2
-    profile = (
-        *line((0, 0), (radius, 0), (radius, height)),
-        *arc((0, height), radius, 0, 70, cad.steps(radius) // 4),
-    )
-    r, z = profile[-1].points[-1]
-    neck = line(
-        (float(r), float(z)), (0.02, float(z) + 0.04), (0.02, float(z) + 0.09), (0, float(z) + 0.09)
-    )
-    wheel = cad.torus(0.035, 0.007).at(z=float(z) + 0.1)
-    return small.clutter("gas_bottle", cad.turned((*profile, *neck)), wheel)
+    side = line((0, 0), (radius, 0), (radius, height))
+    shoulder = arc((0, height), radius, 0, 70, cad.steps(radius) // 4)
+    r, z = point(shoulder[0].points[-1])
+    neck = line((r, z), (0.02, z + 0.04), (0.02, z + 0.09), (0, z + 0.09))
+    wheel = cad.torus(0.035, 0.007).at(z=z + 0.1)
+    return small.clutter("gas_bottle", cad.turned(side, shoulder, neck), wheel)
 
 
 def ladder(cad: Modeller) -> Item:

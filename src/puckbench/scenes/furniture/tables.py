@@ -16,13 +16,8 @@ DESK_CLUTTER: tuple[Maker, ...] = (
     small.mug, small.papers, small.books, small.desk_lamp, small.telephone, small.bottle,
     small.ball, small.vase,
 )  # fmt: skip
-TABLE_CLUTTER: tuple[Maker, ...] = (
-    small.mug,
-    small.papers,
-    small.bottle,
-    small.laptop,
-    small.books,
-)
+TABLE_CLUTTER: tuple[Maker, ...]
+TABLE_CLUTTER = (small.mug, small.papers, small.bottle, small.laptop, small.books)
 
 
 def desk(cad: Modeller) -> Item:
@@ -37,9 +32,9 @@ def desk(cad: Modeller) -> Item:
     for k in range(screens):
         x = (k - (screens - 1) / 2) * 0.62
         turn = -18 * (2 * k - 1) if screens > 1 else cad.between(-8, 8)
-        item += _on(small.monitor(cad), x, 0.16, height, turn)
-    item += _on(small.keyboard(cad), 0.0, -0.14, height, cad.between(-5, 5))
-    item += _on(small.mouse(cad), 0.32, -0.15, height, cad.between(-20, 20))
+        item += moved(small.monitor(cad), x, 0.16, height, turn=turn)
+    item += moved(small.keyboard(cad), 0.0, -0.14, height, turn=cad.between(-5, 5))
+    item += moved(small.mouse(cad), 0.32, -0.15, height, turn=cad.between(-20, 20))
     spots = [(-width / 2 + 0.17, -0.1), (width / 2 - 0.17, -0.12)]
     spots += [(-width / 2 + 0.17, 0.2), (width / 2 - 0.17, 0.2)] if screens == 1 else []
     return item + scattered(cad, DESK_CLUTTER, spots, height)
@@ -52,12 +47,8 @@ def scattered(
     item: Item = []
     for x, y in spots:
         if cad.chance(0.8):
-            item += _on(cad.pick(makers)(cad), x, y, height, cad.between(-30, 30))
+            item += moved(cad.pick(makers)(cad), x, y, height, turn=cad.between(-30, 30))
     return item
-
-
-def _on(item: Item, x: float, y: float, z: float, turn: float) -> Item:
-    return moved(item, x, y, z, turn=turn)
 
 
 def _panel_legs(cad: Modeller, width: float, depth: float, height: float) -> list[Surface]:
@@ -98,9 +89,8 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
     feet = cad.slab(0.12, width * 0.65, 0.03, 0.05).at_sides(length * 0.28)
     beam = cad.rod((-length * 0.28, 0, height - 0.08), (length * 0.28, 0, height - 0.08), 0.03)
     count = int(length / 0.7)
-    spots = [
-        ((k + 0.5 - count / 2) * 0.65, s * width * 0.27) for k in range(count) for s in (-1, 1)
-    ]
+    xs, y = [(k + 0.5 - count / 2) * 0.65 for k in range(count)], width * 0.27
+    spots = [(x, side) for x in xs for side in (-y, y)]
     item = [Piece("meeting_table", "table", join([top, *pedestals, *feet, beam]))]
     return item + scattered(cad, TABLE_CLUTTER, spots, height)
 
@@ -115,17 +105,15 @@ def _boat(length: float, width: float, steps: int) -> Outline:
 
 
 def round_table(cad: Modeller, radius: float = 0.5, height: float = 0.74) -> Item:
-    foot = (
-        *line((0, 0), (radius * 0.6, 0), (radius * 0.6, 0.012)),
-        *curve(
-            [(radius * 0.6, 0.012), (radius * 0.3, 0.05), (0.04, 0.25), (0.035, height - 0.03)], 6
-        ),
-        *line((0.035, height - 0.03), (0, height - 0.03)),
-    )
+    wide, lid = radius * 0.6, height - 0.03
+    stem = curve([(wide, 0.012), (radius * 0.3, 0.05), (0.04, 0.25), (0.035, lid)], 6)
+    foot = cad.turned(line((0, 0), (wide, 0), (wide, 0.012)), stem, line((0.035, lid), (0, lid)))
     rim = arc((radius - 0.015, 0.015), 0.015, -90, 90, max(4, cad.steps(0.015) // 2))
-    profile = (*line((0, 0), (radius - 0.015, 0)), *rim, *line((radius - 0.015, 0.03), (0, 0.03)))
-    top = cad.turned(profile).at(z=height - 0.03)
-    item = [Piece("round_table", "table", cad.turned(foot) + top)]
+    top = cad.turned(
+        line((0, 0), (radius - 0.015, 0)), rim, line((radius - 0.015, 0.03), (0, 0.03))
+    )
+    top = top.at(z=height - 0.03)
+    item = [Piece("round_table", "table", foot + top)]
     spots = [(radius * 0.5, 0.0), (-radius * 0.3, radius * 0.4), (-radius * 0.3, -radius * 0.4)]
     return item + scattered(cad, (small.mug, small.vase, small.bowl, small.bottle), spots, height)
 
@@ -146,9 +134,8 @@ def workbench(cad: Modeller) -> Item:
     top = cad.slab(width, depth, 0.04, 0.02).at(z=height - 0.04)
     x, y = width / 2 - 0.05, depth / 2 - 0.05
     legs = cad.slab(0.06, 0.06, height - 0.04, 0.012).at_corners(x, y)
-    beams = [cad.box(width - 0.16, 0.03, 0.08).at(y=b * y, z=height - 0.12) for b in (-1, 1)]
+    beams = cad.box(width - 0.16, 0.03, 0.08).at_sides(y=y, z=height - 0.12, axis=1)
     item = [Piece("workbench", "table", join([top, *legs, *beams]))]
     spots = [(-width * 0.35, 0.05), (-width * 0.1, 0.05), (width * 0.15, 0.05), (width * 0.37, 0.0)]
-    return item + scattered(
-        cad, (small.bucket, small.papers, small.bottle, small.printer), spots, height
-    )
+    makers = (small.bucket, small.papers, small.bottle, small.printer)
+    return item + scattered(cad, makers, spots, height)

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
@@ -14,6 +17,7 @@ from puckbench.scenes.outlines import (
     closed_curve,
     curve,
     line,
+    point,
     polar,
 )
 from puckbench.scenes.pieces import Item, Piece
@@ -23,19 +27,9 @@ from puckbench.scenes.surfaces import Surface, join
 
 def chair(cad: Modeller, member: int) -> Item:
     """Make an office chair, plain chair, moulded chair, stool, armchair or auditorium seat."""
-    makers = (
-        seating.office_chair,
-        seating.chair,
-        seating.shell_chair,
-        seating.stool,
-        _armchair,
-        seating.auditorium_seat,
-    )
+    chairs = (seating.office_chair, seating.chair, seating.shell_chair, seating.stool)
+    makers = (*chairs, partial(seating.sofa, seats=1), seating.auditorium_seat)
     return makers[member % len(makers)](cad)
-
-
-def _armchair(cad: Modeller) -> Item:
-    return seating.sofa(cad, 1)
 
 
 def table(cad: Modeller, member: int) -> Item:
@@ -55,12 +49,10 @@ def _meeting(cad: Modeller) -> Item:
 def _trestle(cad: Modeller) -> Item:
     width, height = cad.between(1.4, 2.0), cad.between(0.7, 0.8)
     top = cad.slab(width, 0.75, 0.03, 0.12).at(z=height)
-    legs = cad.legs((width * 0.34, 0.32), (width * 0.34, 0.08), height, 0.022)
-    bars = [
-        cad.rod((a * width * 0.34, -0.24, 0.22), (a * width * 0.34, 0.24, 0.22), 0.015)
-        for a in (-1, 1)
-    ]
-    beam = cad.rod((-width * 0.34, 0, 0.22), (width * 0.34, 0, 0.22), 0.018)
+    x = width * 0.34
+    legs = cad.legs((x, 0.32), (x, 0.08), height, 0.022)
+    bars = [cad.rod((a, -0.24, 0.22), (a, 0.24, 0.22), 0.015) for a in (-x, x)]
+    beam = cad.rod((-x, 0, 0.22), (x, 0, 0.22), 0.018)
     return [Piece("trestle_table", "table", join([top, *legs, *bars, beam]))]
 
 
@@ -78,45 +70,23 @@ def _open_shade(cad: Modeller, low: float, high: float, height: float) -> Surfac
 
 def _floor_lamp(cad: Modeller) -> Item:
     height = cad.between(1.3, 1.6)
-    foot = cad.turned(
-        (
-            *line((0, 0), (0.15, 0)),
-            *arc((0.13, 0.0), 0.02, 0, 90, 6),
-            *line((0.13, 0.02), (0.0, 0.03)),
-        )
-    )
+    edge = arc((0.13, 0.0), 0.02, 0, 90, 6)
+    foot = cad.turned(line((0, 0), (0.15, 0)), edge, line((0.13, 0.02), (0.0, 0.03)))
     shade = _open_shade(cad, cad.between(0.18, 0.24), cad.between(0.1, 0.17), 0.26).at(z=height)
     ends = polar(0.17, np.radians((0, 120, 240)))
     spokes = [cad.rod((0, 0, height + 0.05), (x, y, height + 0.05), 0.004) for x, y in ends]
-    return clutter(
-        "floor_lamp",
-        foot,
-        cad.cylinder(0.013, height + 0.06),
-        shade,
-        *spokes,
-        cad.sphere(0.04).at(z=height + 0.1),
-    )
+    post, bulb = cad.cylinder(0.013, height + 0.06), cad.sphere(0.04).at(z=height + 0.1)
+    return clutter("floor_lamp", foot, post, shade, *spokes, bulb)
 
 
 def _table_lamp(cad: Modeller) -> Item:
     a, b = cad.between(0.07, 0.12), cad.between(0.03, 0.06)
-    body = cad.turned(
-        (
-            *line((0, 0), (0.08, 0)),
-            *curve([(0.08, 0), (a, 0.08), (b, 0.2), (0.02, 0.28)], 10),
-            *line((0.02, 0.28), (0, 0.28)),
-        )
-    )
+    side = curve([(0.08, 0), (a, 0.08), (b, 0.2), (0.02, 0.28)], 10)
+    body = cad.turned(line((0, 0), (0.08, 0)), side, line((0.02, 0.28), (0, 0.28)))
     shade = _open_shade(cad, 0.17, cad.between(0.08, 0.17), 0.2).at(z=0.27)
     bar = cad.rod((-0.165, 0, 0.3), (0.165, 0, 0.3), 0.004)
-    return clutter(
-        "table_lamp",
-        body,
-        shade,
-        bar,
-        cad.cylinder(0.006, 0.1).at(z=0.27),
-        cad.sphere(0.035).at(z=0.38),
-    )
+    post, bulb = cad.cylinder(0.006, 0.1).at(z=0.27), cad.sphere(0.035).at(z=0.38)
+    return clutter("table_lamp", body, shade, bar, post, bulb)
 
 
 def _arc_lamp(cad: Modeller) -> Item:
@@ -138,40 +108,31 @@ def _lantern(cad: Modeller) -> Item:
 
 def bottle(cad: Modeller, member: int) -> Item:
     """Make a wine bottle, beer bottle, jar, canister or spray bottle."""
-    neck = cad.between(0.012, 0.018)
-    body = cad.between(0.034, 0.05)
+    neck, body = cad.between(0.012, 0.018), cad.between(0.034, 0.05)
     waist = body * cad.between(0.75, 1.0)
-    points: list[Point] = [
-        (body * 0.92, 0.0),
-        (body, 0.02),
-        (waist, 0.08),
-        (body, cad.between(0.12, 0.17)),
-        (neck * 1.3, cad.between(0.2, 0.23)),
-        (neck, 0.25),
-        (neck, cad.between(0.27, 0.31)),
-    ]
+    spans = ((0.12, 0.17), (0.2, 0.23), (0.27, 0.31))
+    shoulder, throat, rim = (cad.between(*span) for span in spans)
+    radii = [body * 0.92, body, waist, body, neck * 1.3, neck, neck]
+    heights = [0.0, 0.02, 0.08, shoulder, throat, 0.25, rim]
     if member % 3 == 2:
-        points = [
-            (body, 0.0),
-            (body * 1.05, 0.05),
-            (body, 0.11),
-            (body * 0.8, 0.13),
-            (body * 0.78, 0.15),
-        ]
+        radii = [body, body * 1.05, body, body * 0.8, body * 0.78]
+        heights = [0.0, 0.05, 0.11, 0.13, 0.15]
+    points = list(zip(radii, heights, strict=True))
     top = points[-1]
     parts = [cad.vessel(points, 0.003), cad.torus(top[0], 0.0025).at(z=top[1] - 0.012)]
     if member % 3 != 1:
         parts.append(cad.cylinder(top[0] + 0.003, 0.025).at(z=top[1] - 0.006))
     if member % 4 == 3:
         high, out = top[1] * 0.62, body + 0.035
-        grip = [
-            (_radius(points, 0.04) - 0.003, 0, 0.04),
-            (out, 0, 0.055),
-            (out, 0, high - 0.02),
-            (_radius(points, high) - 0.003, 0, high),
-        ]
-        parts.append(cad.tube(cad.smooth(grip), 0.007))
+        low, upper = (_radius(points, z) - 0.003 for z in (0.04, high))
+        parts.append(_ear(cad, (low, out, out, upper), (0.04, 0.055, high - 0.02, high), 0.007))
     return clutter("bottle", *parts)
+
+
+def _ear(cad: Modeller, xs: Sequence[float], zs: Sequence[float], radius: float) -> Surface:
+    """Make a handle of round wire, bent in the plane y = 0."""
+    path = [(x, 0.0, z) for x, z in zip(xs, zs, strict=True)]
+    return cad.tube(cad.smooth(path), radius)
 
 
 def cup(cad: Modeller, member: int) -> Item:
@@ -186,14 +147,9 @@ def cup(cad: Modeller, member: int) -> Item:
     points = shapes[member % 3]
     upper, lower = (_radius(points, share * height) - 0.002 for share in (0.82, 0.25))
     out = max(upper, lower) + cad.between(0.02, 0.032)
-    ear = [
-        (upper, 0, height * 0.82),
-        (upper + 0.7 * (out - upper), 0, height * 0.87),
-        (out, 0, height * 0.55),
-        (lower + 0.6 * (out - lower), 0, height * 0.27),
-        (lower, 0, height * 0.25),
-    ]
-    parts = [cad.vessel(points, 0.003), cad.tube(cad.smooth(ear), 0.0045)]
+    xs = (upper, upper + 0.7 * (out - upper), out, lower + 0.6 * (out - lower), lower)
+    zs = [height * share for share in (0.82, 0.87, 0.55, 0.27, 0.25)]
+    parts = [cad.vessel(points, 0.003), _ear(cad, xs, zs, 0.0045)]
     if member % 2:
         plate = cad.vessel([(0.03, 0.0), (0.05, 0.004), (0.075, 0.014)], 0.0025)
         parts = [plate, *(part.at(z=0.0025) for part in parts)]
@@ -208,10 +164,8 @@ def _radius(points: list[Point], height: float) -> float:
 def vase(cad: Modeller, member: int) -> Item:
     """Make a plain, fluted, twisted or two-handled vase."""
     heights = (0.0, 0.08, 0.18, 0.26, 0.32)
-    radii = [
-        cad.between(*span)
-        for span in ((0.04, 0.06), (0.07, 0.12), (0.06, 0.12), (0.025, 0.05), (0.04, 0.08))
-    ]
+    spans = ((0.04, 0.06), (0.07, 0.12), (0.06, 0.12), (0.025, 0.05), (0.04, 0.08))
+    radii = [cad.between(*span) for span in spans]
     body = cad.vessel(list(zip(radii, heights, strict=True)), 0.005)
     style = member % 4
     if style in (1, 2):
@@ -219,13 +173,8 @@ def vase(cad: Modeller, member: int) -> Item:
         body = body.deformed(lambda points: _fluted(points, waves, twist))
     if style == 3:
         x = radii[3]
-        ear = [
-            (x * 0.9, 0, 0.285),
-            (x + 0.05, 0, 0.28),
-            (x + 0.055, 0, 0.22),
-            (radii[2] * 0.93, 0, 0.19),
-        ]
-        handle = cad.tube(cad.smooth(ear), 0.006)
+        xs = (x * 0.9, x + 0.05, x + 0.055, radii[2] * 0.93)
+        handle = _ear(cad, xs, (0.285, 0.28, 0.22, 0.19), 0.006)
         body = join([body, handle, handle.mirrored()])
     return clutter("vase", body)
 
@@ -238,19 +187,10 @@ def _fluted(points: Floats, waves: int, twist: float) -> Floats:
 
 def guitar(cad: Modeller, member: int) -> Item:
     electric = member % 2 == 1
-    lower, waist, upper = (
-        cad.between(0.18, 0.21),
-        cad.between(0.11, 0.13),
-        cad.between(0.13, 0.155),
-    )
-    half = [
-        (0.0, -0.26),
-        (lower * 0.7, -0.23),
-        (lower, -0.1),
-        (waist, 0.06),
-        (upper, 0.17),
-        (upper * 0.7, 0.24),
-    ]
+    spans = ((0.18, 0.21), (0.11, 0.13), (0.13, 0.155))
+    lower, waist, upper = (cad.between(*span) for span in spans)
+    xs = (0.0, lower * 0.7, lower, waist, upper, upper * 0.7)
+    half = list(zip(xs, (-0.26, -0.23, -0.1, 0.06, 0.17, 0.24), strict=True))
     half += [(0.09, 0.3), (0.035, 0.2)] if electric else [(0.04, 0.255)]
     ring = [*half, *((-x, y) for x, y in half[:0:-1])]
     depth = 0.045 if electric else 0.1
@@ -267,9 +207,8 @@ def guitar(cad: Modeller, member: int) -> Item:
 
 
 def _neck(cad: Modeller, depth: float) -> list[Surface]:
-    half = extrude(
-        (*arc((0, 0), 0.026, 180, 360, cad.steps(0.03) // 2), *line((0.026, 0), (-0.026, 0))), 0.5
-    )
+    back = arc((0, 0), 0.026, 180, 360, cad.steps(0.03) // 2)
+    half = extrude((*back, *line((0.026, 0), (-0.026, 0))), 0.5)
     parts = [half.at(tilt=90).at(y=0.68, z=depth + 0.012)]
     frets = 0.68 - 0.62 * (1 - 2 ** (-np.arange(1, 18) / 12))
     parts += [cad.box(0.05, 0.002, 0.003).at(y=float(y), z=depth + 0.011) for y in frets if y > 0.2]
@@ -279,10 +218,9 @@ def _neck(cad: Modeller, depth: float) -> list[Surface]:
             y = 0.71 + 0.045 * k
             parts.append(cad.cylinder(0.005, 0.016).at(side * 0.028, y, depth + 0.006))
             parts.append(cad.superquadric((0.012, 0.008, 0.006)).at(side * 0.055, y, depth))
-    parts += [
-        cad.rod((0.0075 * s, -0.12, depth + 0.015), (0.0065 * s, 0.7, depth + 0.015), 0.0008)
-        for s in (-2.5, -1.5, -0.5, 0.5, 1.5, 2.5)
-    ]
+    for s in (-2.5, -1.5, -0.5, 0.5, 1.5, 2.5):
+        z = depth + 0.015
+        parts.append(cad.rod((0.0075 * s, -0.12, z), (0.0065 * s, 0.7, z), 0.0008))
     return parts
 
 
@@ -296,31 +234,16 @@ def spectacles(cad: Modeller, member: int) -> Item:
     thick = cad.between(0.0012, 0.0024)
     right = [cad.tube(rim, thick, closed=True)]
     outer = 2 * width + 0.009
-    temple = [
-        (outer, 0, height * 0.5),
-        (outer + 0.006, 0.004, height * 0.5),
-        (outer + 0.006, 0.09, height * 0.5),
-        (outer + 0.003, 0.115, height * 0.3),
-        (outer, 0.135, -height * 0.8),
-    ]
+    xs, ys = (0.0, 0.006, 0.006, 0.003, 0.0), (0.0, 0.004, 0.09, 0.115, 0.135)
+    zs = (0.5, 0.5, 0.5, 0.3, -0.8)
+    temple = [(outer + x, y, height * share) for x, y, share in zip(xs, ys, zs, strict=True)]
     right.append(cad.tube(cad.smooth(temple), thick))
     right.append(cad.superquadric((0.0015, 0.004, 0.006)).at(0.006, 0.006, -0.002))
     if member % 2:
-        lens = extrude(
-            closed_curve([(float(a), float(b)) for a, b in zip(rim[:, 0], z, strict=True)], 1),
-            0.001,
-        )
-        right.append(lens.at(tilt=90).at(y=0.0005))
+        edge = closed_curve([point(corner) for corner in rim[:, [0, 2]]], 1)
+        right.append(extrude(edge, 0.001).at(tilt=90).at(y=0.0005))
     side = join(right)
-    bridge = cad.tube(
-        cad.smooth(
-            [
-                (-0.0092, 0, 0.003),
-                (-0.004, -0.001, 0.007),
-                (0.004, -0.001, 0.007),
-                (0.0092, 0, 0.003),
-            ]
-        ),
-        thick,
-    )
+    end, crest = (0.0092, 0, 0.003), (0.004, -0.001, 0.007)
+    path = [(-end[0], *end[1:]), (-crest[0], *crest[1:]), crest, end]
+    bridge = cad.tube(cad.smooth(path), thick)
     return clutter("spectacles", side, side.mirrored(), bridge)

@@ -34,42 +34,24 @@ def airplane(cad: Modeller, member: int) -> Item:
     parts = [_fuselage(cad, radius, length)]
     low = -0.55 * radius if style < 2 else 0.75 * radius
     wing = _wing(cad, chord, chord * 0.35, span, sweep).at(x=length * 0.58, z=low)
-    tail = _wing(cad, chord * 0.55, chord * 0.25, span * 0.36, sweep).at(
-        x=length * 0.1, z=radius * 0.3
-    )
-    fin = (
-        _wing(cad, chord * 0.7, chord * 0.3, span * 0.3 + radius, max(sweep, 0.3))
-        .at(tilt=90)
-        .at(x=length * 0.11)
-    )
-    side = [wing, tail]
-    if style < 2:
-        side += [
-            _nacelle(cad, radius * 0.55).at(
-                length * 0.6 - sweep * span * at, span * at, low - radius * 0.6
-            )
-            for at in ((0.33,), (0.3, 0.58))[style]
-        ]
+    tail = _wing(cad, chord * 0.55, chord * 0.25, span * 0.36, sweep)
+    fin = _wing(cad, chord * 0.7, chord * 0.3, span * 0.3 + radius, max(sweep, 0.3)).at(tilt=90)
+    side = [wing, tail.at(x=length * 0.1, z=radius * 0.3)]
+    for share in ((0.33,), (0.3, 0.58), (), ())[style]:
+        x, y = length * 0.6 - sweep * span * share, span * share
+        side.append(_nacelle(cad, radius * 0.55).at(x, y, low - radius * 0.6))
     half = join(side)
-    parts += [half, half.mirrored(1), fin]
+    parts += [half, half.mirrored(1), fin.at(x=length * 0.11)]
     if style == 2:
         parts += _propeller(cad, radius, length)
     return clutter("airplane", *parts)
 
 
 def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
-    shares = [
-        (0.0, 0.0),
-        (0.25, 0.04),
-        (0.7, 0.16),
-        (1.0, 0.34),
-        (1.0, 0.6),
-        (1.0, 0.84),
-        (0.75, 0.94),
-        (0.35, 0.985),
-        (0.0, 1.0),
-    ]
-    smooth = catmull_rom(np.array(shares) * (radius, length), max(4, cad.steps(1) // 12))
+    radii = (0.0, 0.25, 0.7, 1.0, 1.0, 1.0, 0.75, 0.35, 0.0)
+    stations = (0.0, 0.04, 0.16, 0.34, 0.6, 0.84, 0.94, 0.985, 1.0)
+    shares = np.column_stack([radii, stations])
+    smooth = catmull_rom(shares * (radius, length), max(4, cad.steps(1) // 12))
     smooth[:, 0] = np.maximum(smooth[:, 0], 0.0)
     return cad.turned((Segment("curve", smooth),)).at(roll=90)
 
@@ -88,46 +70,22 @@ def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> 
 
 def _nacelle(cad: Modeller, radius: float) -> Surface:
     length = radius * 3.2
-    ring = (
-        *line((0, 0), (radius * 0.55, 0)),
-        *curve(
-            [
-                (radius * 0.55, 0),
-                (radius * 0.9, length * 0.35),
-                (radius, length * 0.75),
-                (radius * 0.92, length),
-            ],
-            6,
-        ),
-        *line(
-            (radius * 0.92, length),
-            (radius * 0.84, length),
-            (radius * 0.84, length * 0.75),
-            (0, length * 0.75),
-        ),
-    )
-    spinner = cad.cone(radius * 0.3, 0.0, length * 0.2).at(z=length * 0.75)
-    pylon = (
-        cad.box(radius * 0.2, length * 0.6, radius * 1.2)
-        .at(turn=90)
-        .at(x=length * 0.4, z=radius * 0.6)
-    )
-    return (cad.turned(ring) + spinner).at(roll=90) + pylon
+    back, rim, inner, depth = radius * 0.55, radius * 0.92, radius * 0.84, length * 0.75
+    skin = curve([(back, 0), (radius * 0.9, length * 0.35), (radius, depth), (rim, length)], 6)
+    intake = line((rim, length), (inner, length), (inner, depth), (0, depth))
+    spinner = cad.cone(radius * 0.3, 0.0, length * 0.2).at(z=depth)
+    pylon = cad.box(radius * 0.2, length * 0.6, radius * 1.2).at(turn=90)
+    engine = cad.turned(line((0, 0), (back, 0)), skin, intake) + spinner
+    return engine.at(roll=90) + pylon.at(x=length * 0.4, z=radius * 0.6)
 
 
 def _propeller(cad: Modeller, radius: float, length: float) -> list[Surface]:
     hub = cad.superquadric((0.2, 0.2, 0.4)).at(x=length, roll=90)
     blade = cad.superquadric((0.04, 0.13, 0.85)).at(z=0.9, turn=25)
     blades = [blade.at(tilt=angle).at(x=length + 0.1) for angle in (0, 120, 240)]
-    wheels = [
-        cad.torus(0.28, 0.12).at(length * 0.62, s * 0.8, -radius - 0.7, tilt=90) for s in (-1, 1)
-    ]
-    struts = [
-        cad.rod(
-            (length * 0.62, s * 0.8, -radius - 0.7), (length * 0.62, s * 0.2, -radius * 0.8), 0.07
-        )
-        for s in (-1, 1)
-    ]
+    x, z = length * 0.62, -radius - 0.7
+    wheels = cad.torus(0.28, 0.12).at_sides(x, 0.8, z, axis=1, tilt=90)
+    struts = [cad.rod((x, s * 0.8, z), (x, s * 0.2, -radius * 0.8), 0.07) for s in (-1, 1)]
     return [hub, *blades, *wheels, *struts]
 
 
@@ -163,38 +121,18 @@ def car(cad: Modeller, member: int) -> Item:
         for s in (-1, 1)
     ]
     front = side[2][0]
-    lights = [
-        cad.superquadric((0.06, 0.17, 0.1)).at(front - 0.01, s * width * 0.33, 0.66)
-        for s in (-1, 1)
-    ]
-    mirrors = [
-        cad.superquadric((0.06, 0.12, 0.08)).at(
-            cabin[1][0] - 0.35, s * (width / 2 + 0.08), cabin[0][1] + 0.1
-        )
-        for s in (-1, 1)
-    ]
-    bumpers = [
-        cad.pipe(
-            [
-                (x * 0.97, -width / 2 + 0.05, 0.45),
-                (x * 1.03, -width / 2 + 0.05, 0.45),
-                (x * 1.03, width / 2 - 0.05, 0.45),
-                (x * 0.97, width / 2 - 0.05, 0.45),
-            ],
-            0.05,
-            0.055,
-        )
-        for x in (front, side[0][0])
-    ]
+    lights = cad.superquadric((0.06, 0.17, 0.1)).at_sides(front - 0.01, width * 0.33, 0.66, axis=1)
+    place = (cabin[1][0] - 0.35, width / 2 + 0.08, cabin[0][1] + 0.1)
+    mirrors = cad.superquadric((0.06, 0.12, 0.08)).at_sides(*place, axis=1)
+    bumpers, y = [], width / 2 - 0.05
+    for x in (front, side[0][0]):
+        corners = ((x * 0.97, -y), (x * 1.03, -y), (x * 1.03, y), (x * 0.97, y))
+        bumpers.append(cad.pipe([(*corner, 0.45) for corner in corners], 0.05, 0.055))
     parts = [body, top, *wheels, *lights, *mirrors, *bumpers]
     if style == 3:
-        parts += [
-            cad.box(side[0][0] * -0.72, 0.06, 0.35).at(
-                side[0][0] * 0.62, s * (width / 2 - 0.03), 1.08
-            )
-            for s in (-1, 1)
-        ]
-        parts.append(cad.box(0.06, width, 0.35).at(side[0][0] + 0.03, 0, 1.08))
+        back, board = side[0][0], cad.box(side[0][0] * -0.72, 0.06, 0.35)
+        parts += board.at_sides(back * 0.62, width / 2 - 0.03, 1.08, axis=1)
+        parts.append(cad.box(0.06, width, 0.35).at(back + 0.03, 0, 1.08))
     return clutter("car", *parts)
 
 
@@ -203,8 +141,7 @@ def _with_arches(
 ) -> Outline:
     low = side[0][1]
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
-    start = float(np.degrees(np.arctan2(low - 0.33, -half)))
-    end = float(np.degrees(np.arctan2(low - 0.33, half)))
+    start, end = (float(np.degrees(np.arctan2(low - 0.33, x))) for x in (-half, half))
     cuts: list[Segment] = []
     x = side[0][0] + 0.09
     for axle in axles:
@@ -229,9 +166,8 @@ def _tapered(outline: Outline, low: float, high: float) -> Surface:
 def _wheel(cad: Modeller) -> Surface:
     tyre = cad.torus(0.24, 0.09).at(tilt=90)
     rim = cad.cylinder(0.19, 0.12).at(y=0.06, tilt=90)
-    spokes = [
-        cad.box(0.035, 0.02, 0.17).at(roll=angle).at(y=0.065) for angle in np.arange(0, 360, 60.0)
-    ]
+    spoke = cad.box(0.035, 0.02, 0.17)
+    spokes = [spoke.at(roll=angle).at(y=0.065) for angle in np.arange(0, 360, 60.0)]
     return join([tyre, rim, *spokes, cad.superquadric((0.05, 0.05, 0.03)).at(y=0.07, tilt=90)])
 
 
@@ -266,14 +202,9 @@ def _grow(
         turn = 2 * np.pi * k / count + cad.between(0, 1)
         across = frame_along(heading, end)[:3, :2] @ [np.cos(turn), np.sin(turn)]
         towards = heading + across * cad.between(0.5, 0.9) + (0.0, 0.0, 0.12)
-        more, ends = _grow(
-            cad,
-            end - heading * thick * 0.3,
-            towards / np.linalg.norm(towards),
-            length * cad.between(0.62, 0.8),
-            thick * 0.66,
-            depth - 1,
-        )
+        towards /= np.linalg.norm(towards)
+        fork, reach = end - heading * thick * 0.3, length * cad.between(0.62, 0.8)
+        more, ends = _grow(cad, fork, towards, reach, thick * 0.66, depth - 1)
         parts += more
         tips += ends
     return parts, tips
@@ -283,10 +214,8 @@ def _leafy(cad: Modeller) -> list[Surface]:
     parts, tips = _grow(cad, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.3, 0.14, 2)
     for tip in tips:
         size = cad.between(0.38, 0.6)
-        crown = cad.superquadric((size, size * 0.9, size * 0.75), (1.0, 1.0)).at(
-            *tip, turn=cad.between(0, 90)
-        )
-        parts.append(crown)
+        crown = cad.superquadric((size, size * 0.9, size * 0.75))
+        parts.append(crown.at(*tip, turn=cad.between(0, 90)))
     return parts
 
 

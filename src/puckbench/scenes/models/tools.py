@@ -40,17 +40,8 @@ def _handle(cad: Modeller, length: float) -> Surface:
 
 
 def _claw(cad: Modeller) -> Surface:
-    face = cad.turned(
-        line(
-            (0, 0),
-            (0.012, 0),
-            (0.015, 0.004),
-            (0.015, 0.02),
-            (0.011, 0.028),
-            (0.011, 0.05),
-            (0, 0.05),
-        )
-    )
+    radii, heights = (0.012, 0.015, 0.015, 0.011, 0.011), (0, 0.004, 0.02, 0.028, 0.05)
+    face = cad.turned(line((0, 0), *zip(radii, heights, strict=True), (0, 0.05)))
     block = cad.slab(0.04, 0.028, 0.03, 0.006).at(z=-0.015)
     drop = cad.between(0.02, 0.035)
     path = cad.smooth([(-0.015, 0, 0), (-0.04, 0, 0.002), (-0.07, 0, -0.01), (-0.09, 0, -drop)])
@@ -63,18 +54,11 @@ def _claw(cad: Modeller) -> Surface:
 
 
 def _ball_peen(cad: Modeller) -> Surface:
-    face = line(
-        (0, 0),
-        (0.014, 0),
-        (0.016, 0.003),
-        (0.016, 0.018),
-        (0.010, 0.026),
-        (0.013, 0.034),
-        (0.013, 0.056),
-        (0.008, 0.064),
-    )
+    radii = (0.0, 0.014, 0.016, 0.016, 0.010, 0.013, 0.013, 0.008)
+    heights = (0.0, 0.0, 0.003, 0.018, 0.026, 0.034, 0.056, 0.064)
+    face = line(*zip(radii, heights, strict=True))
     ball = arc((0, 0.076), 0.0144, -56, 90, max(6, cad.steps(0.02) // 2))
-    return cad.turned((*face, *ball)).at(x=0.045, roll=-90)
+    return cad.turned(face, ball).at(x=0.045, roll=-90)
 
 
 def _mallet(cad: Modeller) -> Surface:
@@ -106,13 +90,8 @@ def screw(cad: Modeller, member: int) -> Item:
     radius, length = cad.between(0.07, 0.11), cad.between(0.6, 0.9)
     pitch = radius * cad.between(0.32, 0.5)
     point = radius * 2.2 if member % 3 == 2 else radius * 0.3
-    profile = line(
-        (0, -point),
-        (radius * (0.0 if member % 3 == 2 else 0.75), -point),
-        (radius, 0),
-        (radius, length),
-        (0, length),
-    )
+    end = (0.0, -point) if member % 3 == 2 else (radius * 0.75, -point)
+    profile = line((0, -point), end, (radius, 0), (radius, length), (0, length))
     shank = cad.turned(profile[1:] if member % 3 == 2 else profile)
     share = 1.0 if member % 2 else cad.between(0.55, 0.8)
     head = (_hex_head, _slotted_head, _flat_head, _socket_head)[member % 4](cad, radius * 2)
@@ -128,9 +107,8 @@ def _thread(cad: Modeller, radius: float, pitch: float, length: float) -> Surfac
     angle = 2 * np.pi * turns * along
     ridge = np.array([(-0.45, -0.12), (-0.08, 1.0), (0.08, 1.0), (0.45, -0.12)])
     r = radius + np.where(ridge[:, 1] > 0, height[:, None], -0.12 * pitch)
-    z = length * along[:, None] + ridge[:, 0] * pitch * np.clip(
-        height[:, None] / (0.55 * pitch), 0.02, 1
-    )
+    spread = np.clip(height[:, None] / (0.55 * pitch), 0.02, 1)
+    z = length * along[:, None] + ridge[:, 0] * pitch * spread
     points = np.stack([r * np.cos(angle)[:, None], r * np.sin(angle)[:, None], z], axis=-1)
     return grid(points)
 
@@ -144,33 +122,19 @@ def _hex_head(cad: Modeller, size: float) -> Surface:
 def _slotted_head(cad: Modeller, size: float) -> Surface:
     slot = [rectangle(size * 0.24, size * 1.7)]
     rim = arc((size * 0.8, size * 0.2), size * 0.2, -90, 0, max(4, cad.steps(size) // 8))
-    side = (*line((0, 0), (size * 0.8, 0)), *rim, *line((size, size * 0.2), (size, size * 0.3)))
+    side = line((size, size * 0.2), (size, size * 0.3), (0, size * 0.3))
     plate = extrude(circle(size, cad.steps(size)), size * 0.3, slot)
-    floor = line((size, size * 0.3), (0, size * 0.3))
-    return cad.turned((*side, *floor)) + plate.at(z=size * 0.3)
+    return cad.turned(line((0, 0), (size * 0.8, 0)), rim, side) + plate.at(z=size * 0.3)
 
 
 def _flat_head(cad: Modeller, size: float) -> Surface:
-    side = cad.turned(
-        line((0, -size * 0.6), (size * 0.5, -size * 0.6), (size, 0), (size, size * 0.05))
-    )
+    side = line((0, -size * 0.6), (size * 0.5, -size * 0.6), (size, 0), (size, size * 0.05))
     a, b = size * 0.12, size * 0.5
-    cross = [
-        (-a, -b),
-        (a, -b),
-        (a, -a),
-        (b, -a),
-        (b, a),
-        (a, a),
-        (a, b),
-        (-a, b),
-        (-a, a),
-        (-b, a),
-        (-b, -a),
-        (-a, -a),
-    ]
+    cross = [(-a, -b), (a, -b), (a, -a)]
+    for _ in range(3):
+        cross += [(-y, x) for x, y in cross[-3:]]
     plate = extrude(circle(size, cad.steps(size)), size * 0.2, [polygon(*cross)])
-    return side + plate.at(z=size * 0.05)
+    return cad.turned(side) + plate.at(z=size * 0.05)
 
 
 def _socket_head(cad: Modeller, size: float) -> Surface:
@@ -191,9 +155,8 @@ def gear(cad: Modeller, member: int) -> Item:
         holes += [circle(cad.between(0.05, 0.075), cad.steps(0.06), spot) for spot in spots]
     parts = [extrude(_toothed(cad, teeth, 0.5), width, holes)]
     if style == 1:
-        parts.append(
-            extrude(circle(bore * 1.6, cad.steps(bore)), width * 1.8, holes[:1]).at(z=-width * 0.4)
-        )
+        hub = extrude(circle(bore * 1.6, cad.steps(bore)), width * 1.8, holes[:1])
+        parts.append(hub.at(z=-width * 0.4))
     if style == 2:
         parts.append(extrude(_toothed(cad, max(9, teeth // 2), 0.28), width, holes).at(z=width))
     if style == 3:
@@ -211,13 +174,9 @@ def _toothed(cad: Modeller, teeth: int, radius: float) -> Outline:
         low = arc((0, 0), root, start, start + 0.36 * step, steps)
         high = arc((0, 0), radius, start + 0.54 * step, start + 0.82 * step, steps)
         following = np.radians(start + step)
-        ends = [
-            low[0].points[-1],
-            high[0].points[0],
-            high[0].points[-1],
-            root * np.array([np.cos(following), np.sin(following)]),
-        ]
-        up, down = (Segment("line", np.stack(pair)) for pair in (ends[:2], ends[2:]))
+        next_low = root * np.array([np.cos(following), np.sin(following)])
+        up = Segment("line", np.stack([low[0].points[-1], high[0].points[0]]))
+        down = Segment("line", np.stack([high[0].points[-1], next_low]))
         outline += [*low, up, *high, down]
     return tuple(outline)
 
@@ -238,16 +197,9 @@ def pipe_fitting(cad: Modeller, member: int) -> Item:
 
 def _collar(cad: Modeller, radius: float) -> Surface:
     outer, depth = radius * cad.pick((1.25, 1.35)), radius * 1.1
-    bead = line(
-        (0, -depth),
-        (outer, -depth),
-        (outer, -0.12 * radius),
-        (outer * 0.94, 0),
-        (radius * 0.9, 0),
-        (radius * 0.9, -depth * 0.85),
-        (0, -depth * 0.85),
-    )
-    return cad.turned(bead)
+    inner, floor = radius * 0.9, -depth * 0.85
+    outside = line((0, -depth), (outer, -depth), (outer, -0.12 * radius), (outer * 0.94, 0))
+    return cad.turned(outside, line((outer * 0.94, 0), (inner, 0), (inner, floor), (0, floor)))
 
 
 def _branch(cad: Modeller, radius: float, length: float) -> Surface:
@@ -258,17 +210,14 @@ def _elbow(cad: Modeller, radius: float) -> Surface:
     bend = radius * cad.between(1.5, 2.5)
     arm = bend + radius * 0.8
     body = cad.pipe([(-arm, 0, 0), (0, 0, 0), (0, 0, arm)], radius, bend)
-    collars = [
-        _collar(cad, radius).at(z=arm + radius * 0.8),
-        _collar(cad, radius).at(x=-arm - radius * 0.8, roll=-90),
-    ]
-    return join([body, *collars])
+    upper = _collar(cad, radius).at(z=arm + radius * 0.8)
+    return join([body, upper, _collar(cad, radius).at(x=-arm - radius * 0.8, roll=-90)])
 
 
 def _tee(cad: Modeller, radius: float) -> Surface:
     length = radius * cad.between(2.6, 3.6)
     side = radius * cad.between(0.7, 1.0)
-    arms = [_branch(cad, radius, length).at(roll=90), _branch(cad, radius, length).at(roll=-90)]
+    arms = [_branch(cad, radius, length).at(roll=angle) for angle in (90, -90)]
     return join([*arms, _branch(cad, side, length)])
 
 
@@ -280,11 +229,9 @@ def _cross(cad: Modeller, radius: float) -> Surface:
 
 def _reducer(cad: Modeller, radius: float) -> Surface:
     small, length = radius * cad.between(0.5, 0.7), radius * cad.between(1.5, 2.5)
-    ends = [
-        _branch(cad, small, radius * 2).at(z=length),
-        _branch(cad, radius, radius * 2).at(tilt=180),
-    ]
-    return join([cad.cone(radius, small, length), *ends])
+    upper = _branch(cad, small, radius * 2).at(z=length)
+    lower = _branch(cad, radius, radius * 2).at(tilt=180)
+    return join([cad.cone(radius, small, length), upper, lower])
 
 
 def _flange(cad: Modeller, radius: float, bolts: int) -> Surface:
@@ -296,9 +243,8 @@ def _flange(cad: Modeller, radius: float, bolts: int) -> Surface:
 
 def _flanged(cad: Modeller, radius: float) -> Surface:
     length, bolts = radius * cad.between(3, 5), int(cad.rng.integers(4, 9))
-    tube = line(
-        (radius, 0), (radius, length), (radius * 0.8, length), (radius * 0.8, 0), (radius, 0)
-    )
+    inner = radius * 0.8
+    tube = line((radius, 0), (radius, length), (inner, length), (inner, 0), (radius, 0))
     flange = _flange(cad, radius, bolts)
     return join([cad.turned(tube), flange, flange.at(z=length - radius * 0.4)])
 

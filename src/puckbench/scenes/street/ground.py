@@ -41,38 +41,23 @@ def road_height(y: float) -> float:
 
 def ground(cad: Modeller, length: float) -> Item:
     """Make the ground of a street with `length` metres between its cross streets."""
-    half = _crowned(length)
-    hip = _hip(length)
+    x = length / 2 - _CORNER
+    ridge = x - _HIP
+    half = _facet((-x, -ROAD, 0.0), (x, -ROAD, 0.0), (ridge, 0.0, CROWN), (-ridge, 0.0, CROWN))
+    hip = _facet((x, -ROAD, 0.0), (x, ROAD, 0.0), (ridge, 0.0, CROWN))
     item = [Piece("road", "road", join([half, half.mirrored(1), hip, hip.mirrored()]))]
     for kind, semantic, surface in (_junction(cad, length), *_block(cad, length), *_far(length)):
         item += [Piece(kind, semantic, part) for part in (surface, surface.at(turn=180))]
     return item
 
 
-def _crowned(length: float) -> Surface:
-    x = length / 2 - _CORNER
-    ridge = x - _HIP
-    return _facet((-x, -ROAD, 0.0), (x, -ROAD, 0.0), (ridge, 0.0, CROWN), (-ridge, 0.0, CROWN))
-
-
-def _hip(length: float) -> Surface:
-    x = length / 2 - _CORNER
-    return _facet((x, -ROAD, 0.0), (x, ROAD, 0.0), (x - _HIP, 0.0, CROWN))
-
-
 def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
     x, inner, y = length / 2, length / 2 - _CORNER, ROAD + _CORNER
     far, steps = x + CROSS_STREET, cad.steps(_CORNER) // 4
+    corners = ((x, -HALF_WIDTH), (far, -HALF_WIDTH), (far, HALF_WIDTH), (x, HALF_WIDTH))
     border = (
         *arc((inner, -y), _CORNER, 90, 0, steps),
-        *line(
-            (x, -y),
-            (x, -HALF_WIDTH),
-            (far, -HALF_WIDTH),
-            (far, HALF_WIDTH),
-            (x, HALF_WIDTH),
-            (x, y),
-        ),
+        *line((x, -y), *corners, (x, y)),
         *arc((inner, y), _CORNER, 0, -90, steps),
         *line((inner, ROAD), (inner, -ROAD)),
     )
@@ -116,10 +101,8 @@ def _uncovered(surface: Surface, base: int = 1) -> Surface:
 
 
 def _rectangle(low: Point, high: Point) -> Surface:
-    (x0, y0), (x1, y1) = low, high
-    return _facet(
-        (x0, y0, PAVEMENT_Z), (x1, y0, PAVEMENT_Z), (x1, y1, PAVEMENT_Z), (x0, y1, PAVEMENT_Z)
-    )
+    (x0, y0), (x1, y1), z = low, high, PAVEMENT_Z
+    return _facet((x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
 
 
 def _facet(*corners: tuple[float, float, float]) -> Surface:

@@ -11,7 +11,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.outlines import polygon
 from puckbench.scenes.pieces import Item, Piece
-from puckbench.scenes.shell import door_leaf
+from puckbench.scenes.shell import door_leaf, recess
 from puckbench.scenes.solids import box, extrude
 from puckbench.scenes.surfaces import Surface, join, planar
 
@@ -111,9 +111,8 @@ def _wall_with_openings(width: float, height: float, openings: Sequence[_Opening
 
 
 def _recess(opening: _Opening, depth: float) -> tuple[Surface, Surface]:
-    whole = box(opening.width, depth, opening.height).flipped()
-    whole = whole.at(opening.x, depth / 2, opening.z)
-    return whole.select(0, 1, 4, 5), whole.select(3)
+    sides, back = recess(opening.width, depth, opening.height)
+    return sides.at(opening.x, 0, opening.z), back.at(opening.x, 0, opening.z)
 
 
 def _window(opening: _Opening, reveal: float) -> tuple[Surface, Surface]:
@@ -132,11 +131,9 @@ def _window(opening: _Opening, reveal: float) -> tuple[Surface, Surface]:
 def _door(cad: Modeller, opening: _Opening) -> tuple[Surface, Surface]:
     depth = 0.4
     sides, back = _recess(opening, depth)
-    leaf = door_leaf(cad, opening.width - 0.02, opening.height - 0.02).at(
-        opening.x, depth - 0.06, opening.z
-    )
+    leaf = door_leaf(cad, opening.width - 0.02, opening.height - 0.02)
     step = box(opening.width + 0.3, 0.35, 0.14).at(opening.x, -0.175)
-    return sides, join([leaf, back, step])
+    return sides, join([leaf.at(opening.x, depth - 0.06, opening.z), back, step])
 
 
 def _walls(cad: Modeller, facade: _Facade, depth: float) -> Surface:
@@ -145,16 +142,13 @@ def _walls(cad: Modeller, facade: _Facade, depth: float) -> Surface:
     if roof == "across" and facade.width < 12:
         side = polygon((-x, 0), (x, 0), (x, z), (0, z + 2 * rise * x), (-x, z))
         body = extrude(side, depth).at(tilt=90).at(y=depth).select(1, 3, 4, 5, 6)
-        return join([body, _triangle((-x, z), (x, z), (0.0, z + 2 * rise * x))])
+        gable = np.array([(-x, 0.0, z), (x, 0.0, z), (0.0, 0.0, z + 2 * rise * x)])
+        return join([body, planar(gable, np.array([[0, 1, 2]]))])
     ridge = [] if roof == "flat" else [(depth / 2, z + rise * depth)]
     side = polygon((0, 0), (depth, 0), (depth, z), *ridge, (0, z))
     faces = range(3, len(side) + 1)
     body = extrude(side, facade.width).select(0, 1, *faces).at(tilt=90).at(turn=90).at(x=-x)
     return join([body, _cornice_and_chimney(cad, facade, depth, rise if ridge else 0.0)])
-
-
-def _triangle(*corners: tuple[float, float]) -> Surface:
-    return planar(np.array([(x, 0.0, z) for x, z in corners]), np.array([[0, 1, 2]]))
 
 
 def _cornice_and_chimney(cad: Modeller, facade: _Facade, depth: float, rise: float) -> Surface:

@@ -137,10 +137,8 @@ def _green_lot(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None
     width = lot.width * cad.between(0.5, 0.8)
     street.add(_border(cad)(cad, width), frame @ pose(lot.middle, PROPERTY_Y + 0.4, PAVEMENT_Z))
     for maker in (planting.tree, planting.tree, planting.bush, planting.bush):
-        x, y = (
-            lot.middle + cad.between(-0.4, 0.4) * lot.width,
-            PROPERTY_Y + cad.between(3.5, 18.0),
-        )
+        x = lot.middle + cad.between(-0.4, 0.4) * lot.width
+        y = PROPERTY_Y + cad.between(3.5, 18.0)
         street.add(maker(cad), frame @ pose(x, y, PAVEMENT_Z))
 
 
@@ -150,12 +148,9 @@ def _garden(street: _Street, cad: Modeller, lot: _Lot, depth: float, frame: Floa
     for side in (-1, 1):
         x = lot.middle + side * (lot.width - part) / 2
         street.add(border(cad, part - 0.1), frame @ pose(x, PROPERTY_Y + 0.4, PAVEMENT_Z))
-        spot = (
-            x + cad.between(-0.3, 0.3) * part,
-            PROPERTY_Y + depth * cad.between(0.5, 0.6),
-            PAVEMENT_Z,
-        )
-        street.add(planting.bush(cad), frame @ pose(*spot))
+        x += cad.between(-0.3, 0.3) * part
+        y = PROPERTY_Y + depth * cad.between(0.5, 0.6)
+        street.add(planting.bush(cad), frame @ pose(x, y, PAVEMENT_Z))
 
 
 def _alley(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None:

@@ -19,10 +19,7 @@ def arm_lamp(cad: Modeller) -> Item:
     path = [(0, 0, height), (0, 0, height + 0.5), (0, -reach, height + 0.7)]
     arm = cad.pipe(path, 0.04, 0.3)
     head = cad.slab(0.24, 0.6, 0.1, 0.06).at(y=-reach - 0.2, z=height + 0.62)
-    return [
-        Piece("lamp_post", "pole", join([foot, post])),
-        Piece("lamp", "pole", join([arm, head])),
-    ]
+    return [Piece("lamp_post", "pole", foot + post), Piece("lamp", "pole", arm + head)]
 
 
 def globe_lamp(cad: Modeller) -> Item:
@@ -35,13 +32,8 @@ def globe_lamp(cad: Modeller) -> Item:
 def sign(cad: Modeller) -> Item:
     """Make a round, triangular or square traffic sign, facing along x."""
     height = cad.between(2.2, 2.7)
-    outline = cad.pick(
-        (
-            circle(0.3, cad.steps(0.3)),
-            polygon((-0.4, -0.23), (0.4, -0.23), (0.0, 0.46)),
-            rectangle(0.5, 0.7),
-        )
-    )
+    triangle = polygon((-0.4, -0.23), (0.4, -0.23), (0.0, 0.46))
+    outline = cad.pick((circle(0.3, cad.steps(0.3)), triangle, rectangle(0.5, 0.7)))
     plate = extrude(outline, 0.03).at(tilt=90).at(turn=90).at(x=0.04, z=height - 0.4)
     post = cad.cylinder(0.03, height)
     return [Piece("sign_post", "pole", post), Piece("sign", "sign", plate)]
@@ -50,8 +42,8 @@ def sign(cad: Modeller) -> Item:
 def bollard(cad: Modeller) -> Item:
     radius, height = 0.065, 0.85
     top = arc((0.0, height), radius, 0, 90, cad.steps(radius) // 4)
-    profile = (*line((0, 0), (radius, 0), (radius, height)), *top)
-    return [Piece("bollard", "pole", cad.turned(profile))]
+    post = cad.turned(line((0, 0), (radius, 0), (radius, height)), top)
+    return [Piece("bollard", "pole", post)]
 
 
 def bench(cad: Modeller) -> Item:
@@ -61,11 +53,8 @@ def bench(cad: Modeller) -> Item:
 def _bench(cad: Modeller, length: float) -> Surface:
     seat = [cad.box(length, 0.11, 0.04).at(y=y, z=0.42) for y in (-0.14, 0.0, 0.14)]
     back = [cad.box(length, 0.03, 0.11).at(y=0.25, z=z) for z in (0.55, 0.7)]
-    stands = [
-        cad.box(0.06, *size).at(s * (length / 2 - 0.25), y, 0)
-        for s in (-1, 1)
-        for size, y in (((0.38, 0.42), 0.0), ((0.05, 0.82), 0.29))
-    ]
+    legs = cad.box(0.06, 0.38, 0.42) + cad.box(0.06, 0.05, 0.82).at(y=0.29)
+    stands = legs.at_sides(length / 2 - 0.25)
     return join([*seat, *back, *stands])
 
 
@@ -85,13 +74,11 @@ def shelter(cad: Modeller) -> Item:
     y, x = depth / 2 - 0.1, length / 2 - 0.15
     panes = [cad.box(length - 0.4, 0.03, 1.9).at(y=y, z=0.3)]
     panes.append(cad.box(0.03, depth - 0.5, 1.9).at(x, 0.1, 0.3))
-    posts = [cad.box(0.08, 0.08, 2.4).at(s * x, t * y, 0) for s in (-1, 1) for t in (-1, 1)]
+    posts = cad.box(0.08, 0.08, 2.4).at_corners(x, y)
     roof = cad.slab(length, depth, 0.12, 0.1).at(z=2.4)
     seat = _bench(cad, 2.2).at(y=y - 0.4)
-    return [
-        Piece("shelter", "shelter", join([*panes, *posts, roof])),
-        Piece("bench", "bench", seat),
-    ]
+    hut = Piece("shelter", "shelter", join([*panes, *posts, roof]))
+    return [hut, Piece("bench", "bench", seat)]
 
 
 def fence(cad: Modeller, length: float) -> Item:
