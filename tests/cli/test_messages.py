@@ -20,6 +20,7 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.jobs import process
 from puckbench.jobs.encode import Encode
+from tests.support.bag_files import ros2_bag
 
 CAPTURE = Path(__file__).parents[1] / "data" / "capture" / "single.pcap"
 OWN = """
@@ -242,3 +243,12 @@ def test_points_that_are_not_finite_are_left_out_when_asked(
     assert "2 of 500 points are not finite" in _refused(capsys, *words)
     assert main([*map(str, words), "--drop-invalid"]) == 0
     assert len(read_cloud(tmp_path / "cloud.ply")) == 498
+
+
+def test_compress_says_that_bags_are_decompressed_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ros2_bag(tmp_path / "bag", "MCAP", "STORAGE")
+    (path,) = (tmp_path / "bag").glob("*.mcap")
+    assert main(["compress", str(path), str(tmp_path / "a.puck")]) == 0
+    assert "decompress bags first (rosbag decompress, mcap decompress)" in capsys.readouterr().err

@@ -99,13 +99,11 @@ def test_a_description_says_that_it_is_ours(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("about", "is_read"),
     [
-        ({"source": "a", "points": 50, "scale": 9.0}, True),  # of the first version, without a mark
-        ({"points": 50, "scale": 9.0}, False),
-        ({"source": "a", "points": [50], "scale": 9.0}, False),
-        ({"source": "a", "points": 49, "scale": 9.0}, False),
+        ({"source": "a", "points": 50, "scale": 9.0}, False),
+        ({"puckbench": "cloud", "points": [50], "scale": 9.0}, False),
+        ({"puckbench": "cloud", "points": 49, "scale": 9.0}, False),
         ({"puckbench": "cloud", "scale": 9.0}, True),
-        ({"vertices": 50, "triangles": 1, "scale": 9.0}, True),
-        ({"vertices": 50, "triangles": "1", "scale": 9.0}, False),
+        ({"puckbench": "cloud", "points": 50, "scale": 9.0}, True),
     ],
 )
 def test_only_descriptions_by_puckbench_are_read(

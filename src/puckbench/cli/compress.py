@@ -22,25 +22,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.core.progress import Progress
-    from puckbench.io.recordings.compressed_chunks import compressed_chunks
     from puckbench.puck import CodingOptions, compress
 
     coding = CodingOptions(effort=options.effort, key_every=options.key_every)
     summary = compress(options.recording, options.out, coding, Progress("byte"))
-    chunks = compressed_chunks(options.recording)
-    if chunks:
+    if not summary.packets:
         _LOG.warning(
-            "%s: %.0f %% of its bytes are chunks compressed by %s, which stay as they are, because "
-            "another version of %s may not restore the same bytes; decompress the file first (%s)",
-            options.recording,
-            100 * sum(chunks.values()) / summary.bytes,
-            *(2 * [" and ".join(chunks)]),
-            "rosbag decompress" if options.recording.suffix == ".bag" else "mcap decompress",
-        )
-    elif not summary.packets:
-        _LOG.warning(
-            "%s: no data packets of a modelled sensor (Ouster's need the sensor's .json beside the "
-            "capture): LZMA alone",
+            "%s: no data packets of a modelled sensor: LZMA alone. Ouster's need the sensor's .json "
+            "beside the capture; decompress bags first (rosbag decompress, mcap decompress)",
             options.recording,
         )
-    return summary.as_json() | ({"compressed_chunks": chunks} if chunks else {})
+    return summary.as_json()

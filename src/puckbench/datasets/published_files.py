@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.core.errors import InputError, naming
+from puckbench.core.yaml_files import read_yaml
 
 HOST = "https://raw.githubusercontent.com"
 _TIMEOUT_S = 60
@@ -30,10 +31,7 @@ TABLES = {
 
 
 def published(name: str = PCGC) -> dict[str, Any]:
-    import yaml
-
-    text = Path(__file__).with_name(TABLES[name]).read_text(encoding="utf-8")
-    content: dict[str, Any] = yaml.safe_load(text)
+    content: dict[str, Any] = read_yaml(Path(__file__).with_name(TABLES[name]))
     return content
 
 

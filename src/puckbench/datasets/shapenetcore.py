@@ -8,13 +8,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from puckbench.core.yaml_files import read_yaml
 from puckbench.datasets.base import Count, MeshFolderSet, Provenance, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.meshes import read_mesh_report
 
+_read_table = cache(read_yaml)
 _SYNSET = re.compile(r"\d{8}")
 _FILES = ("models/model_normalized.obj", "model.obj")  # version 2, version 1
 _CLASSES = 55
@@ -72,18 +72,13 @@ class ShapeNetCore(MeshFolderSet):
         return read_mesh_report(path, up="y")
 
 
-@cache
-def _synsets() -> dict[str, str]:
-    with Path(__file__).with_name("shapenet_synsets.yaml").open(encoding="utf-8") as stream:
-        return dict(yaml.safe_load(stream))
-
-
 def _is_synset(path: Path) -> bool:
     return _SYNSET.fullmatch(path.name) is not None and path.is_dir()
 
 
 def _class_of(synset: Path) -> str:
-    return _synsets().get(synset.name, synset.name)
+    names: dict[str, str] = _read_table(Path(__file__).with_name("shapenet_synsets.yaml"))
+    return names.get(synset.name, synset.name)
 
 
 def _model_file(folder: Path) -> Path | None:

@@ -7,13 +7,13 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from puckbench.core.errors import InputError
+from puckbench.core.yaml_files import read_yaml
 from puckbench.datasets.base import DataSet, freeform_labels, look_up, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
@@ -24,6 +24,7 @@ from puckbench.io.meshes.reading import mesh_from_polygons, y_up_to_z_up
 INSTALLED = "/usr/share/sweethome3d/furniture"
 _INSIDE = ("", "furniture", "usr/share/sweethome3d/furniture")
 _PROPERTIES = "PluginFurnitureCatalog.properties"
+_read_table = cache(read_yaml)
 _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 
 
@@ -155,22 +156,13 @@ def _member(path: Path, name: str) -> bytes:
 
 def semantic_class(title: str) -> str | None:
     words = title.lower()
-    table = _class_words()
+    table = _read_table(Path(__file__).with_suffix(".yaml"))
     if any(f"{word} " in f"{words} " and not words.endswith(word) for word in table["not"]):
         return None
     for name, endings in table["classes"].items():
         if any(words == ending or words.endswith(f" {ending}") for ending in endings):
             return str(name)
     return None
-
-
-@cache
-def _class_words() -> dict[str, Any]:
-    import yaml
-
-    text = files("puckbench.datasets").joinpath("sweethome3d.yaml").read_text(encoding="utf-8")
-    table: dict[str, Any] = yaml.safe_load(text)
-    return table
 
 
 def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:

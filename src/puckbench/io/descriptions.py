@@ -52,12 +52,4 @@ def _read_if_of_puckbench(path: Path) -> dict[str, Any] | None:
         about = read_json(path)
     except InputError:
         return None
-    is_of_puckbench = isinstance(about, dict) and (
-        _KIND_KEY in about or _is_of_first_version(about)
-    )
-    return about if is_of_puckbench else None
-
-
-def _is_of_first_version(about: Mapping[str, Any]) -> bool:
-    counts = {name for name in ("points", "vertices", "triangles") if type(about.get(name)) is int}
-    return counts >= {"vertices", "triangles"} or ("points" in counts and "source" in about)
+    return about if isinstance(about, dict) and _KIND_KEY in about else None

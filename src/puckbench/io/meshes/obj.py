@@ -44,7 +44,7 @@ def parse_obj(data: bytes, source: str) -> Polygons:
         _vertices(points, source),
         corners - 1,
         sizes,
-        skipped=_skipped(kinds),
+        skipped=dict(Counter(_SKIPPED[kind] for kind in kinds if kind in _SKIPPED)),
         materials=materials,
         material_id=material_id,
     )
@@ -91,10 +91,6 @@ def _absolute(corners: Ints, sizes: Ints, kinds: list[bytes]) -> Ints:
     is_face = np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_)
     vertices_before: NDArray[np.int64] = np.repeat(vertex_counts[is_face], sizes)
     return np.where(corners < 0, vertices_before + corners + 1, corners)
-
-
-def _skipped(kinds: list[bytes]) -> dict[str, int]:
-    return dict(Counter(_SKIPPED[kind] for kind in kinds if kind in _SKIPPED))
 
 
 def _is_vertex(line: bytes) -> bool:

@@ -50,37 +50,34 @@ def decompressed_columns(message: Any) -> Columns:
     most = max(message.height * message.row_step, message.width * message.point_step)
     if most > _MAX_RATIO * len(stream):
         raise InputError(f"a cloud of {most} bytes in a stream of {len(stream)}")
-    data = _DECOMPRESSORS[message.format](stream, most)
+    name, decompress = _DECOMPRESSORS[message.format]
+    try:
+        data = decompress(stream, most + 1)
+        if len(data) > most:
+            raise ValueError("more bytes than the message says")
+    except (zlib.error, OSError, ValueError) as error:
+        raise InputError(f"the stream is damaged ({name})") from error
     return point_columns(message, np.frombuffer(data, np.uint8))
 
 
-def _decompressed_zlib(stream: bytes, most: int) -> bytes:
+def _from_zlib(stream: bytes, most: int) -> bytes:
     decoder = zlib.decompressobj(zlib.MAX_WBITS + 32)  # with the header of gzip or zlib
-    try:
-        data = decoder.decompress(stream, most + 1)
-    except zlib.error as error:
-        raise InputError("the stream is damaged (zlib)") from error
-    if not decoder.eof or len(data) > most:
-        raise InputError("the stream is damaged (zlib)")
+    data = decoder.decompress(stream, most)
+    if not decoder.eof:
+        raise ValueError("no end")
     return data
 
 
-def _decompressed_zstd(stream: bytes, most: int) -> bytes:
+def _from_zstd(stream: bytes, most: int) -> bytes:
     import pyarrow as pa
 
-    try:
-        with pa.input_stream(pa.py_buffer(stream), compression="zstd") as decoder:
-            data = bytes(decoder.read(most + 1))
-    except OSError as error:
-        raise InputError("the stream is damaged (Zstandard)") from error
-    if len(data) > most:
-        raise InputError("the stream is damaged (Zstandard)")
-    return data
+    with pa.input_stream(pa.py_buffer(stream), compression="zstd") as decoder:
+        return bytes(decoder.read(most))
 
 
-_DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
-    "zlib": _decompressed_zlib,
-    "zstd": _decompressed_zstd,
+_DECOMPRESSORS: dict[str, tuple[str, Callable[[bytes, int], bytes]]] = {
+    "zlib": ("zlib", _from_zlib),
+    "zstd": ("Zstandard", _from_zstd),
 }
 
 

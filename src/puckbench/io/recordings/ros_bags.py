@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import accumulate, pairwise
@@ -81,12 +81,8 @@ def read_messages(
     """
     from rosbags.serde import SerdeError
 
-    options = {
-        "kinds": list(kinds),
-        "topic": topic,
-        "numbers": None if numbers is None else list(numbers),
-    }
-    parsed = _isolated(parse_bag, path, **options)
+    selected = None if numbers is None else list(numbers)
+    parsed = _isolated(parse_bag, path, kinds=list(kinds), topic=topic, numbers=selected)
     topic, kind, form = (parsed.about[key] for key in ("topic", "kind", "format"))
     types = _types(form == "rosbag", tuple((definitions or {}).items()))
     decode = types.deserialize_ros1 if form == "rosbag" else types.deserialize_cdr
@@ -177,17 +173,13 @@ def _messages(
                 yield from bag.read(topic, selected)
 
 
-@contextmanager
-def _bag_file(file: Path, folder: Path) -> Iterator[BagFile]:
+def _bag_file(file: Path, folder: Path) -> AbstractContextManager[BagFile]:
     suffix = _suffix(file)
     if suffix == ".db3":
-        with sqlite_bag(file, folder) as bag:
-            yield bag
-        return
+        return sqlite_bag(file, folder)
     link = folder / f"{len(list(folder.iterdir()))}{suffix}"  # the library requires the suffix
     link.symlink_to(file.resolve())
-    with indexed_bag(link) as bag:
-        yield bag
+    return indexed_bag(link)
 
 
 def _suffix(file: Path) -> str:
@@ -199,11 +191,13 @@ def _suffix(file: Path) -> str:
 
 
 def _files(path: Path, folder: Path) -> tuple[list[Path], bool]:
+    import yaml
+
     if not path.is_dir():
         return [path], False
     if not (path / _METADATA).is_file():
         return [_bag_in(path)], False
-    metadata = _metadata(path / _METADATA)
+    metadata = yaml.safe_load((path / _METADATA).read_bytes())["rosbag2_bagfile_information"]
     files = [path / Path(name).name for name in metadata["relative_file_paths"]]
     missing = [file.name for file in files if not file.is_file()]
     if missing:
@@ -214,13 +208,6 @@ def _files(path: Path, folder: Path) -> tuple[list[Path], bool]:
     if mode == "file":
         files = [_decompressed_file(file, folder) for file in files]
     return files, mode == "message"
-
-
-def _metadata(path: Path) -> dict[str, Any]:
-    import yaml
-
-    metadata: dict[str, Any] = yaml.safe_load(path.read_bytes())["rosbag2_bagfile_information"]
-    return metadata
 
 
 def _bag_in(folder: Path) -> Path:
