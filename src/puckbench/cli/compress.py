@@ -28,8 +28,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     summary = compress(options.recording, options.out, coding, Progress("byte"))
     if not summary.packets:
         _LOG.warning(
-            "%s: no data packets of a modelled sensor: LZMA alone. Ouster's need the sensor's .json "
-            "beside the capture; decompress bags first (rosbag decompress, mcap decompress)",
+            "%s: no data packets of a modelled sensor: LZMA alone (Ouster's need the sensor's "
+            ".json beside the capture); decompress bags first (rosbag decompress, mcap decompress)",
             options.recording,
         )
     return summary.as_json()

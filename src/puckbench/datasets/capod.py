@@ -83,7 +83,5 @@ def _read_classes(path: Path) -> dict[str, list[int]]:
 def _check_complete(folder: Path, paths: list[Path]) -> None:
     missing = [path.relative_to(folder) for path in paths if not path.is_file()]
     if missing:
-        raise InputError(
-            f"{folder}: CAPOD is incomplete: {len(missing)} of {len(paths)} objects are missing, "
-            f"such as {missing[0]}"
-        )
+        fault = f"{len(missing)} of {len(paths)} objects are missing, such as {missing[0]}"
+        raise InputError(f"{folder}: CAPOD is incomplete: {fault}")

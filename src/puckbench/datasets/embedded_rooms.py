@@ -28,11 +28,7 @@ class EmbeddedRooms(GeneratedSet):
     def load(self, name: str) -> Scene:
         from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
 
-        return Scene(
-            name,
-            room_spec(name).kind,
-            mesh=make_room(name, self.seed, self.detail),
-            origin=origin(name, self.seed),
-            box=room_box(name, self.seed),
-            about=self._about(seed=self.seed, detail=self.detail),
-        )
+        mesh = make_room(name, self.seed, self.detail)
+        place, box = origin(name, self.seed), room_box(name, self.seed)
+        about = self._about(seed=self.seed, detail=self.detail)
+        return Scene(name, room_spec(name).kind, mesh=mesh, origin=place, box=box, about=about)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,7 @@ MeshArrays = tuple[Floats, NDArray[np.int64]]
 """Vertices (v, 3), y up, and triangles (t, 3)."""
 
 
-@dataclass(frozen=True)
-class _Pose:
+class _Pose(NamedTuple):
     position: Floats
     quaternion: Floats
     scale: Floats
@@ -33,8 +32,7 @@ class _Pose:
         return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
 
 
-@dataclass(frozen=True)
-class _PlacedItem:
+class _PlacedItem(NamedTuple):
     semantic: str
     pose: _Pose
     model: str | None = None
@@ -78,7 +76,9 @@ def build_room(
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []
     for item in room.items:
-        surface = item.surface if item.model is None else _model_of(item.model, folder)
+        surface = item.surface
+        if item.model is not None:
+            surface = _read_model(_model_file(folder, item.model))
         if surface is None:
             left_out["model_missing"] += 1
         else:
@@ -86,11 +86,9 @@ def build_room(
     if not placed:
         raise InputError(f"{what}: no item of the room has a surface")
     house_points = [points for item, points, _ in placed if item.model is None]
-    box = (
-        np.stack([np.vstack(house_points).min(axis=0), np.vstack(house_points).max(axis=0)])
-        if house_points
-        else None
-    )
+    box = None
+    if house_points:
+        box = np.stack([np.vstack(house_points).min(axis=0), np.vstack(house_points).max(axis=0)])
     mesh = _joined(placed)
     check_mesh(mesh, what)
     return mesh, box, dict(left_out)
@@ -134,17 +132,14 @@ def _mesh_surface(part: Any) -> MeshArrays:
     return vertices, np.array(part["faces"], dtype=np.int64).reshape(-1, 3)
 
 
-def _model_of(model: str, folder: Path) -> MeshArrays | None:
-    path = _model_file(folder, model)
-    return _read_model(path) if path.is_file() else None
-
-
 def _model_file(folder: Path, model: str) -> Path:
     return folder / model / "raw_model.obj"
 
 
 @lru_cache(maxsize=64)
-def _read_model(path: Path) -> MeshArrays:
+def _read_model(path: Path) -> MeshArrays | None:
+    if not path.is_file():
+        return None
     mesh, _ = read_mesh_report(path, up="z")  # left as it is: the whole room is turned
     return mesh.vertices, mesh.triangles
 

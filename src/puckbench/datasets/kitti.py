@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,24 +98,16 @@ class Kitti(FrameSet):
         scene, origin = replace(cloud, about=about), (0.0, 0.0, 0.0)
         return Scene(name, part, None, scene, None, origin, None, about, pose, time_s)
 
-    @cached_property
-    def _motions(self) -> dict[Path, tuple[Floats | None, Floats | None]]:
-        return {}
-
     def _motion(self, frame: Path) -> tuple[Floats | None, float | None]:
         """Return the pose (4, 4) and time, s, of an odometry frame; None for other frames."""
         sequence = frame.parent.parent
-        if sequence not in self._motions:
-            self._motions[sequence] = _sequence_motion(sequence)
-        poses, times = self._motions[sequence]
+        poses, times = _sequence_motion(sequence)
         number = int(frame.stem) if frame.stem.isdecimal() else -1
         for file, values in (("poses", poses), ("times", times)):
             if values is not None and not 0 <= number < len(values):
                 raise InputError(f"{frame}: {len(values)} {file}, none for this frame")
-        return (
-            None if poses is None else poses[number],
-            None if times is None else float(times[number]),
-        )
+        pose = None if poses is None else poses[number]
+        return pose, None if times is None else float(times[number])
 
     def counts(self) -> list[Count]:
         scene_parts = [_part_of(name) for name in self._whole().names()]
@@ -141,13 +133,12 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
     turned = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])
     rings = split_rings(np.mod(np.arctan2(xyz[:, 1], xyz[:, 0]), 2 * np.pi))
     if len(rings) != _RINGS:
-        raise InputError(
-            f"{len(rings)} rings, not {_RINGS}: not a whole frame in its own order, from which "
-            "returns can be recovered"
-        )
+        fault = "not a whole frame in its own order, from which returns can be recovered"
+        raise InputError(f"{len(rings)} rings, not {_RINGS}: {fault}")
     return recovered_returns(turned, rings, _STEP_DEG, "HDL-64E")
 
 
+@lru_cache(maxsize=32)
 def _sequence_motion(sequence: Path) -> tuple[Floats | None, Floats | None]:
     poses, times = sequence.parents[1] / "poses" / f"{sequence.name}.txt", sequence / "times.txt"
     seconds = read_times(times) if times.is_file() else None

@@ -70,12 +70,10 @@ class NuScenes(FrameSet):
             return Scene(name, log, returns=recovered.returns, about=about)
         cloud = PointCloud(table[:, :3], about={**about, "dropped_points": 0})
         if not self.keep_missing:
-            missing = missing_firings(cloud.xyz, table[:, 4])
-            cloud = without_missing(cloud, missing, path)
+            cloud = without_missing(cloud, missing_firings(cloud.xyz, table[:, 4]), path)
         cloud = without_invalid(cloud, path)
         check_points(cloud.xyz, str(path))
-        about = cloud.about
-        return Scene(name, log, cloud=cloud, origin=(0.0, 0.0, 0.0), about=about)
+        return Scene(name, log, cloud=cloud, origin=(0.0, 0.0, 0.0), about=cloud.about)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
         paths = sorted((folder / self.part / "LIDAR_TOP").glob(f"*{_SUFFIX}"))
@@ -95,7 +93,6 @@ def _recovered(table: Floats) -> RecoveredReturns:
     rings = table[:, 4]
     whole = len(rings) > 0 and len(rings) % _RINGS == 0 and bool(np.isfinite(table).all())
     if not whole or (rings.reshape(-1, _RINGS) != np.arange(_RINGS)).any():
-        raise InputError(
-            f"points are not in the order of {_RINGS} rings, from which returns can be recovered"
-        )
+        order = f"the order of {_RINGS} rings, from which returns can be recovered"
+        raise InputError(f"points are not in {order}")
     return recovered_firings(table[:, :3].reshape(-1, _RINGS, 3), "HDL-32E")

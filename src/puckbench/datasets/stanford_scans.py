@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
 from puckbench.datasets.registry import LOADERS
@@ -20,8 +19,7 @@ _EXPECTED = (
 )
 
 
-@dataclass(frozen=True)
-class _ScannedModel:
+class _ScannedModel(NamedTuple):
     """A model's file, up axis, metres per unit, and number of faces in the published file."""
 
     file: str
@@ -63,16 +61,11 @@ class StanfordScans(MeshFolderSet):
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
         paths_by_file = {path.name: path for path in sorted(folder.rglob("*.ply"), reverse=True)}
-        table = {
-            name: paths_by_file[model.file]
-            for name, model in _MODELS.items()
-            if model.file in paths_by_file
-        }
-        if not table:
+        present = [name for name, model in _MODELS.items() if model.file in paths_by_file]
+        if not present:
             raise self._missing("known models")
-        return {
-            name: table[name] for name in sorted(select_names("models", self.models, list(table)))
-        }
+        kept = sorted(select_names("models", self.models, present))
+        return {name: paths_by_file[_MODELS[name].file] for name in kept}
 
     def _group(self, path: Path) -> str:
         return "scan"
@@ -85,8 +78,5 @@ class StanfordScans(MeshFolderSet):
         mesh, report = read_mesh_report(path, up=model.up)
         credit = _CREDIT_XYZRGB if path.name.startswith("xyzrgb") else _CREDIT
         details = {"metres_per_unit": model.unit, "faces_expected": model.triangles}
-        return Mesh(mesh.vertices * model.unit, mesh.triangles), {
-            "credit": credit,
-            **details,
-            **report,
-        }
+        scaled = Mesh(mesh.vertices * model.unit, mesh.triangles)
+        return scaled, {"credit": credit, **details, **report}

@@ -90,9 +90,8 @@ class SweetHome3D(DataSet):
             paths = sorted((Path(self.path) / inside).glob("*.sh3f"))
             if paths:
                 return paths
-        raise InputError(
-            f"{self.path}: no .sh3f catalogues (expected Debian's sweethome3d-furniture)"
-        )
+        expected = "expected Debian's sweethome3d-furniture"
+        raise InputError(f"{self.path}: no .sh3f catalogues ({expected})")
 
     @cached_property
     def _table(self) -> dict[str, CatalogueModel]:
@@ -100,9 +99,8 @@ class SweetHome3D(DataSet):
         names = unique_names(model.name for model in models)
         classes = sorted({model.semantic for model in models})
         kept = select_names("classes", self.classes, classes)
-        return {
-            name: model for name, model in zip(names, models, strict=True) if model.semantic in kept
-        }
+        table = zip(names, models, strict=True)
+        return {name: model for name, model in table if model.semantic in kept}
 
 
 def _read_catalogue(path: Path) -> Iterator[CatalogueModel]:

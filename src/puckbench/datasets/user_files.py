@@ -100,9 +100,7 @@ class FileSet(DataSet):
         path, suffixes = Path(text), self.suffixes
         if path.is_file() and plain_suffix(path) not in suffixes:
             raise InputError(f"{text}: not one of the {self.what}: expected {', '.join(suffixes)}")
-        return paths_at(
-            text, lambda folder: folder.rglob("*"), self._is_of_set, self.what, suffixes
-        )
+        return paths_at(text, lambda at: at.rglob("*"), self._is_of_set, self.what, suffixes)
 
     def _is_of_set(self, path: Path) -> bool:
         has_suffix = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
@@ -163,16 +161,11 @@ def scene_names(paths: Iterable[Path]) -> list[str]:
     alike = [path for path in listed if stems[safe_name(plain[path].stem).lower()] > 1]
     folders = [str(path.resolve().parent) for path in alike]
     common = os.path.commonpath(folders) if alike else ""
-    whole = {
-        path: "-".join((*Path(folder).relative_to(common).parts, plain[path].stem))
-        for path, folder in zip(alike, folders, strict=True)
-    }
-    counts = Counter(name.lower() for name in whole.values())
-    return unique_names(
-        plain[path].stem
-        if path not in whole
-        else f"{whole[path]}_{plain[path].suffix[1:]}"
-        if counts[whole[path].lower()] > 1
-        else whole[path]
-        for path in listed
-    )
+    names = {path: plain[path].stem for path in listed}
+    for path, folder in zip(alike, folders, strict=True):
+        names[path] = "-".join((*Path(folder).relative_to(common).parts, plain[path].stem))
+    counts = Counter(names[path].lower() for path in alike)
+    for path in alike:
+        if counts[names[path].lower()] > 1:
+            names[path] += f"_{plain[path].suffix[1:]}"
+    return unique_names(names[path] for path in listed)

@@ -59,7 +59,8 @@ class Voxelised8i(FolderSet):
 
     def load(self, name: str) -> Scene:
         path = self._file(name)
-        bits = _bits(name)
+        frame = _FRAME.match(name)
+        bits = int(frame["bits"]) if frame else 0
         cloud = read_cloud(path, keep_missing=True)
         _check_grid(cloud.xyz, bits, path)
         _, first = np.unique(cloud.xyz, axis=0, return_index=True)
@@ -86,8 +87,7 @@ class Voxelised8i(FolderSet):
         scale = _SCALE.search(read_bytes(path)[:_HEADER_BYTES])
         if self.height_m is None and scale is not None:
             return float(scale[1]) / 100
-        side = _HEIGHT_M if self.height_m is None else self.height_m
-        return side / float(2**bits)
+        return (self.height_m or _HEIGHT_M) / float(2**bits)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
         paths = sorted(p for p in folder.rglob("*_vox*.ply") if _FRAME.fullmatch(p.stem))
@@ -109,14 +109,8 @@ def _sequence(name: str) -> str:
     return match["sequence"] if match else name
 
 
-def _bits(name: str) -> int:
-    match = _FRAME.match(name)
-    return int(match["bits"]) if match else 0
-
-
 def _check_grid(points: Floats, bits: int, path: Path) -> None:
     inside = (points == np.rint(points)) & (points >= 0) & (points < 2**bits)
     if off := int(np.count_nonzero(~inside.all(axis=1))):
-        raise InputError(
-            f"{path}: {off} of {len(points)} points are not on the grid of {bits} bits"
-        )
+        fault = f"{off} of {len(points)} points are not on the grid of {bits} bits"
+        raise InputError(f"{path}: {fault}")

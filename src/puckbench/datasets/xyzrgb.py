@@ -105,9 +105,8 @@ def _readings(line: bytes) -> Iterator[bytes]:
         for before, run, after in zip(good, foreign, good[1:], strict=False)
     ]
     for replacements in product(*choices):
-        yield b"".join(
-            part for pair in zip(good, (*replacements, b""), strict=True) for part in pair
-        )
+        pairs = zip(good, (*replacements, b""), strict=True)
+        yield b"".join(part for pair in pairs for part in pair)
 
 
 def _ends_in_number(text: bytes) -> bool:

@@ -1,10 +1,16 @@
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from puckbench.core.errors import InputError
 
+PARSER_FAULTS = (
+    *(ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, OSError),
+    *(RuntimeError, TypeError, ValueError, struct.error),
+)
+"""Exceptions that other packages' parsers raise for damaged files."""
 _MAX_LENGTH = 120
 _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
 """Exceptions whose message alone says little: KeyError's is just the key."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import Floats
-from puckbench.io.damage import reading
+from puckbench.io.damage import PARSER_FAULTS, reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.point_columns import Columns
 
@@ -20,7 +20,6 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _STATES = ("cartesianInvalidState", "sphericalInvalidState")
 _NORMALS = ("nor:normalX", "nor:normalY", "nor:normalZ")
-_DAMAGE = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
 _MAX_LIST_LENGTH = 120
 
 
@@ -39,7 +38,7 @@ def parse_e57(path: Path) -> ParsedFile:
     except ImportError as error:
         how = "pip install 'puckbench[e57]'"
         raise InputError(f"{path}: reading E57 takes the package pye57 ({how})") from error
-    with naming(path), reading("E57 file", E57Exception, *_DAMAGE), E57(str(path)) as file:
+    with naming(path), reading("E57 file", E57Exception, *PARSER_FAULTS), E57(str(path)) as file:
         omitted = _unreadable_fields(file)
         scans = [_scan(file, number) for number in range(file.scan_count)]
     if not scans:

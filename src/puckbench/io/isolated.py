@@ -115,7 +115,7 @@ class _Worker:
         self._requests = cast("IO[bytes]", self._process.stdin)
         self._answers = cast("BufferedReader", self._process.stdout)
 
-    def ask(self, request: Mapping[str, Any], seconds: float) -> tuple[dict[str, Any], Any]:
+    def ask(self, request: Mapping[str, Any], seconds: float) -> _Answer:
         timer = Timer(_CLOCK_FACTOR * seconds, self._process.kill)
         timer.daemon = True
         timer.start()
@@ -142,9 +142,7 @@ _workers: dict[int, _Worker] = {}
 """Idle worker by the calling process's id; a forked process needs a new worker."""
 
 
-def _ask_worker(
-    request: Mapping[str, Any], seconds: float
-) -> tuple[dict[str, Any], ParsedFile | None]:
+def _ask_worker(request: Mapping[str, Any], seconds: float) -> _Answer:
     worker = _workers.pop(os.getpid(), None)
     if worker is None or worker.has_ended():
         worker = _Worker()

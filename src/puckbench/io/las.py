@@ -7,8 +7,8 @@ as GPS time.
 from __future__ import annotations
 
 import logging
-import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import date
 from io import BytesIO
 from pathlib import Path
@@ -21,7 +21,7 @@ from puckbench import __version__
 from puckbench.core.content import unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import write_bytes
-from puckbench.io.damage import reading
+from puckbench.io.damage import PARSER_FAULTS, reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.las_header import check_las_header
 from puckbench.io.las_units import METRE, Units, las_units, unit_name
@@ -31,10 +31,6 @@ _STEP_M = 1e-4
 _DATE = date(2000, 1, 1)
 """Fixed creation date, so that equal points give equal files."""
 _AXES = ("x", "y", "z")
-_DAMAGE = (
-    *(ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError),
-    *(OSError, struct.error),
-)
 _COLUMN_NAMES = {
     "intensity": "reflectivity",
     "user_data": "laser_id",
@@ -114,20 +110,26 @@ def rewrite_las(
 def parse_las_file(path: Path) -> ParsedFile:
     """Return a LAS or LAZ file as the bytes of an uncompressed LAS file."""
     import laspy
-    from lazrs import LazrsError
 
-    check_las_header(path)
-    with naming(path), reading("LAS file", laspy.LaspyException, LazrsError, *_DAMAGE):
+    with _reading(path):
         content = las_bytes(laspy.read(path), is_compressed=False)
     return ParsedFile({"bytes": np.frombuffer(content, np.uint8)})
 
 
-def parse_las(path: Path, convert: bool = True) -> ParsedFile:
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
     import laspy
     from lazrs import LazrsError
 
     check_las_header(path)
-    with naming(path), reading("LAS file", laspy.LaspyException, LazrsError, *_DAMAGE):
+    with naming(path), reading("LAS file", laspy.LaspyException, LazrsError, *PARSER_FAULTS):
+        yield
+
+
+def parse_las(path: Path, convert: bool = True) -> ParsedFile:
+    import laspy
+
+    with _reading(path):
         with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
             metres = _metres_per_unit(reader.header, path) if convert else None
             points = reader.read_points(-1)

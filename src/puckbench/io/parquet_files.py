@@ -18,10 +18,9 @@ def check_parquet_memory(path: Path) -> None:
         return
     limit, _ = parser_limits(path.stat().st_size)
     if metadata.num_rows * metadata.num_columns * _VALUE_BYTES > limit:
-        raise InputError(
-            f"{path}: {metadata.num_rows} rows of {metadata.num_columns} columns take more than "
-            f"{limit / 2**30:.3g} GiB, too much for a file of its size"
-        )
+        table = f"{metadata.num_rows} rows of {metadata.num_columns} columns"
+        fault = f"take more than {limit / 2**30:.3g} GiB, too much for a file of its size"
+        raise InputError(f"{path}: {table} {fault}")
 
 
 def parquet_metadata(path: Path) -> dict[bytes, bytes]:

@@ -57,19 +57,14 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
         if not is_exact:
             fields |= {name: wide_colours[:, c] for c, name in enumerate(WIDE_COLOURS)}
     labels = _labels(remaining)
-    if labels is None and "label" in fields:
-        fields["label_"] = fields.pop("label")
+    field = fields.pop("label", None)
+    if labels is None and field is not None:
+        fields["label_"] = field
     with np.errstate(invalid="ignore"):  # signalling NaNs
         xyz = np.ascontiguousarray(xyz, dtype=np.float64)
         if normals is not None:
             normals = np.ascontiguousarray(normals, dtype=np.float64)
-    return PointCloud(
-        xyz,
-        normals,
-        colours,
-        labels,
-        fields=fields if labels is None else {n: v for n, v in fields.items() if n != "label"},
-    )
+    return PointCloud(xyz, normals, colours, labels, fields=fields)
 
 
 def default_columns(rows: NDArray[Any]) -> Columns:

@@ -166,10 +166,8 @@ def _parsed(data: bytes, separator: str) -> list[NDArray[Any]]:
         )
     except pa.ArrowException as error:
         raise InputError(f"not a table of numbers ({one_line(error)})") from error
-    return [
-        np.full(len(column), np.nan) if pa.types.is_null(column.type) else column.to_numpy()
-        for column in table.columns
-    ]
+    empty = np.full(len(table), np.nan)
+    return [empty if pa.types.is_null(each.type) else each.to_numpy() for each in table.columns]
 
 
 def _names(header: _TextHeader, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:

@@ -40,14 +40,9 @@ def parse_obj(data: bytes, source: str) -> Polygons:
     corners = _corners(faces, source)
     if len(corners) and corners.min() < 0:
         corners = _absolute(corners, sizes, kinds)
-    return Polygons(
-        _vertices(points, source),
-        corners - 1,
-        sizes,
-        skipped=dict(Counter(_SKIPPED[kind] for kind in kinds if kind in _SKIPPED)),
-        materials=materials,
-        material_id=material_id,
-    )
+    skipped = dict(Counter(_SKIPPED[kind] for kind in kinds if kind in _SKIPPED))
+    vertices = _vertices(points, source)
+    return Polygons(vertices, corners - 1, sizes, None, None, skipped, materials, material_id)
 
 
 def _lines(data: bytes) -> list[bytes]:

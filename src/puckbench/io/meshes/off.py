@@ -23,18 +23,15 @@ def read_off(path: Path) -> Polygons:
     counts, rows = _counts_and_rows(read_bytes(path), path)
     vertices, faces = counts
     if len(rows) < vertices + faces:
-        raise InputError(
-            f"{path}: truncated: {len(rows)} lines for {vertices} vertices and {faces} faces"
-        )
+        fault = f"{len(rows)} lines for {vertices} vertices and {faces} faces"
+        raise InputError(f"{path}: truncated: {fault}")
     corners, sizes = _faces(rows[vertices : vertices + faces], path)
     return Polygons(_vertices(rows[:vertices], path), corners, sizes)
 
 
 def _counts_and_rows(data: bytes, path: Path) -> tuple[tuple[int, int], list[bytes]]:
-    stripped = (
-        line.partition(b"#")[0].strip() for line in data.removeprefix(codecs.BOM_UTF8).splitlines()
-    )
-    rows = [line for line in stripped if line]
+    lines = data.removeprefix(codecs.BOM_UTF8).splitlines()
+    rows = list(filter(None, (line.partition(b"#")[0].strip() for line in lines)))
     if rows and (header := _HEADER.match(rows[0])):
         counts = rows[0][header.end() :].strip()
         rows = [counts, *rows[1:]] if counts else rows[1:]

@@ -64,9 +64,8 @@ def _labels(path: Path, rows: NDArray[Any], vertices: int) -> Labels | None:
         return None
     try:
         objects = tuple(SceneObject(item["name"], item["semantic"]) for item in about["objects"])
-        primitives = tuple(
-            Primitive(item["kind"], item["parameters"]) for item in about["primitives"]
-        )
+        kinds = ((item["kind"], item["parameters"]) for item in about["primitives"])
+        primitives = tuple(Primitive(*each) for each in kinds)
     except (KeyError, TypeError) as error:
         raise InputError(f"{sidecar(path)}: does not describe the labels of {path}") from error
     object_id, primitive_id = (rows[name].astype(np.int32) for name in _IDS)

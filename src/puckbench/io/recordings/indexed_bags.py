@@ -7,7 +7,7 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
-from puckbench.io.recordings.topics import BagFile, Topic, Topics
+from puckbench.io.recordings.topics import BagFile, added_up
 
 
 @contextmanager
@@ -18,10 +18,8 @@ def indexed_bag(path: Path) -> Iterator[BagFile]:
     reader: Any = Reader1(path) if path.suffix == ".bag" else Reader2(path)
     with reader:
         _check_chunks(reader)
-        topics: Topics = {}
-        for each in reader.connections:
-            before = topics[each.topic].messages if each.topic in topics else 0
-            topics[each.topic] = Topic(each.msgtype, before + each.msgcount)
+        connections = reader.connections
+        topics = added_up((each.topic, each.msgtype, each.msgcount) for each in connections)
         yield BagFile(topics, lambda topic, numbers: _messages(reader, topic, numbers))
 
 

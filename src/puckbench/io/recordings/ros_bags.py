@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -17,21 +16,17 @@ import numpy as np
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable
-from puckbench.io.damage import reading
+from puckbench.io.damage import PARSER_FAULTS, reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.point_columns import Columns
 from puckbench.io.recordings.indexed_bags import indexed_bag
 from puckbench.io.recordings.sqlite_bags import SIDE_FILE_SUFFIXES, sqlite_bag
-from puckbench.io.recordings.topics import BagFile, Topic, Topics, choose_topic, listed
+from puckbench.io.recordings.topics import BagFile, Topic, Topics, added_up, choose_topic, listed
 
 _MAGICS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
 """Suffix of each kind of bag by its first bytes."""
 _METADATA = "metadata.yaml"
 _MAX_MAGIC_LENGTH = 16
-_DAMAGE = (
-    *(struct.error, OSError, EOFError, RuntimeError, ArithmeticError, AssertionError),
-    *(AttributeError, LookupError, TypeError, ValueError),
-)
 
 
 @dataclass(frozen=True)
@@ -87,7 +82,7 @@ def read_messages(
     types = _types(form == "rosbag", tuple((definitions or {}).items()))
     decode = types.deserialize_ros1 if form == "rosbag" else types.deserialize_cdr
     data, ends = parsed.columns["data"], accumulate(parsed.columns["sizes"].tolist(), initial=0)
-    with naming(path), reading("ROS bag", SerdeError, *_DAMAGE):
+    with naming(path), reading("ROS bag", SerdeError, *PARSER_FAULTS):
         messages = [decode(data[start:end].tobytes(), kind) for start, end in pairwise(ends)]
     return Messages(topic, kind, messages, form)
 
@@ -117,10 +112,9 @@ def parse_bag(
         topics = _all_topics(by_file)
         name = choose_topic(topics, kinds, topic)
         counts = [each[name].messages if name in each else 0 for each in by_file]
-        parts = [
-            _decompressed(data) if are_compressed else data
-            for data in _messages(files, Path(folder), name, counts, numbers)
-        ]
+        parts = list(_messages(files, Path(folder), name, counts, numbers))
+        if are_compressed:
+            parts = list(map(_decompressed, parts))
         form = "rosbag" if _suffix(files[0]) == ".bag" else "ros2bag"
     if numbers is not None and len(parts) < len(numbers):
         lacking = f"{numbers[len(parts)]}; it has {sum(counts)}"
@@ -140,7 +134,8 @@ def _reading(path: Path, folder: str) -> Iterator[None]:
     from yaml import YAMLError
 
     try:
-        with naming(path), reading("ROS bag", Error1, Error2, apsw.Error, YAMLError, *_DAMAGE):
+        faults = (Error1, Error2, apsw.Error, YAMLError, *PARSER_FAULTS)
+        with naming(path), reading("ROS bag", *faults):
             yield
     except InputError as error:
         raise InputError(str(error).replace(folder, "")) from error
@@ -155,10 +150,7 @@ def _topics_of_files(files: list[Path], folder: Path) -> list[Topics]:
 
 
 def _all_topics(by_file: list[Topics]) -> Topics:
-    topics: Topics = {}
-    for name, (kind, messages) in (item for each in by_file for item in each.items()):
-        topics[name] = Topic(kind, messages + (topics[name].messages if name in topics else 0))
-    return topics
+    return added_up((name, *topic) for each in by_file for name, topic in each.items())
 
 
 def _messages(

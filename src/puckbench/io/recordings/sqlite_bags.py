@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 from puckbench.core.errors import InputError
-from puckbench.io.recordings.topics import BagFile, Topic, Topics
+from puckbench.io.recordings.topics import BagFile, Topics, added_up
 
 SIDE_FILE_SUFFIXES = ("-wal", "-journal")
 """Suffixes of files with changes that are not yet in the database file."""
@@ -19,6 +18,7 @@ _CHECK_INTERVAL = 10_000
 _MIN_STEPS, _STEPS_PER_BYTE = 10_000_000, 100
 """Limit of SQLite's instructions, for a file and per byte; a row takes about twenty."""
 
+_KINDS = "SELECT type, rootpage > 0 FROM sqlite_schema WHERE lower(name) = ?"
 _ROWS = (
     "SELECT messages.rowid FROM messages JOIN topics ON messages.topic_id = topics.id"
     " WHERE topics.name = ? ORDER BY messages.timestamp, messages.rowid"
@@ -41,12 +41,8 @@ def sqlite_bag(path: Path, folder: Path) -> Iterator[BagFile]:
 def _topics(database: Any) -> Topics:
     query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
     counts = dict(database.execute(query))
-    kinds: dict[str, str] = {}
-    messages: Counter[str] = Counter()
-    for topic_id, name, kind in database.execute("SELECT id, name, type FROM topics"):
-        kinds[str(name)] = str(kind)
-        messages[str(name)] += counts.get(topic_id, 0)
-    return {name: Topic(kind, messages[name]) for name, kind in kinds.items()}
+    rows = database.execute("SELECT id, name, type FROM topics")
+    return added_up((str(name), str(kind), counts.get(key, 0)) for key, name, kind in rows)
 
 
 def _messages(database: Any, topic: str, numbers: Sequence[int] | None) -> Iterator[bytes]:
@@ -90,9 +86,7 @@ def _copied(path: Path, changes: list[Path], folder: Path) -> Path:
 
 def _check_tables(database: Any) -> None:
     for table in _TABLES:
-        kinds = database.execute(
-            "SELECT type, rootpage > 0 FROM sqlite_schema WHERE lower(name) = ?", (table,)
-        ).fetchall()
+        kinds = database.execute(_KINDS, (table,)).fetchall()
         hidden = database.execute("SELECT max(hidden) FROM pragma_table_xinfo(?)", (table,))
         if kinds != [("table", 1)] or hidden.fetchall() != [(0,)]:
             raise InputError(f"not a ROS bag: the database has no plain table {table}")

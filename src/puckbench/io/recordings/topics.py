@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from puckbench.core.errors import InputError
@@ -16,6 +16,15 @@ class Topic(NamedTuple):
 
 
 Topics = dict[str, Topic]
+
+
+def added_up(parts: Iterable[tuple[str, str, int]]) -> Topics:
+    """Return topics from names, types and numbers of messages, which are added by name."""
+    topics: Topics = {}
+    for name, kind, messages in parts:
+        before = topics[name].messages if name in topics else 0
+        topics[name] = Topic(kind, before + messages)
+    return topics
 
 
 class BagFile(NamedTuple):
