@@ -5,7 +5,7 @@ mesh files needs only::
 
     @LOADERS.register("mine")
     class Mine(MeshFolderSet):
-        provenance = Provenance("CC-BY 4.0", "me", "expected my meshes (.obj)")
+        licence, credit, expected = "CC-BY 4.0", "me", "expected my meshes (.obj)"
 
         def _listed(self, folder: Path) -> Mapping[str, Path]:
             return {path.stem: path for path in sorted(folder.glob("*.obj"))}

@@ -8,14 +8,9 @@ from pathlib import Path
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import Count, MeshFolderSet, Provenance, select_names
+from puckbench.datasets.base import Count, MeshFolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
-
-_CREDIT = (
-    'P. Papadakis, "The Canonically Posed 3D Objects Dataset", '
-    "Eurographics Workshop on 3D Object Retrieval, 2014"
-)
 
 _CLASSES, _OBJECTS = 15, 180
 
@@ -27,9 +22,12 @@ class Capod(MeshFolderSet):
     Scenes are named m001 to m180 and grouped by class. The unit is assumed to be 1 m.
     """
 
-    provenance = Provenance(
-        "CC-BY 3.0", _CREDIT, "expected CAPOD, with CAPOD.cla, class1, class2, ..."
+    licence = "CC-BY 3.0"
+    credit = (
+        'P. Papadakis, "The Canonically Posed 3D Objects Dataset", '
+        "Eurographics Workshop on 3D Object Retrieval, 2014"
     )
+    expected = "expected CAPOD, with CAPOD.cla, class1, class2, ..."
 
     classes: tuple[str, ...] | None = None
     """Names of classes to keep (Human, ..., Car); all by default."""

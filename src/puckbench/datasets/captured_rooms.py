@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.datasets.base import FolderSet, Provenance, freeform_labels, numbered_objects
+from puckbench.datasets.base import FolderSet, freeform_labels, numbered_objects
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
 from puckbench.geometry.cloud import Floats
@@ -38,9 +38,9 @@ class CapturedRooms(FolderSet):
     of the smallest parallel patch within 15 cm; else "clutter". All surfaces are "freeform".
     """
 
-    provenance = Provenance(
-        "MIT", "Meta Platforms, npm package @iwer/sem", "expected captured rooms (.json)"
-    )
+    licence = "MIT"
+    credit = "Meta Platforms, npm package @iwer/sem"
+    expected = "expected captured rooms (.json)"
 
     def load(self, name: str) -> Scene:
         return read_capture(self._file(name), name)
@@ -65,8 +65,8 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
     turned = Mesh(y_up_to_z_up(mesh.vertices), mesh.triangles, labels)
     about = {
         "source": path.name,
-        "licence": CapturedRooms.provenance.licence,
-        "credit": CapturedRooms.provenance.credit,
+        "licence": CapturedRooms.licence,
+        "credit": CapturedRooms.credit,
         "triangles": len(mesh.triangles),
         "clutter": int(np.count_nonzero(labels.object_id == len(placed))),
     }

@@ -21,7 +21,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import Count, Provenance, select_names
+from puckbench.datasets.base import Count, select_names
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
@@ -44,10 +44,6 @@ _PUBLISHED = {
     "training": 7481, "testing": 7518, "00": 4541, "01": 1101, "02": 4661, "03": 801, "04": 271,
     "05": 2761, "06": 1101, "07": 1101, "08": 4071, "09": 1591, "10": 1201,
 }  # fmt: skip
-_EXPECTED = (
-    "expected KITTI, with training/velodyne, sequences/00/velodyne or "
-    "<date>/<drive>/velodyne_points/data; registration at cvlibs.net/datasets/kitti"
-)
 _COLUMNS = 4
 _RINGS = 64
 _TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -67,10 +63,11 @@ class Kitti(FrameSet):
     pose and a time if ``poses/00.txt`` is beside ``sequences``.
     """
 
-    provenance = Provenance(
-        "CC BY-NC-SA 3.0",
-        'A. Geiger, P. Lenz, R. Urtasun, "Are we ready for Autonomous Driving?", CVPR 2012',
-        _EXPECTED,
+    licence = "CC BY-NC-SA 3.0"
+    credit = 'A. Geiger, P. Lenz, R. Urtasun, "Are we ready for Autonomous Driving?", CVPR 2012'
+    expected = (
+        "expected KITTI, with training/velodyne, sequences/00/velodyne or "
+        "<date>/<drive>/velodyne_points/data; registration at cvlibs.net/datasets/kitti"
     )
 
     parts: tuple[str, ...] | None = None

@@ -6,15 +6,10 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
-from puckbench.datasets.base import Count, MeshFolderSet, Provenance, existing_folder, select_names
+from puckbench.datasets.base import Count, MeshFolderSet, existing_folder, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 
-_EXPECTED = (
-    "expected Matterport3D, unpacked, with <building>/region_segmentations/region0.ply, ...; "
-    "available from its authors after a signed agreement, "
-    "niessner.github.io/Matterport"
-)
 _BUILDINGS = 90
 
 
@@ -26,10 +21,14 @@ class Matterport3D(MeshFolderSet):
     Scenes are named <building>_region0 and grouped by building.
     """
 
-    provenance = Provenance(
-        "Matterport3D's terms of use: academic, not redistributable",
-        'A. Chang et al., "Matterport3D: Learning from RGB-D Data in Indoor Environments", 2017',
-        _EXPECTED,
+    licence = "Matterport3D's terms of use: academic, not redistributable"
+    credit = (
+        'A. Chang et al., "Matterport3D: Learning from RGB-D Data in Indoor Environments", 2017'
+    )
+    expected = (
+        "expected Matterport3D, unpacked, with <building>/region_segmentations/region0.ply, ...; "
+        "available from its authors after a signed agreement, "
+        "niessner.github.io/Matterport"
     )
 
     buildings: tuple[str, ...] | None = None
@@ -40,7 +39,7 @@ class Matterport3D(MeshFolderSet):
 
     @cached_property
     def _regions(self) -> dict[str, dict[str, Path]]:
-        root = existing_folder(self.path, _EXPECTED)
+        root = existing_folder(self.path, self.expected)
         regions: dict[str, dict[str, Path]] = {}
         for layout in ("*", "*/*"):
             for path in sorted(root.glob(f"{layout}/region_segmentations/region*.ply")):

@@ -7,16 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import Count, MeshFolderSet, Provenance, select_names
+from puckbench.datasets.base import Count, MeshFolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
 
 _PUBLISHED = {"train": 9843, "test": 2468}
 _CLASSES = 40
-_EXPECTED = (
-    "expected ModelNet40, with airplane/train, ..., xbox/test; available for academic use, "
-    "modelnet.cs.princeton.edu"
-)
 
 
 @LOADERS.register("modelnet40")
@@ -26,10 +22,11 @@ class ModelNet40(MeshFolderSet):
     Scenes are named chair_0001 and grouped by class. The unit is assumed to be 1 m. Z is up.
     """
 
-    provenance = Provenance(
-        "for academic use; the models belong to their authors",
-        'Z. Wu et al., "3D ShapeNets: A Deep Representation for Volumetric Shapes", CVPR 2015',
-        _EXPECTED,
+    licence = "for academic use; the models belong to their authors"
+    credit = 'Z. Wu et al., "3D ShapeNets: A Deep Representation for Volumetric Shapes", CVPR 2015'
+    expected = (
+        "expected ModelNet40, with airplane/train, ..., xbox/test; available for academic use, "
+        "modelnet.cs.princeton.edu"
     )
 
     classes: tuple[str, ...] | None = None

@@ -18,7 +18,6 @@ import numpy as np
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import Provenance
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
@@ -30,9 +29,6 @@ from puckbench.io.float32_frames import check_column_count, float32_rows
 if TYPE_CHECKING:
     from puckbench.lidar.recordings.rings import RecoveredReturns
 
-_EXPECTED = (
-    "expected nuScenes, with samples/LIDAR_TOP or sweeps/LIDAR_TOP; registration at nuscenes.org"
-)
 _SUFFIX = ".pcd.bin"
 _NUMBERS, _RINGS = 5, 32
 
@@ -47,10 +43,11 @@ class NuScenes(FrameSet):
     points to a few millimetres.
     """
 
-    provenance = Provenance(
-        "CC BY-NC-SA 4.0",
-        'H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020',
-        _EXPECTED,
+    licence = "CC BY-NC-SA 4.0"
+    credit = 'H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020'
+    expected = (
+        "expected nuScenes, with samples/LIDAR_TOP or sweeps/LIDAR_TOP; registration at "
+        "nuscenes.org"
     )
 
     part: Literal["samples", "sweeps"] = "samples"

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import Count, FolderSet, Provenance, select_names
+from puckbench.datasets.base import Count, FolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.datasets.xyzrgb import read_xyzrgb
@@ -18,7 +18,6 @@ from puckbench.geometry.cloud import PointCloud
 
 _ROOMS = {"Area_1": 44, "Area_2": 40, "Area_3": 23, "Area_4": 49, "Area_5": 68, "Area_6": 48}
 _NUMBER = re.compile(r"_\d+$")
-_EXPECTED = "expected S3DIS, with Area_1, ..., Area_6"
 
 
 @LOADERS.register("s3dis")
@@ -29,11 +28,9 @@ class S3DIS(FolderSet):
     """
 
     of_clouds: ClassVar[bool] = True
-    provenance = Provenance(
-        "terms of Stanford's S3DIS, not redistributable",
-        'I. Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016',
-        _EXPECTED,
-    )
+    licence = "terms of Stanford's S3DIS, not redistributable"
+    credit = 'I. Armeni et al., "3D Semantic Parsing of Large-Scale Indoor Spaces", CVPR 2016'
+    expected = "expected S3DIS, with Area_1, ..., Area_6"
 
     areas: tuple[str, ...] | None = None
     """Names of areas to keep (Area_1, ...); all by default."""

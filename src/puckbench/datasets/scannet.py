@@ -11,20 +11,13 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import Count, MeshFolderSet, Provenance
+from puckbench.datasets.base import Count, MeshFolderSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 
 _SCAN = re.compile(r"scene\d{4}_\d{2}")
-_CREDIT = (
-    'A. Dai et al., "ScanNet: Richly-annotated 3D Reconstructions of Indoor Scenes", CVPR 2017'
-)
-_EXPECTED = (
-    "expected ScanNet's scans, with scene0000_00/scene0000_00_vh_clean_2.ply, ...; available from "
-    "its authors after a signed agreement, www.scan-net.org"
-)
 _PUBLISHED = 1513
 
 
@@ -36,7 +29,14 @@ class ScanNet(MeshFolderSet):
     scene0000_00, and grouped by ``sceneType`` in scene0000_00.txt ("unknown" without it).
     """
 
-    provenance = Provenance("ScanNet's terms of use, not redistributable", _CREDIT, _EXPECTED)
+    licence = "ScanNet's terms of use, not redistributable"
+    credit = (
+        'A. Dai et al., "ScanNet: Richly-annotated 3D Reconstructions of Indoor Scenes", CVPR 2017'
+    )
+    expected = (
+        "expected ScanNet's scans, with scene0000_00/scene0000_00_vh_clean_2.ply, ...; available "
+        "from its authors after a signed agreement, www.scan-net.org"
+    )
 
     full: bool = False
     """Whether to read the meshes of full resolution, ``..._vh_clean.ply``."""

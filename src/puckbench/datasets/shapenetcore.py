@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.core.yaml_files import read_yaml
-from puckbench.datasets.base import Count, MeshFolderSet, Provenance, select_names
+from puckbench.datasets.base import Count, MeshFolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.meshes import read_mesh_report
@@ -20,10 +20,6 @@ _FILES = ("models/model_normalized.obj", "model.obj")  # version 2, version 1
 _CLASSES = 55
 # Converted without vertices in the first release of version 1 (ShapeNet/shapenet-viewer, issue 7).
 _EMPTY = {"03624134/67ada28ebc79cc75a056f196c127ed77", "04090263/4a32519f44dc84aabafe26e2eb69ebf4"}
-_EXPECTED = (
-    "expected ShapeNetCore, version 1 or 2, with 02691156, ..., 04554684; available under "
-    "ShapeNet's terms after registration at shapenet.org"
-)
 
 
 @LOADERS.register("shapenetcore")
@@ -34,10 +30,11 @@ class ShapeNetCore(MeshFolderSet):
     assumed to be 1 m. Y up is rotated to z up. Models without a file in the release are left out.
     """
 
-    provenance = Provenance(
-        "ShapeNet's terms of use: research and education, not redistributable",
-        'A. X. Chang et al., "ShapeNet: An Information-Rich 3D Model Repository", 2015',
-        _EXPECTED,
+    licence = "ShapeNet's terms of use: research and education, not redistributable"
+    credit = 'A. X. Chang et al., "ShapeNet: An Information-Rich 3D Model Repository", 2015'
+    expected = (
+        "expected ShapeNetCore, version 1 or 2, with 02691156, ..., 04554684; available under "
+        "ShapeNet's terms after registration at shapenet.org"
     )
 
     classes: tuple[str, ...] | None = None

@@ -6,17 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
+from puckbench.datasets.base import MeshFolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.geometry.mesh import Mesh
 from puckbench.io.meshes import read_mesh_report
 
 _CREDIT = "Stanford Computer Graphics Laboratory, The Stanford 3D Scanning Repository"
 _CREDIT_XYZRGB = f"{_CREDIT}; scanned by XYZ RGB Inc."
-_EXPECTED = (
-    "expected models of the Stanford 3D Scanning Repository, such as bun_zipper.ply; available at "
-    "graphics.stanford.edu/data/3Dscanrep"
-)
 
 
 class _ScannedModel(NamedTuple):
@@ -52,8 +48,11 @@ class StanfordScans(MeshFolderSet):
     ignored.
     """
 
-    provenance = Provenance(
-        "research use with credit, not commercial; see the repository's page", _CREDIT, _EXPECTED
+    licence = "research use with credit, not commercial; see the repository's page"
+    credit = _CREDIT
+    expected = (
+        "expected models of the Stanford 3D Scanning Repository, such as bun_zipper.ply; available "
+        "at graphics.stanford.edu/data/3Dscanrep"
     )
 
     models: tuple[str, ...] | None = None

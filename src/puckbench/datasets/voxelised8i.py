@@ -12,7 +12,7 @@ from pydantic import PositiveFloat, PositiveInt
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import Count, FolderSet, Provenance, select_names
+from puckbench.datasets.base import Count, FolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
 from puckbench.geometry.cloud import Floats, PointCloud
@@ -25,14 +25,6 @@ _HEADER_BYTES = 4096
 _HEIGHT_M = 1.8
 _FRAMES = 300
 _SEQUENCES = ("longdress", "loot", "redandblack", "soldier")
-_CREDIT = (
-    'E. d\'Eon, B. Harrison, T. Myers, P. A. Chou, "8i Voxelized Full Bodies", '
-    "ISO/IEC JTC1/SC29 WG11 M40059 / WG1 M74006, Geneva, 2017"
-)
-_EXPECTED = (
-    "expected 8iVFB v2, with longdress/Ply/longdress_vox10_1051.ply, ...; available from JPEG "
-    "Pleno under 8i's licence, jpeg.org/plenodb"
-)
 
 
 @LOADERS.register("voxelised8i")
@@ -44,8 +36,14 @@ class Voxelised8i(FolderSet):
     """
 
     of_clouds: ClassVar[bool] = True
-    provenance = Provenance(
-        "8i's licence agreement: MPEG, JPEG and research that is not commercial", _CREDIT, _EXPECTED
+    licence = "8i's licence agreement: MPEG, JPEG and research that is not commercial"
+    credit = (
+        'E. d\'Eon, B. Harrison, T. Myers, P. A. Chou, "8i Voxelized Full Bodies", '
+        "ISO/IEC JTC1/SC29 WG11 M40059 / WG1 M74006, Geneva, 2017"
+    )
+    expected = (
+        "expected 8iVFB v2, with longdress/Ply/longdress_vox10_1051.ply, ...; available from JPEG "
+        "Pleno under 8i's licence, jpeg.org/plenodb"
     )
 
     sequences: tuple[str, ...] | None = None

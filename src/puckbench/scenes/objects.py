@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,10 +15,9 @@ from puckbench.scenes.pieces import Item, build_mesh, moved
 MEMBERS = 12
 
 
-@dataclass(frozen=True)
-class ObjectClass:
+class ObjectClass(NamedTuple):
     make: Callable[[Modeller, int], Item]
-    unit: float = 1.0
+    unit: float
 
 
 CLASSES: dict[str, ObjectClass] = {
@@ -49,10 +48,8 @@ def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
     The longest side is 1; `detail` multiplies the number of segments of curved parts.
     """
     if name not in OBJECTS:
-        last = OBJECTS[-1].rpartition("_")[2]
-        raise InputError(
-            f"object {name!r}: expected one of {', '.join(CLASSES)} and _01 to _{last}"
-        )
+        expected = f"one of {', '.join(CLASSES)} and _01 to _{MEMBERS:02d}"
+        raise InputError(f"object {name!r}: expected {expected}")
     kind, _, member = name.rpartition("_")
     spec = CLASSES[kind]
     cad = Modeller(generator(seed, "object", name), detail, spec.unit)

@@ -38,7 +38,7 @@ def posed(item: Iterable[Piece], pose: Floats) -> Item:
 def moved(
     item: Iterable[Piece], x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float
 ) -> Item:
-    """Scale, rotate and translate an item as `Surface.at` does."""
+    """Move an item by the transform that `pose` returns."""
     return posed(item, pose(x, y, z, **angles))
 
 

@@ -57,9 +57,8 @@ def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
     cylinders and cones; arcs give spheres and tori; curves are freeform.
     """
     closed = degrees >= 360.0
-    angles = np.radians(np.linspace(0, degrees, steps, endpoint=False))
-    if not closed:
-        angles = np.radians(np.linspace(0, degrees, steps + 1))
+    count = steps if closed else steps + 1
+    angles = np.radians(np.linspace(0, degrees, count, endpoint=not closed))
     return join([_turned(segment, angles, closed) for segment in profile])
 
 
@@ -125,16 +124,14 @@ def loft(sections: Floats) -> Surface:
 def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: int) -> Surface:
     """Make a pipe along a polyline, from cylinders and torus elbows with bend radius `bend`."""
     path = np.array(points, dtype=np.float64)
-    starts, parts = path.copy(), []
-    ends = path.copy()
+    starts, ends, parts = path.copy(), path.copy(), []
     for i in range(1, len(path) - 1):
         elbow, starts[i], ends[i] = _elbow(path[i - 1 : i + 2], radius, bend, steps)
         parts.append(elbow)
-    caps = [(ends[0], starts[1] - ends[0], True), (starts[-1], starts[-1] - ends[-2], False)]
     parts += [_straight(ends[i], starts[i + 1], radius, steps) for i in range(len(path) - 1)]
-    return join(
-        [*parts, *(_cap(centre, axis, radius, steps, first) for centre, axis, first in caps)]
-    )
+    cap = revolve(line((radius, 0), (0, 0)), steps)
+    first = cap.transformed(frame_along(ends[0] - starts[1], ends[0]))
+    return join([*parts, first, cap.transformed(frame_along(starts[-1] - ends[-2], starts[-1]))])
 
 
 def sheet(points: Floats, thickness: float) -> Surface:
@@ -226,11 +223,6 @@ def _straight(start: Floats, end: Floats, radius: float, steps: int) -> Surface:
     length = float(np.linalg.norm(end - start))
     side = revolve(line((radius, 0), (radius, length)), steps)
     return side.transformed(frame_along(end - start, start))
-
-
-def _cap(centre: Floats, axis: Floats, radius: float, steps: int, first: bool) -> Surface:
-    disc = revolve(line((radius, 0), (0, 0)), steps)
-    return disc.transformed(frame_along(-axis if first else axis, centre))
 
 
 def _elbow(

@@ -62,19 +62,9 @@ class Surface:
             frames=pose @ self.frames,
         )
 
-    def at(
-        self,
-        x: float = 0.0,
-        y: float = 0.0,
-        z: float = 0.0,
-        *,
-        turn: float = 0.0,
-        tilt: float = 0.0,
-        roll: float = 0.0,
-        scale: float = 1.0,
-    ) -> Surface:
-        """Scale, rotate about y (`roll`), x (`tilt`) and z (`turn`) in degrees, and translate."""
-        return self.transformed(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
+    def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float) -> Surface:
+        """Move the surface by the transform that `pose` returns."""
+        return self.transformed(pose(x, y, z, **angles))
 
     def at_corners(self, x: float, y: float, z: float = 0.0) -> list[Surface]:
         """Return copies at (-x, -y), (-x, y), (x, -y) and (x, y)."""
@@ -139,7 +129,10 @@ def pose(
     roll: float = 0.0,
     scale: float = 1.0,
 ) -> Floats:
-    """Return the matrix (4, 4) of `Surface.at`."""
+    """Return a transform (4, 4): scale, rotate about y (`roll`), x (`tilt`) and z (`turn`), shift.
+
+    Angles are in degrees.
+    """
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
     matrix[:3, 3] = x, y, z

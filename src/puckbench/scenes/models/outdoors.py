@@ -220,8 +220,7 @@ def _leafy(cad: Modeller) -> list[Surface]:
 
 
 def _bare(cad: Modeller) -> list[Surface]:
-    parts, _ = _grow(cad, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.2, 0.13, 4)
-    return parts
+    return _grow(cad, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.2, 0.13, 4)[0]
 
 
 def _palm(cad: Modeller) -> list[Surface]:
