@@ -326,7 +326,7 @@ class Plan:
             if data.settings.recovery
             and data.frame == "scaled"
             and data.settings.make != "cloud"
-            and has_primitives(self.scenes[data.scenes].scenes)
+            and self.scenes[data.scenes].scenes.primitives
         }
         return tuple(c for c in self.curves if c[0] in labelled and c[2] in coders)
 
