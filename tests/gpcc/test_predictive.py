@@ -142,7 +142,7 @@ def test_coarser_steps_of_radius_and_azimuth_stay_near() -> None:
 def _nearest_by_turns(points: np.ndarray, search: Any, found: np.ndarray) -> None:
     for i in range(len(points)):
         for k in range(nearest(search, points[i, 0], points[i, 1], points[i, 2])):
-            found[i, k] = search.distances[k]
+            found[i, k] = search.trees.distances[k]
         add_position(search, i, points[i, 0], points[i, 1], points[i, 2])
 
 

@@ -215,27 +215,11 @@ def test_a_slice_header_comes_back(axes: list[int], origin: Any, number: int) ->
     assert _read(syntax.geometry_header, syntax.GeometryHeader(), data, sps, gps) == header
 
 
-@given(st.lists(THREE, min_size=1, max_size=5))
-def test_a_tile_inventory_comes_back(origins: list[Any]) -> None:
-    inventory = syntax.TileInventory(
-        num_tiles=len(origins),
-        tile_id_bits=3,
-        tile_origin_bits_minus1=19,
-        tile_size_bits_minus1=19,
-        tiles=[syntax.Tile(i, (-x, y, z), (z, y, x)) for i, (x, y, z) in enumerate(origins)],
-        ti_origin_bits_minus1=19,
-        ti_origin_xyz=origins[0],
-    )
-    data = syntax.written(syntax.tile_inventory, inventory)
-    assert _read(syntax.tile_inventory, syntax.TileInventory(), data) == inventory
-
-
-def test_a_footer_comes_back() -> None:
+def test_the_points_are_counted_in_the_footer() -> None:
     gps = syntax.GeometryParameterSet(octree_point_cnt_list_present_flag=1)
-    footer = syntax.GeometryFooter([7, 70], 2**24 - 1)
-    data = b"coded" + syntax.footer_bytes(footer)
+    data = b"coded" + syntax.footer_of(8) + syntax.footer_of(71) + syntax.footer_of(2**24)
     header = syntax.GeometryHeader(tree_depth_minus1=2)
-    assert syntax.read_footer(data, header, gps) == (footer, 9)
+    assert syntax.point_count(data, header, gps) == (2**24, 9)
 
 
 @pytest.mark.parametrize("data", [REFERENCE_SPS, REFERENCE_GPS])

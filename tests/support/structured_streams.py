@@ -143,9 +143,9 @@ def gpcc(streams: Sequence[bytes], random: Random) -> bytes:
         tree_depth_minus1=depth - 1, tree_lvl_coded_axis_list=axes,
         geom_stream_cnt_minus1=int(random.choice([0, 0, 0, 1, depth - 1, depth, 255])),
     )  # fmt: skip
-    footer = syntax.GeometryFooter(geom_num_points_minus1=limit(random, 24))
+    footer = syntax.footer_of(1 + limit(random, 24))
     unit = syntax.written(syntax.geometry_header, header, sps, gps) + data(random)
-    unit += syntax.footer_bytes(footer)
+    unit += footer
     parts = [
         syntax.encapsulate(0, syntax.written(syntax.sequence_parameter_set, sps)),
         syntax.encapsulate(1, syntax.written(syntax.geometry_parameter_set, gps)),
@@ -189,9 +189,9 @@ def gpcc_angular(streams: Sequence[bytes], random: Random) -> bytes:
         seq_origin_bits=1, geom_axis_order=int(random.integers(8)),
         bypass_stream_enabled_flag=int(random.random() < 0.1),
     )  # fmt: skip
-    footer = syntax.GeometryFooter(geom_num_points_minus1=limit(random, 24))
+    footer = syntax.footer_of(1 + limit(random, 24))
     unit = syntax.written(syntax.geometry_header, header, sps, gps) + data(random)
-    unit += syntax.footer_bytes(footer)
+    unit += footer
     parts = [
         syntax.encapsulate(0, syntax.written(syntax.sequence_parameter_set, sps)),
         syntax.encapsulate(1, syntax.written(syntax.geometry_parameter_set, gps)),
@@ -235,13 +235,12 @@ def gpcc_predictive(streams: Sequence[bytes], random: Random) -> bytes:
     coded = data(random)
     if random.random() < 0.6:  # what decodes to trees
         coded = streams[random.integers(len(streams))][150 : limit(random, 12) + 150]
-    footer = syntax.GeometryFooter(geom_num_points_minus1=limit(random, 24))
+    footer = syntax.footer_of(1 + limit(random, 24))
     unit = syntax.written(syntax.geometry_header, header, sps, gps) + coded
     parts = [
         syntax.encapsulate(0, syntax.written(syntax.sequence_parameter_set, sps)),
         syntax.encapsulate(1, syntax.written(syntax.geometry_parameter_set, gps)),
-        syntax.encapsulate(2, unit + syntax.footer_bytes(footer))
-        * int(random.choice([1, 1, 1, 1000])),
+        syntax.encapsulate(2, unit + footer) * int(random.choice([1, 1, 1, 1000])),
     ]
     return b"".join(parts)
 

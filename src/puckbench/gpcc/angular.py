@@ -11,15 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
-from puckbench.geometry.morton import compact_bits
+from puckbench.geometry.morton import Ints, compact_bits
 from puckbench.gpcc.compiled import integer, kernel
 from puckbench.gpcc.fixed_point import TURN, arc_tangent, int32, inverse_square_root
-
-Ints = NDArray[np.int64]
 
 NO_LASER = 255
 """Laser index of nodes too large to be assigned to one laser."""

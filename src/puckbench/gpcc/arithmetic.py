@@ -1,8 +1,7 @@
 """Adaptive binary arithmetic encoder and decoder of G-PCC.
 
 With an `Encoder`, coding functions encode a value and return it; with a `Decoder`, they ignore the
-argument and return the decoded value. A context is a 16-bit probability of a zero, as in the
-Schroedinger coder (`schroarith`) of TMC13.
+argument and return the decoded value. The coder is the Schroedinger coder (`schroarith`) of TMC13.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from puckbench.gpcc.compiled import entry, integer, kernel
 from puckbench.gpcc.tables import ADAPTATION
 
 Bytes = NDArray[np.uint8]
+Probabilities = NDArray[np.uint16]
 State = tuple[int, int, int, int]
 
 HALF = 0x8000
@@ -33,10 +33,12 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 class Encoder(NamedTuple):
     """Arithmetic encoder.
 
+    contexts: adaptive probability of a zero in each context, in units of 2^-16.
     state: lower end and range of the interval; number of bits of the lower end beyond 16; number
         of bytes written.
     """
 
+    contexts: Probabilities
     state: NDArray[np.int64]
     data: Bytes
 
@@ -44,19 +46,21 @@ class Encoder(NamedTuple):
 class Decoder(NamedTuple):
     """Arithmetic decoder.
 
+    contexts: see `Encoder`.
     state: code value; range; the code value's bits in excess of 16; bytes read; bytes in the
         stream; 1 if there is a `bypass`, otherwise 0; index of the next bit in `bypass`.
     bypass: bypass bits of a separate stream, one bit per byte.
     """
 
+    contexts: Probabilities
     state: NDArray[np.int64]
     data: Bytes
     bypass: Bytes
 
 
-def encoder(capacity: int) -> Encoder:
+def encoder(contexts: Probabilities, capacity: int) -> Encoder:
     state = np.array([0, 0xFFFF, 0, 0], dtype=np.int64)
-    return Encoder(state, np.empty(capacity, dtype=np.uint8))
+    return Encoder(contexts, state, np.empty(capacity, dtype=np.uint8))
 
 
 def enlarged(coder: Encoder, more: int) -> Encoder:
@@ -65,16 +69,16 @@ def enlarged(coder: Encoder, more: int) -> Encoder:
         return coder
     data = np.empty(used + more, dtype=np.uint8)
     data[:used] = coder.data[:used]
-    return Encoder(coder.state, data)
+    return coder._replace(data=data)
 
 
-def decoder(data: Bytes, bypass: Bytes | None = None) -> Decoder:
+def decoder(contexts: Probabilities, data: Bytes, bypass: Bytes | None = None) -> Decoder:
     padded = np.concatenate([data, np.full(4, 0xFF, dtype=np.uint8)])
     first = int(padded[0]) << 8 | int(padded[1])
     separate = bypass is not None
     bits = bypass if bypass is not None else np.empty(0, dtype=np.uint8)
     state = np.array([first, 0xFFFF, 0, 2, len(data), separate, 0], dtype=np.int64)
-    return Decoder(state, padded, bits)
+    return Decoder(contexts, state, padded, bits)
 
 
 def consumed(coder: Decoder) -> int:
@@ -246,9 +250,10 @@ def save(coder: Any, state: State) -> None:
 
 
 @kernel
-def code_bit(coder: Any, probabilities: NDArray[np.uint16], context: int, bit: int) -> int:
-    coded, state, probability = step(coder, load(coder), integer(probabilities[context]), bit)
-    probabilities[context] = probability
+def code_bit(coder: Any, context: int, bit: int) -> int:
+    contexts = coder.contexts
+    coded, state, probability = step(coder, load(coder), integer(contexts[context]), bit)
+    contexts[context] = probability
     save(coder, state)
     return coded
 
@@ -261,12 +266,10 @@ def code_bypass(coder: Any, bit: int) -> int:
 
 
 @kernel
-def code_exp_golomb(
-    coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int, order: int = 0
-) -> int:
+def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
     """Encode or decode an Exp-Golomb code; the prefix bits, at most 24, share a context."""
     base = 0
-    while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
+    while order < 24 and code_bit(coder, prefix, integer(value - base >= 1 << order)):
         base += 1 << order
         order += 1
     rest = 0

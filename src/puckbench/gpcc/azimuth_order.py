@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
+from puckbench.geometry.cloud import Floats
 from puckbench.geometry.morton import Ints
 from puckbench.gpcc.compiled import entry, integer
 
-Keys = NDArray[np.float64]
 _SMALL = 16
 _DEEPEST = 128
 
@@ -35,7 +34,7 @@ def azimuth_order(around: Ints, precision: float) -> Ints:
 
 
 @entry
-def _fill_keys(around: Ints, precision: float, keys: Keys) -> None:
+def _fill_keys(around: Ints, precision: float, keys: Floats) -> None:
     for i in range(len(around)):
         x, y, z = around[i, 0], around[i, 1], around[i, 2]
         angle = math.atan2(y, x)
@@ -49,7 +48,7 @@ def _fill_keys(around: Ints, precision: float, keys: Keys) -> None:
 
 
 @entry
-def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
+def _sort(rows: Ints, keys: Floats, stack: Ints) -> bool:
     """Sort `rows` by their keys, in place; return False if quicksort partitions too deeply."""
     depth, limit = 1, 0
     while len(rows) >> limit > 1:
@@ -72,7 +71,7 @@ def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
 
 
 @inlined
-def _is_before(keys: Keys, a: int, b: int) -> bool:
+def _is_before(keys: Floats, a: int, b: int) -> bool:
     column = 0
     while column < 2 and keys[a, column] == keys[b, column]:
         column += 1
@@ -81,7 +80,7 @@ def _is_before(keys: Keys, a: int, b: int) -> bool:
 
 
 @inlined
-def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
+def _parted(rows: Ints, keys: Floats, first: int, end: int) -> int:
     chosen = _median(rows, keys, first + 1, first + (end - first) // 2, end - 1)
     rows[first], rows[chosen] = rows[chosen], rows[first]
     pivot = integer(rows[first])
@@ -99,7 +98,7 @@ def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
 
 
 @inlined
-def _median(rows: Ints, keys: Keys, a: int, b: int, c: int) -> int:
+def _median(rows: Ints, keys: Floats, a: int, b: int, c: int) -> int:
     if _is_before(keys, rows[a], rows[b]):
         if _is_before(keys, rows[b], rows[c]):
             return b
@@ -110,7 +109,7 @@ def _median(rows: Ints, keys: Keys, a: int, b: int, c: int) -> int:
 
 
 @inlined
-def _insert(rows: Ints, keys: Keys, place: int) -> None:
+def _insert(rows: Ints, keys: Floats, place: int) -> None:
     row = integer(rows[place])
     while place > 0 and _is_before(keys, row, rows[place - 1]):
         rows[place] = rows[place - 1]

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +22,19 @@ from puckbench.gpcc.predictive_slices import decode_trees, placed
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.slices import (
     CodedSlice,
+    data_unit,
     decode_slice,
-    encode_slice,
+    encode_octree,
     read_slice,
     sensor_position,
     sensor_state,
 )
 from puckbench.gpcc.syntax import Three
 from puckbench.gpcc.tree import Tree, build_tree, coded_axes, leaf_codes, sorted_rows
+
+if TYPE_CHECKING:
+    from puckbench.gpcc.attributes.reader import AttributeReader
+    from puckbench.gpcc.attributes.writer import AttributeEncoder
 
 Units = list[tuple[int, bytes]]
 """Type and payload of each data unit of a slice."""
@@ -86,45 +91,6 @@ class DecodedGeometry:
         return positions
 
 
-def encode_geometry(
-    points: NDArray[Any],
-    options: GpccOptions = PROFILES["ctc"],
-    scale: Fraction | float = 1,
-    origin: Sequence[int] | Ints = (0, 0, 0),
-    sensor: SensorDescription | None = None,
-) -> bytes:
-    """Encode integer points (n, 3) as an octree stream that TMC13 decodes.
-
-    Parameters
-    ----------
-    scale, origin
-        A decoder returns the positions (points + origin) / scale.
-    sensor
-        Sensor in the coordinates points + origin, which switches angular mode on.
-
-    Raises
-    ------
-    InputError
-        If there are no points, points span over 21 bits, or the sensor is too far away.
-    """
-    return encode_octree_geometry(points, options, scale, origin, sensor, None)
-
-
-class AttributeWriter(Protocol):
-    def start(
-        self,
-        sps: syntax.SequenceParameterSet,
-        gps: syntax.GeometryParameterSet,
-        extent: Sequence[int],
-    ) -> list[bytes]:
-        """Describe the attributes in `sps`, and return their parameter sets.
-
-        extent: largest x, y, z of the points, relative to the sequence's origin.
-        """
-
-    def data_units(self, slice_id: int, origin: Three, coded: CodedPoints) -> list[bytes]: ...
-
-
 @dataclass(frozen=True)
 class CodedPoints:
     """Points of an encoded slice.
@@ -138,14 +104,30 @@ class CodedPoints:
     rows: NDArray[np.int64] | None
 
 
-def encode_octree_geometry(
+def encode_geometry(
     points: NDArray[Any],
-    options: GpccOptions,
-    scale: Fraction | float,
-    origin: Sequence[int] | Ints,
-    sensor: SensorDescription | None,
-    attributes: AttributeWriter | None,
+    options: GpccOptions = PROFILES["ctc"],
+    scale: Fraction | float = 1,
+    origin: Sequence[int] | Ints = (0, 0, 0),
+    sensor: SensorDescription | None = None,
+    attributes: AttributeEncoder | None = None,
 ) -> bytes:
+    """Encode integer points (n, 3) as an octree stream that TMC13 decodes.
+
+    Parameters
+    ----------
+    scale, origin
+        A decoder returns the positions (points + origin) / scale.
+    sensor
+        Sensor in the coordinates points + origin, which switches angular mode on.
+    attributes
+        Encoder of the points' attributes; see `encode_cloud`.
+
+    Raises
+    ------
+    InputError
+        If there are no points, points span over 21 bits, or the sensor is too far away.
+    """
     points, low = checked_points(points)
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
     sps = sequence_parameter_set(corner, scale)
@@ -155,7 +137,10 @@ def encode_octree_geometry(
         gps.planar_buffer_disabled_flag = int(options.planar and not options.planar_buffer)
     rows = None if attributes is None else np.arange(len(points))
     slices = list(_partition(points, low, options, sensor is not None, rows))
-    if sum(slice_points.coded_points(options) for slice_points in slices) > MAX_POINTS:
+    if (
+        sum(slice_points.coded_points(options.merge_duplicates) for slice_points in slices)
+        > MAX_POINTS
+    ):
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
     if sum(len(slice_points.axes) for slice_points in slices) > MAX_LEVELS:
         raise InputError(f"G-PCC: {len(slices)} slices have more than {MAX_LEVELS} octree levels")
@@ -288,7 +273,7 @@ def _partition(
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
         slice_points = _slice_points(points, start, options, angular, rows)
-        if fits or slice_points.coded_points(options) <= options.slice_max_points:
+        if fits or len(slice_points.tree.keys) <= options.slice_max_points:
             yield slice_points
             return
     lowest, highest = bounding_corners(points)
@@ -322,8 +307,8 @@ class _SlicePoints:
     points: Ints
     members: NDArray[np.int64]
 
-    def coded_points(self, options: GpccOptions) -> int:
-        return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
+    def coded_points(self, merged: int) -> int:
+        return len(self.tree.keys) if merged else int(self.tree.counts.sum())
 
 
 def _slice_points(
@@ -369,34 +354,16 @@ def _data_unit(
         tree_lvl_coded_axis_list=slice_points.axes,
     )
     sensor = sensor_state(header, gps, _AXIS_ORDERS[sps.geom_axis_order], slice_points.corner)
-    return encode_slice(slice_points.tree, header, sps, gps, sensor, leaves), header
+    data = encode_octree(slice_points.tree, header, gps, sensor, leaves)
+    coded = CodedSlice(header, data, slice_points.coded_points(gps.geom_unique_points_flag))
+    return data_unit(coded, sps, gps), header
 
 
-def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """Decode a stream of one frame; raise InputError if it is damaged or unsupported."""
-    return read_stream(stream)
+def decode_geometry(stream: bytes, attributes: AttributeReader | None = None) -> DecodedGeometry:
+    """Decode a stream of one frame, with `attributes` also its attributes.
 
-
-class AttributeUnits(Protocol):
-    """Decoder of a stream's attributes; it receives the payloads in stream order."""
-
-    def expect(self, sps: syntax.SequenceParameterSet, count: int) -> None:
-        """Raise InputError if the attributes of a slice of `count` points are not supported."""
-
-    def branch(self) -> AttributeUnits:
-        """Return a decoder of the next slices, which has the parameter sets so far.
-
-        It may run in another thread.
-        """
-
-    def start_slice(
-        self, sps: syntax.SequenceParameterSet, header: syntax.GeometryHeader, points: SlicePoints
-    ) -> None: ...
-
-    def take(self, payload_type: int, payload: bytes) -> None: ...
-
-
-def read_stream(stream: bytes, attributes: AttributeUnits | None = None) -> DecodedGeometry:
+    Raises InputError if it is damaged or unsupported.
+    """
     contents = _StreamReader(attributes)
     for payload_type, payload in syntax.payloads(stream):
         contents.take(payload_type, payload)
@@ -411,14 +378,14 @@ class _SliceUnits(NamedTuple):
 
 
 class _StreamReader:
-    def __init__(self, attributes: AttributeUnits | None) -> None:
+    def __init__(self, attributes: AttributeReader | None) -> None:
         self._attributes = attributes
         self._sps: dict[int, syntax.SequenceParameterSet] = {}
         self._gps: dict[int, syntax.GeometryParameterSet] = {}
         self._active: syntax.SequenceParameterSet | None = None
         self._frame: int | None = None
         self._runs: list[list[_SliceUnits]] = []  # each shares entropy contexts
-        self._branches: list[AttributeUnits | None] = []  # one for each run
+        self._branches: list[AttributeReader | None] = []  # one for each run
         self._points = self._levels = self._parameter_bytes = 0
 
     def take(self, payload_type: int, payload: bytes) -> None:
@@ -435,8 +402,6 @@ class _StreamReader:
             syntax.geometry_parameter_set(BitReader(payload), gps)
             syntax.check_tools(gps)
             self._gps.setdefault(gps.gps_geom_parameter_set_id, gps)
-        elif payload_type == syntax.TILE_INVENTORY:
-            syntax.tile_inventory(BitReader(payload), syntax.TileInventory())
         elif payload_type == syntax.GEOMETRY_DATA_UNIT:
             self._start_slice(payload)
         elif self._attributes is not None:
@@ -470,7 +435,7 @@ class _StreamReader:
             self._branches.append(self._attributes and self._attributes.branch())
         self._runs[-1].append(_SliceUnits(coded, sps, gps, []))
 
-    def _decoded(self, run: list[_SliceUnits], attributes: AttributeUnits | None) -> list[Ints]:
+    def _decoded(self, run: list[_SliceUnits], attributes: AttributeReader | None) -> list[Ints]:
         contexts, probabilities, decoded = initial_contexts(), initial_probabilities(), []
         for coded, sps, gps, attribute_units in run:
             axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
@@ -508,27 +473,22 @@ class _StreamReader:
         return DecodedGeometry(
             points=points,
             scale=Fraction(sps.seq_unit_numerator_minus1 + 1, sps.seq_unit_denominator_minus1 + 1),
-            origin=_origin(sps),
+            origin=_scaled_origin(sps.seq_origin_xyz, sps.seq_origin_log2_scale),
             global_scale=_global_scale(sps),
             metres=bool(sps.seq_unit_is_metres_flag),
         )
 
 
-def _slice_origin(
-    header: syntax.GeometryHeader, gps: syntax.GeometryParameterSet
-) -> tuple[int, int, int]:
+def _slice_origin(header: syntax.GeometryHeader, gps: syntax.GeometryParameterSet) -> Three:
     present = gps.slice_geom_origin_scale_present
     scale = header.slice_geom_origin_log2_scale if present else gps.gps_geom_origin_log2_scale
-    x, y, z = (v << min(scale, 64) for v in header.slice_geom_origin_xyz)
-    if max(x, y, z) >= _MAX_ORIGIN:
-        raise InputError("G-PCC stream: the origin of a slice is too large")
-    return x, y, z
+    return _scaled_origin(header.slice_geom_origin_xyz, scale)
 
 
-def _origin(sps: syntax.SequenceParameterSet) -> tuple[int, int, int]:
-    x, y, z = (v << min(sps.seq_origin_log2_scale, 64) for v in sps.seq_origin_xyz)
+def _scaled_origin(origin: Three, log2_scale: int) -> Three:
+    x, y, z = (v << min(log2_scale, 64) for v in origin)
     if max(abs(x), abs(y), abs(z)) >= _MAX_ORIGIN:
-        raise InputError("G-PCC stream: the origin is too large")
+        raise InputError("G-PCC stream: the origin of the points is too large")
     return x, y, z
 
 

@@ -11,7 +11,7 @@ from puckbench.gpcc.arithmetic import HALF
 from puckbench.gpcc.compiled import integer
 from puckbench.gpcc.tables import CTX_MAP_COUNT, CTX_MAP_SIZE
 
-# Indices into Contexts.probabilities; a comment states the number of contexts if there are several.
+# Indices into the probabilities; a comment states the number of contexts if there are several.
 # `integer` hides the values from the compiler, which would compile code_bit once for each literal.
 CTX_OCCUPANCY = integer(0)  # 32
 CTX_SINGLE_CHILD = integer(32)
@@ -37,9 +37,8 @@ _COUNT = 124
 class Contexts(NamedTuple):
     """Adaptive state of an octree coder.
 
-    probabilities: probability of a zero in each context, in units of 2^-16.
-    ctx_idx_maps: numbers for each neighbourhood; the upper five bits select the context of an
-        occupancy bit.
+    probabilities: see `arithmetic.Encoder`.
+    ctx_idx_maps: see `octree.SliceState`.
     """
 
     probabilities: NDArray[np.uint16]

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.coding.integers import bit_count
 from puckbench.core.compiling import inlined
@@ -19,13 +18,12 @@ from puckbench.geometry.morton import (
     X_BITS,
     Y_BITS,
     Z_BITS,
+    Ints,
     first_child_code,
     parent_code,
 )
+from puckbench.gpcc.arithmetic import Bytes
 from puckbench.gpcc.compiled import integer, kernel
-
-Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
 # Along x, y, z: mask of the children in the upper half, and their index minus that of the lower
 # child beside them.

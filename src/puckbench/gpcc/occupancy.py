@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from puckbench.core.compiling import inlined
-from puckbench.gpcc.arithmetic import code_bit, code_bypass, load, save, step
+from puckbench.gpcc.arithmetic import Bytes, code_bit, code_bypass, load, save, step
 from puckbench.gpcc.compiled import integer, kernel
-from puckbench.gpcc.contexts import CTX_OCCUPANCY, CTX_SINGLE_CHILD, Contexts
+from puckbench.gpcc.contexts import CTX_OCCUPANCY, CTX_SINGLE_CHILD
 from puckbench.gpcc.tables import (
     ADJACENCY_REDUCED,
     CODED_CHILD,
@@ -57,7 +57,7 @@ def no_child_masked(masks: PlanarMasks) -> bool:
 @kernel
 def code_occupancy(
     coder: Any,
-    contexts: Contexts,
+    ctx_idx_maps: Bytes,
     neighbourhood: OccupancyNeighbourhood,
     masks: PlanarMasks,
     occupancy: int,
@@ -66,16 +66,12 @@ def code_occupancy(
         return 1 << _known_child(masks)
     if neighbourhood.neigh_pattern == 0:
         single = integer(POPCOUNT[occupancy] == 1)
-        if masks.planar_possible == 7 and code_bit(
-            coder, contexts.probabilities, CTX_SINGLE_CHILD, single
-        ):
+        if masks.planar_possible == 7 and code_bit(coder, CTX_SINGLE_CHILD, single):
             return _code_single_child(coder, masks, occupancy)
         pair = _pair_of_children(masks)
         if pair:
             return pair
-    if no_child_masked(masks) and masks.planar_possible == 7:
-        return _code_bits(coder, contexts, neighbourhood, occupancy)
-    return _code_masked_bits(coder, contexts, neighbourhood, masks, occupancy)
+    return _code_bits(coder, ctx_idx_maps, neighbourhood, masks, occupancy)
 
 
 @kernel
@@ -128,76 +124,53 @@ def _ctx_map_of(neighbourhood: OccupancyNeighbourhood, i: int, child: int, predi
 
 @inlined
 def _code_with_ctx_map(
-    coder: Any, contexts: Contexts, state: Any, entry_index: int, bit: int
+    coder: Any, ctx_idx_maps: Bytes, state: Any, entry_index: int, bit: int
 ) -> tuple[int, Any]:
-    entry = integer(contexts.ctx_idx_maps[entry_index])
+    entry = integer(ctx_idx_maps[entry_index])
     context = CTX_OCCUPANCY + (entry >> 3)
-    bit, state, probability = step(coder, state, integer(contexts.probabilities[context]), bit)
-    contexts.probabilities[context] = probability
+    bit, state, probability = step(coder, state, integer(coder.contexts[context]), bit)
+    coder.contexts[context] = probability
     if bit:
         entry += CTX_MAP_DELTA[(255 - entry) >> 4]
     else:
         entry -= CTX_MAP_DELTA[entry >> 4]
-    contexts.ctx_idx_maps[entry_index] = entry
+    ctx_idx_maps[entry_index] = entry
     return bit, state
 
 
 @kernel
 def _code_bits(
-    coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
-) -> int:
-    no_neighbour = neighbourhood.neigh_pattern == 0
-    # Without neighbours, a single child is coded otherwise; here, at least two are occupied.
-    most_zeros = 6 if no_neighbour else 7
-    state = load(coder)
-    coded, coded_before, zeros = 0, 0, 0
-    for i in range(8):
-        child = CODED_CHILD[neighbourhood.neigh_pattern, i]
-        bit = 1
-        if zeros < most_zeros:
-            entry_index = _ctx_map_of(neighbourhood, i, child, True) * CTX_MAP_SIZE
-            entry_index += (
-                CTX_MAP_BASE[neighbourhood.neighbours_known, neighbourhood.neigh_pattern, i]
-                + coded_before
-            )
-            bit, state = _code_with_ctx_map(
-                coder, contexts, state, entry_index, occupancy >> child & 1
-            )
-        zeros += 1 - bit
-        coded_before += bit if no_neighbour else bit << i
-        coded |= bit << child
-    save(coder, state)
-    return coded
-
-
-@kernel
-def _code_masked_bits(
     coder: Any,
-    contexts: Contexts,
+    ctx_idx_maps: Bytes,
     neighbourhood: OccupancyNeighbourhood,
     masks: PlanarMasks,
     occupancy: int,
 ) -> int:
     no_neighbour = neighbourhood.neigh_pattern == 0
+    # Without neighbours, a single child is coded otherwise; here, at least two are occupied.
+    most_zeros = 6 if no_neighbour else 7
     masked = masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z
-    zeros = masked
+    free = masked == 0 and masks.planar_possible == 7
     state = load(coder)
-    coded, coded_before = 0, 0
+    coded, coded_before, zeros, zero_count = 0, 0, masked, POPCOUNT[masked]
     for i in range(8):
         child = CODED_CHILD[neighbourhood.neigh_pattern, i]
         if masked >> child & 1:
             continue
         bit = 1
-        if not _must_be_one(masks, zeros, child, no_neighbour):
+        if zero_count < most_zeros and (
+            free or not _completes_plane(masks, zeros, child, no_neighbour)
+        ):
             entry_index = _ctx_map_of(neighbourhood, i, child, masked == 0) * CTX_MAP_SIZE
             entry_index += (
                 CTX_MAP_BASE[neighbourhood.neighbours_known, neighbourhood.neigh_pattern, i]
                 + coded_before
             )
             bit, state = _code_with_ctx_map(
-                coder, contexts, state, entry_index, occupancy >> child & 1
+                coder, ctx_idx_maps, state, entry_index, occupancy >> child & 1
             )
             zeros |= (1 - bit) << child
+            zero_count += 1 - bit
         coded_before += bit if no_neighbour else bit << i
         coded |= bit << child
     save(coder, state)
@@ -205,9 +178,8 @@ def _code_masked_bits(
 
 
 @kernel
-def _must_be_one(masks: PlanarMasks, zeros: int, child: int, no_neighbour: bool) -> bool:
-    if POPCOUNT[zeros] >= (6 if no_neighbour else 7):
-        return True
+def _completes_plane(masks: PlanarMasks, zeros: int, child: int, no_neighbour: bool) -> bool:
+    """Return whether a child must be occupied because a plane would be empty without it."""
     for axis in range(3):
         mask = (masks.mask_planar_x, masks.mask_planar_y, masks.mask_planar_z)[axis]
         if mask == 0 and masks.planar_possible >> axis & 1:

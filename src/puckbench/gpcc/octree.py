@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.geometry.morton import first_child_code
+from puckbench.geometry.morton import Ints, first_child_code
 from puckbench.gpcc.angular import (
     NO_LASER,
     Angular,
@@ -20,22 +20,18 @@ from puckbench.gpcc.angular import (
     angular_eligible_axes,
     plane_angles,
 )
-from puckbench.gpcc.arithmetic import code_bit, code_exp_golomb, exhausted
+from puckbench.gpcc.arithmetic import Bytes, code_bit, code_exp_golomb, exhausted
 from puckbench.gpcc.compiled import entry, integer, kernel, part
-from puckbench.gpcc.contexts import (
-    CTX_BLOCK_SKIP_TH,
-    CTX_DUP_POINT_CNT_EGL,
-    CTX_DUP_POINT_CNT_GT0,
-    Contexts,
-)
+from puckbench.gpcc.contexts import CTX_BLOCK_SKIP_TH, CTX_DUP_POINT_CNT_EGL, CTX_DUP_POINT_CNT_GT0
 from puckbench.gpcc.idcm import (
     IdcmNode,
+    LocalPoints,
     can_be_direct,
     code_direct_positions,
     is_idcm_eligible,
     leaf_code,
     local_points,
-    order_by_angles,
+    order_pair,
 )
 from puckbench.gpcc.neighbours import (
     OccupancyAtlas,
@@ -61,9 +57,6 @@ from puckbench.gpcc.planar import (
     update_planar_rates,
 )
 from puckbench.gpcc.tables import POPCOUNT
-
-Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 
 EXHAUSTED = -1
 TOO_MANY_POINTS = -2
@@ -128,16 +121,16 @@ class SliceState(NamedTuple):
     leaves: Morton codes of the coded points; may be empty in an encoder.
     counters: numbers of points coded and allowed; of nodes with children in this level, and of
         these children; idcm_enable_mask.
-    points_in, coded, left: working memory of IDCM.
+    ctx_idx_maps: numbers for each neighbourhood; the upper five bits select the context of an
+        occupancy bit.
     """
 
     atlas: OccupancyAtlas
     planar: PlanarState
     leaves: Ints
     counters: Ints
-    points_in: Ints
-    coded: Ints
-    left: Ints
+    local: LocalPoints
+    ctx_idx_maps: Bytes
 
 
 class ParentNode(NamedTuple):
@@ -158,7 +151,6 @@ class ParentNode(NamedTuple):
 @entry
 def code_level(
     coder: Any,
-    contexts: Contexts,
     level: Level,
     parents: Nodes,
     nodes: Nodes,
@@ -189,7 +181,7 @@ def code_level(
         parent = ParentNode(
             base, sibling_occupancy, faces, grid, integer(parents.idcm_eligible[p]), first, laser
         )
-        fault = _code_children(coder, contexts, level, parent, nodes, source, state, angular)
+        fault = _code_children(coder, level, parent, nodes, source, state, angular)
         if fault:
             return fault
     if atlas.side:
@@ -200,7 +192,6 @@ def code_level(
 @part
 def _code_children(
     coder: Any,
-    contexts: Contexts,
     level: Level,
     parent: ParentNode,
     nodes: Nodes,
@@ -213,18 +204,11 @@ def _code_children(
         if parent.sibling_occupancy >> child & 1 == 0:
             continue
         occupancy, neigh_pattern, laser = _code_node(
-            coder, contexts, level, source, state, angular, parent, child, index
+            coder, level, source, state, angular, parent, child, index
         )
         if occupancy and level.last:
             _code_leaf_point_counts(
-                coder,
-                contexts,
-                level,
-                source,
-                state,
-                parent.first_child_code | child,
-                occupancy,
-                index,
+                coder, level, source, state, parent.first_child_code | child, occupancy, index
             )
         elif occupancy:
             kept = counters[2]
@@ -257,7 +241,6 @@ def _is_damaged(coder: Any, angular: Angular | None) -> bool:
 @part
 def _code_node(
     coder: Any,
-    contexts: Contexts,
     level: Level,
     source: Source | None,
     state: SliceState,
@@ -294,10 +277,10 @@ def _code_node(
         if angular is not None:
             eligible_axes = angular_eligible_axes(angles, eligible_axes, level.coded_axes)
         planar_mode, plane_pos_bits, planar_possible = code_planar_modes(
-            coder, contexts, state.planar, node, eligible_axes, occupancy
+            coder, state.planar, node, eligible_axes, occupancy
         )
     if parent.idcm_eligible >> child & 1 and _code_direct_positions(
-        coder, contexts, level, source, state, angular, morton, index, planar_mode, plane_pos_bits
+        coder, level, source, state, angular, morton, index, planar_mode, plane_pos_bits
     ):
         occupancy = 0
     else:
@@ -309,7 +292,7 @@ def _code_node(
         neighbourhood = OccupancyNeighbourhood(
             neighbours_known, neigh_pattern, gt0, gt1, unocc, is_predicted, prediction
         )
-        occupancy = code_occupancy(coder, contexts, neighbourhood, masks, occupancy)
+        occupancy = code_occupancy(coder, state.ctx_idx_maps, neighbourhood, masks, occupancy)
     if level.adjacent_child_ctx:
         state.atlas.nodes[morton & ((1 << 3 * state.atlas.side) - 1)] = occupancy
     return occupancy, neigh_pattern, angles.laser
@@ -351,7 +334,6 @@ def _idcm_eligible_children(
 @inlined
 def _code_direct_positions(
     coder: Any,
-    contexts: Contexts,
     level: Level,
     source: Source | None,
     state: SliceState,
@@ -367,7 +349,7 @@ def _code_direct_positions(
         leaves = end - start
         points = leaves if level.unique_points else _points(source, start, end)
     is_direct = integer(can_be_direct(level.unique_points, leaves, points))
-    if not code_bit(coder, contexts.probabilities, CTX_BLOCK_SKIP_TH, is_direct):
+    if not code_bit(coder, CTX_BLOCK_SKIP_TH, is_direct):
         return False
     node = IdcmNode(
         morton,
@@ -378,24 +360,16 @@ def _code_direct_positions(
         plane_pos_bits,
     )
     if source is not None:
-        if angular is None:
-            local_points(
-                source.leaves[start:end],
-                level.node_size_log2,
-                state.points_in,
-                level.joint_2pt_idcm,
-            )
-        else:
-            local_points(source.leaves[start:end], level.node_size_log2, state.points_in, False)
-            if leaves == 2:
-                second_first = integer(source.second_first[start]) != 0
-                order_by_angles(node, angular, level.coded_axes, second_first, state.points_in)
-    leaves, points = code_direct_positions(
-        coder, contexts, node, angular, state.points_in, leaves, points, state.coded, state.left
-    )
+        local_points(source.leaves[start:end], level.node_size_log2, state.local.points_in)
+        if leaves == 2:
+            second_first = angular is not None and source.second_first[start] != 0
+            order_pair(node, angular, level.coded_axes, second_first, state.local.points_in)
+    leaves, points = code_direct_positions(coder, node, angular, state.local, leaves, points)
     for i in range(leaves):
         point_count = points - leaves + 1 if i == 0 else 1
-        _append_points(state, leaf_code(morton, level.node_size_log2, state.coded[i]), point_count)
+        _append_points(
+            state, leaf_code(morton, level.node_size_log2, state.local.coded[i]), point_count
+        )
     return True
 
 
@@ -410,7 +384,6 @@ def _points(source: Source, start: int, end: int) -> int:
 @kernel
 def _code_leaf_point_counts(
     coder: Any,
-    contexts: Contexts,
     level: Level,
     source: Source | None,
     state: SliceState,
@@ -426,12 +399,8 @@ def _code_leaf_point_counts(
         points = integer(1)
         if not level.unique_points:
             dup_point_cnt = integer(source.counts[leaf]) - 1 if source is not None else 0
-            if code_bit(
-                coder, contexts.probabilities, CTX_DUP_POINT_CNT_GT0, integer(dup_point_cnt > 0)
-            ):
-                points = 2 + code_exp_golomb(
-                    coder, contexts.probabilities, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 1
-                )
+            if code_bit(coder, CTX_DUP_POINT_CNT_GT0, integer(dup_point_cnt > 0)):
+                points = 2 + code_exp_golomb(coder, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 1)
         _append_points(state, base | child, points)
         leaf += 1
 

@@ -21,7 +21,6 @@ from puckbench.gpcc.contexts import (
     CTX_PLANE_ANGULAR_PHI,
     CTX_PLANE_LAST_INDEX,
     CTX_PLANE_LAST_INDEX_Z,
-    Contexts,
 )
 from puckbench.gpcc.neighbours import AFTER, BEFORE, UPPER
 from puckbench.gpcc.tables import POPCOUNT
@@ -136,12 +135,7 @@ class PlanarNode(NamedTuple):
 
 @inlined
 def code_planar_modes(
-    coder: Any,
-    contexts: Contexts,
-    state: PlanarState,
-    node: PlanarNode,
-    eligible_axes: int,
-    occupancy: int,
+    coder: Any, state: PlanarState, node: PlanarNode, eligible_axes: int, occupancy: int
 ) -> tuple[int, int, int]:
     """Encode or decode the planar modes along the eligible axes.
 
@@ -154,9 +148,7 @@ def code_planar_modes(
     for axis in range(3):
         if eligible_axes >> axis & 1 == 0:
             continue
-        plane = _code_planar_mode(
-            coder, contexts, state, node, axis, mode >> axis & 1, pos_bits >> axis & 1
-        )
+        plane = _code_planar_mode(coder, state, node, axis, mode >> axis & 1, pos_bits >> axis & 1)
         if plane < 0:
             planar_possible &= ~(1 << axis)
         else:
@@ -168,7 +160,6 @@ def code_planar_modes(
 @inlined
 def _code_planar_mode(
     coder: Any,
-    contexts: Contexts,
     state: PlanarState,
     node: PlanarNode,
     axis: int,
@@ -185,7 +176,7 @@ def _code_planar_mode(
         far_ctx = 2 * integer(abs(position - state.position[axis, row]) > 1)
         last_plane = state.plane_index[axis, row]
     plane = integer(-1)
-    if code_bit(coder, contexts.probabilities, CTX_PLANAR_MODE + axis, planar_mode):
+    if code_bit(coder, CTX_PLANAR_MODE + axis, planar_mode):
         if node.angles[axis] >= 0:
             context = CTX_PLANE_ANGULAR if axis == 2 else CTX_PLANE_ANGULAR_PHI
             context += node.angles[axis]
@@ -196,7 +187,7 @@ def _code_planar_mode(
             else:
                 context = CTX_PLANE_LAST_INDEX + 12 * axis + 4 * adjacent_ctx
                 context += last_plane + far_ctx
-        plane = code_bit(coder, contexts.probabilities, context, plane_pos_bits)
+        plane = code_bit(coder, context, plane_pos_bits)
     state.rates[axis] = (255 * state.rates[axis] + (2048 if plane >= 0 else 0) + 128) >> 8
     if state.buffered:
         state.position[axis, row] = position

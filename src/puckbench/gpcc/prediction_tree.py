@@ -9,15 +9,14 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.geometry.morton import Ints, morton_codes
 from puckbench.gpcc.azimuth_order import azimuth_order
 from puckbench.gpcc.compiled import entry, integer, kernel
+from puckbench.gpcc.kd_tree import Int32s
 from puckbench.gpcc.prediction_search import Search, add_position, empty_search, nearest
 from puckbench.gpcc.spherical import Sphere, spherical
 
-Int32s = NDArray[np.int32]
 Order = Literal["given", "morton", "azimuth", "radius"]
 
 MOST_CHILDREN = 3
@@ -131,7 +130,7 @@ def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: 
         _find_copies(points, tree, node, end)
         x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
         for k in range(nearest(search, x, y, z)):
-            parent = integer(search.owners[search.nearest[k]])
+            parent = integer(search.owners[search.trees.nearest[k]])
             if tree.num_children[parent] < MOST_CHILDREN:
                 _hang(tree, node, parent)
                 break

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import inlined
 from puckbench.gpcc.arithmetic import (
     HALF,
+    Probabilities,
     code_bit,
     code_bypass,
     code_exp_golomb,
@@ -24,8 +25,6 @@ from puckbench.gpcc.compiled import entry, integer, kernel
 from puckbench.gpcc.fixed_point import int32
 from puckbench.gpcc.spherical import Sphere, azimuth_of_arc, cartesian
 from puckbench.gpcc.syntax import Three
-
-Probabilities = NDArray[np.uint16]
 
 EXHAUSTED, TOO_MANY_POINTS, DAMAGED = -1, -2, -3
 """Error codes of a damaged stream."""
@@ -92,105 +91,93 @@ def initial_probabilities() -> Probabilities:
 
 
 @kernel
-def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
-    if not code_bit(coder, contexts, CTX_NUM_DUP_POINTS_GT0, integer(count > 0)):
+def code_num_dup_points(coder: Any, count: int) -> int:
+    if not code_bit(coder, CTX_NUM_DUP_POINTS_GT0, integer(count > 0)):
         return 0
-    return 1 + code_exp_golomb(coder, contexts, CTX_NUM_DUP_POINTS, count - 1)
+    return 1 + code_exp_golomb(coder, CTX_NUM_DUP_POINTS, count - 1)
 
 
 @inlined
-def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
+def code_num_children(coder: Any, count: int) -> int:
     """Encode or decode a number of children: one bit for 1, two bits for 0, three for 2 or 3."""
     value = count ^ 1
-    if not code_bit(coder, contexts, CTX_NUM_CHILDREN, integer(value > 0)):
+    if not code_bit(coder, CTX_NUM_CHILDREN, integer(value > 0)):
         return 1
-    if not code_bit(coder, contexts, CTX_NUM_CHILDREN + 1, integer(value > 1)):
+    if not code_bit(coder, CTX_NUM_CHILDREN + 1, integer(value > 1)):
         return 0
-    return 3 - code_bit(coder, contexts, CTX_NUM_CHILDREN + 2, integer(value > 2))
+    return 3 - code_bit(coder, CTX_NUM_CHILDREN + 2, integer(value > 2))
 
 
 @inlined
-def code_pred_mode(coder: Any, contexts: Probabilities, mode: int) -> int:
-    high = code_bit(coder, contexts, CTX_PRED_MODE, mode >> 1)
-    return high << 1 | code_bit(coder, contexts, CTX_PRED_MODE + 1 + high, mode & 1)
+def code_pred_mode(coder: Any, mode: int) -> int:
+    high = code_bit(coder, CTX_PRED_MODE, mode >> 1)
+    return high << 1 | code_bit(coder, CTX_PRED_MODE + 1 + high, mode & 1)
 
 
 @kernel
-def code_phi_multiplier(coder: Any, contexts: Probabilities, multiplier: int) -> int:
+def code_phi_multiplier(coder: Any, multiplier: int) -> int:
     """Encode or decode how many times `azimuth_speed` is added to the predicted azimuth."""
-    if not code_bit(coder, contexts, CTX_PHI_GT, integer(multiplier != 0)):
+    if not code_bit(coder, CTX_PHI_GT, integer(multiplier != 0)):
         return 0
     value = abs(multiplier) - 1
-    if code_bit(coder, contexts, CTX_PHI_GT + 1, integer(value > 0)):
-        value = 1 + _code_phi_rest(coder, contexts, value - 1)
+    if code_bit(coder, CTX_PHI_GT + 1, integer(value > 0)):
+        value = 1 + _code_phi_rest(coder, value - 1)
     else:
         value = 0
-    negative = code_bit(coder, contexts, CTX_SIGN_PHI, integer(multiplier < 0))
+    negative = code_bit(coder, CTX_SIGN_PHI, integer(multiplier < 0))
     return -(value + 1) if negative else value + 1
 
 
 @kernel
-def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
+def _code_phi_rest(coder: Any, value: int) -> int:
     low = min(value, 7)
     node = integer(1)
     for k in range(2, -1, -1):
-        node = node << 1 | code_bit(coder, contexts, CTX_RESIDUAL_PHI + node - 1, low >> k & 1)
+        node = node << 1 | code_bit(coder, CTX_RESIDUAL_PHI + node - 1, low >> k & 1)
     if node != 15:
         return node - 8
-    return 7 + code_exp_golomb(coder, contexts, CTX_EG_PHI, value - 7)
+    return 7 + code_exp_golomb(coder, CTX_EG_PHI, value - 7)
 
 
 @kernel
-def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
+def code_qp_offset(coder: Any, offset: int) -> int:
     """Encode or decode the QP offset of the next nodes, in units of 2^`qp_multiplier_log2`."""
     # TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
-    if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
+    if not code_bit(coder, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
         return 0
-    size = 1 + code_exp_golomb(coder, contexts, CTX_QP_OFFSET_ABS_EGL, abs(offset) - 1)
-    return -size if code_bit(coder, contexts, CTX_QP_OFFSET_SIGN, integer(offset < 0)) else size
+    size = 1 + code_exp_golomb(coder, CTX_QP_OFFSET_ABS_EGL, abs(offset) - 1)
+    return -size if code_bit(coder, CTX_QP_OFFSET_SIGN, integer(offset < 0)) else size
 
 
 @inlined
-def code_residual(
-    coder: Any, contexts: Probabilities, tools: Tools, mode: int, residual: Three
-) -> Three:
-    first, bits = _code_component(coder, contexts, tools, 0, 0, residual[0], mode != 0)
+def code_residual(coder: Any, tools: Tools, mode: int, residual: Three) -> Three:
+    first, bits = _code_component(coder, tools, 0, 0, residual[0], mode != 0)
     group = 0 if tools.angular else min(4, (bits + 1) >> 1)
-    second, _ = _code_component(coder, contexts, tools, 1, group, residual[1], True)
+    second, _ = _code_component(coder, tools, 1, group, residual[1], True)
     if tools.angular and len(tools.sphere.theta) == 1:
         return first, second, 0
-    third, _ = _code_component(coder, contexts, tools, 2, group, residual[2], True)
+    third, _ = _code_component(coder, tools, 2, group, residual[2], True)
     return first, second, third
 
 
 @inlined
 def _code_component(
-    coder: Any,
-    contexts: Probabilities,
-    tools: Tools,
-    axis: int,
-    group: int,
-    value: int,
-    signed: bool,
+    coder: Any, tools: Tools, axis: int, group: int, value: int, signed: bool
 ) -> tuple[int, int]:
-    if not code_bit(coder, contexts, CTX_RES_GT0 + axis, integer(value != 0)):
+    if not code_bit(coder, CTX_RES_GT0 + axis, integer(value != 0)):
         return 0, 0
     magnitude = abs(value) - 1
-    bits = code_num_bits(
-        coder, contexts, tools.resid_abs_log2_bits[axis], 3 * group + axis, magnitude
-    )
+    bits = code_num_bits(coder, tools.resid_abs_log2_bits[axis], 3 * group + axis, magnitude)
     rest = 0
     for k in range(bits - 1):
         rest |= code_bypass(coder, magnitude >> k & 1) << k
     size = 1 + (rest | 1 << (bits - 1) if bits else 0)
-    negative = signed and code_bit(coder, contexts, CTX_SIGN + axis, integer(value < 0)) != 0
+    negative = signed and code_bit(coder, CTX_SIGN + axis, integer(value < 0)) != 0
     return (-size if negative else size), bits
 
 
 @inlined
-def code_num_bits(
-    coder: Any, contexts: Probabilities, width: int, group: int, magnitude: int
-) -> int:
+def code_num_bits(coder: Any, width: int, group: int, magnitude: int) -> int:
     """Encode or decode the bit length of a magnitude as a `width`-bit number, highest bit first."""
     bits = 0
     while magnitude >> bits > 0:
@@ -198,40 +185,40 @@ def code_num_bits(
     node = integer(1)
     start = CTX_NUM_BITS + 31 * group - 1
     for k in range(width - 1, -1, -1):
-        node = node << 1 | code_bit(coder, contexts, start + node, bits >> k & 1)
+        node = node << 1 | code_bit(coder, start + node, bits >> k & 1)
     return node ^ 1 << width
 
 
 @inlined
-def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Three:
+def code_residual2(coder: Any, residual: Three) -> Three:
     return (
-        _code_component2(coder, contexts, 0, residual[0]),
-        _code_component2(coder, contexts, 1, residual[1]),
-        _code_component2(coder, contexts, 2, residual[2]),
+        _code_component2(coder, 0, residual[0]),
+        _code_component2(coder, 1, residual[1]),
+        _code_component2(coder, 2, residual[2]),
     )
 
 
 @inlined
-def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
-    if not code_bit(coder, contexts, CTX_RESIDUAL2_GT + axis, integer(value != 0)):
+def _code_component2(coder: Any, axis: int, value: int) -> int:
+    if not code_bit(coder, CTX_RESIDUAL2_GT + axis, integer(value != 0)):
         return 0
     size = 1
-    if code_bit(coder, contexts, CTX_RESIDUAL2_GT + 3 + axis, integer(abs(value) > 1)):
-        size = 2 + _code_long(coder, contexts, axis, abs(value) - 2)
-    return -size if code_bit(coder, contexts, CTX_SIGN2 + axis, integer(value < 0)) else size
+    if code_bit(coder, CTX_RESIDUAL2_GT + 3 + axis, integer(abs(value) > 1)):
+        size = 2 + _code_long(coder, axis, abs(value) - 2)
+    return -size if code_bit(coder, CTX_SIGN2 + axis, integer(value < 0)) else size
 
 
 @kernel
-def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
+def _code_long(coder: Any, axis: int, value: int) -> int:
     prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
     order, base = 0, 0
     while order < _LONGEST_PREFIX and code_bit(
-        coder, contexts, prefix + min(4, order), integer(value - base >= 1 << order)
+        coder, prefix + min(4, order), integer(value - base >= 1 << order)
     ):
         base += 1 << order
         order += 1
     for k in range(order - 1, -1, -1):
-        base += code_bit(coder, contexts, suffix + min(3, k), ((value - base) >> k) & 1) << k
+        base += code_bit(coder, suffix + min(3, k), ((value - base) >> k) & 1) << k
     return base
 
 
@@ -259,11 +246,7 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
         if a < 0:
             return tools.min_radius, 0, 0
         return tools.min_radius, integer(positions[a, 1]), integer(positions[a, 2])
-    x, y, z = (
-        integer(positions[a, 0]),
-        integer(positions[a, 1]),
-        integer(positions[a, 2]),
-    )
+    x, y, z = (integer(positions[a, 0]), integer(positions[a, 1]), integer(positions[a, 2]))
     if mode == LINEAR2:
         return (
             int32(2 * x - positions[b, 0]),
@@ -280,19 +263,17 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
 
 
 @entry
-def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: TreeNodes) -> int:
+def decode_trees(coder: Any, tools: Tools, nodes: TreeNodes) -> int:
     """Decode all trees of a slice; return the number of points or a negative error code."""
     done = 0
     while True:
-        done = _decode_tree(coder, contexts, tools, nodes, done)
-        if done < 0 or code_bit(coder, contexts, CTX_END_OF_TREES, 0):
+        done = _decode_tree(coder, tools, nodes, done)
+        if done < 0 or code_bit(coder, CTX_END_OF_TREES, 0):
             return done
 
 
 @inlined
-def _decode_tree(
-    coder: Any, contexts: Probabilities, tools: Tools, nodes: TreeNodes, done: int
-) -> int:
+def _decode_tree(coder: Any, tools: Tools, nodes: TreeNodes, done: int) -> int:
     count, pending = len(nodes.parents), 1
     if done >= count:
         return TOO_MANY_POINTS
@@ -304,7 +285,7 @@ def _decode_tree(
             return EXHAUSTED
         if tools.scaling:
             if until_offset == 0:
-                offset = code_qp_offset(coder, contexts, 0)
+                offset = code_qp_offset(coder, 0)
                 qp = tools.slice_qp + (offset << tools.qp_multiplier_log2)
                 until_offset = tools.qp_interval
                 if qp < 0 or qp > MOST_QP:
@@ -312,12 +293,12 @@ def _decode_tree(
             until_offset -= 1
         node = done
         nodes.parents[node] = nodes.stack[pending]
-        copies = 0 if tools.unique_points else code_num_dup_points(coder, contexts, 0)
-        children = code_num_children(coder, contexts, 0)
+        copies = 0 if tools.unique_points else code_num_dup_points(coder, 0)
+        children = code_num_children(coder, 0)
         done += 1 + copies
         if done + pending + children > count:
             return TOO_MANY_POINTS
-        if not _decode_position(coder, contexts, tools, nodes, node, qp):
+        if not _decode_position(coder, tools, nodes, node, qp):
             return DAMAGED
         _repeat(nodes, tools.angular, node, copies)
         for _ in range(children):
@@ -327,22 +308,20 @@ def _decode_tree(
 
 
 @inlined
-def _decode_position(
-    coder: Any, contexts: Probabilities, tools: Tools, nodes: TreeNodes, node: int, qp: int
-) -> bool:
-    mode = code_pred_mode(coder, contexts, 0)
+def _decode_position(coder: Any, tools: Tools, nodes: TreeNodes, node: int, qp: int) -> bool:
+    mode = code_pred_mode(coder, 0)
     before = ancestors(nodes.parents, node)
     if mode > 0 and before[mode - 1] < 0:
         return False
     if not tools.angular:
-        r = code_residual(coder, contexts, tools, mode, (0, 0, 0))
+        r = code_residual(coder, tools, mode, (0, 0, 0))
         p = predicted(nodes.points, before, mode, tools)
         nodes.points[node, 0] = max(0, int32(p[0] + scaled(r[0], qp)))
         nodes.points[node, 1] = max(0, int32(p[1] + scaled(r[1], qp)))
         nodes.points[node, 2] = max(0, int32(p[2] + scaled(r[2], qp)))
         return True
-    steps = code_phi_multiplier(coder, contexts, 0)
-    r = code_residual(coder, contexts, tools, mode, (0, 0, 0))
+    steps = code_phi_multiplier(coder, 0)
+    r = code_residual(coder, tools, mode, (0, 0, 0))
     p = predicted(nodes.spherical, before, mode, tools)
     radius, laser = int32(p[0] + r[0]), p[2] + r[2]
     turned = r[1]
@@ -354,7 +333,7 @@ def _decode_position(
     nodes.spherical[node, 0] = radius
     nodes.spherical[node, 1] = azimuth
     nodes.spherical[node, 2] = laser
-    second = code_residual2(coder, contexts, (0, 0, 0))
+    second = code_residual2(coder, (0, 0, 0))
     place = cartesian(tools.sphere, radius, azimuth, laser)
     for axis in range(3):
         exact = tools.sphere.origin[axis] + place[axis] + scaled(second[axis], qp)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.coder import (
     MAX_POINTS,
     MAX_TREE_SLICES,
-    AttributeWriter,
     CodedPoints,
     Units,
     bits_of,
@@ -34,6 +33,9 @@ from puckbench.gpcc.predictive_slices import encode_trees, tools_of
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.slices import CodedSlice, data_unit, sensor_position
 from puckbench.gpcc.syntax import Three
+
+if TYPE_CHECKING:
+    from puckbench.gpcc.attributes.writer import AttributeEncoder
 
 _AXES = (0, 1, 2)
 _WIDEST = (5, 5, 5)
@@ -90,22 +92,12 @@ def encode_predictive_geometry(
     scale: Fraction | float = 1,
     origin: Sequence[int] | Ints = (0, 0, 0),
     sensor: SensorDescription | None = None,
+    attributes: AttributeEncoder | None = None,
 ) -> bytes:
     """Encode integer points (n, 3) as a stream of prediction trees that TMC13 decodes.
 
     Parameters and errors are those of `coder.encode_geometry`.
     """
-    return encode_trees_geometry(points, options, scale, origin, sensor, None)
-
-
-def encode_trees_geometry(
-    points: NDArray[Any],
-    options: PredictiveOptions,
-    scale: Fraction | float,
-    origin: Sequence[int] | Ints,
-    sensor: SensorDescription | None,
-    attributes: AttributeWriter | None,
-) -> bytes:
     points, low = checked_points(points)
     whole, first_of = points, np.empty(0, dtype=np.int64)
     if options.merge_duplicates:

@@ -27,7 +27,6 @@ from puckbench.gpcc.predictive import (
     CTX_SIGN_PHI,
     LINEAR3,
     NONE,
-    Probabilities,
     Tools,
     ancestors,
     code_num_children,
@@ -82,18 +81,18 @@ class Choice(NamedTuple):
 
 
 @entry
-def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, state: EncoderState) -> int:
+def encode_trees(coder: Any, tools: Tools, state: EncoderState) -> int:
     """Encode all trees, or continue after FULL; return DONE, FULL or UNREPRESENTABLE."""
     progress, parents = state.progress, state.tree.parents
     while True:
-        fault = _encode_tree(coder, contexts, tools, state)
+        fault = _encode_tree(coder, tools, state)
         if fault != DONE:
             return fault
         while progress[0] < len(parents) and parents[progress[0]] != ROOT:
             progress[0] += 1
         more = progress[0] < len(parents)
         if progress[3]:
-            code_bit(coder, contexts, CTX_END_OF_TREES, integer(not more))
+            code_bit(coder, CTX_END_OF_TREES, integer(not more))
         if not more:
             return DONE
         state.stack[0] = progress[0]
@@ -103,7 +102,7 @@ def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, state: Encod
 
 
 @inlined
-def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, state: EncoderState) -> int:
+def _encode_tree(coder: Any, tools: Tools, state: EncoderState) -> int:
     tree, progress = state.tree, state.progress
     while progress[1]:
         if coder.state[3] + NODE_BYTES > len(coder.data):
@@ -112,13 +111,13 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, state: Encod
         node = integer(state.stack[progress[1]])
         if tools.scaling:
             if progress[2] == 0:
-                code_qp_offset(coder, contexts, 0)
+                code_qp_offset(coder, 0)
                 progress[2] = tools.qp_interval
             progress[2] -= 1
         if not tools.unique_points:
-            code_num_dup_points(coder, contexts, integer(tree.copies[node]))
-        code_num_children(coder, contexts, integer(tree.num_children[node]))
-        if not _encode_position(coder, contexts, tools, state, node):
+            code_num_dup_points(coder, integer(tree.copies[node]))
+        code_num_children(coder, integer(tree.num_children[node]))
+        if not _encode_position(coder, tools, state, node):
             return UNREPRESENTABLE
         for k in range(node, node + 1 + tree.copies[node]):
             state.order[progress[3]] = k
@@ -133,18 +132,16 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, state: Encod
 
 
 @inlined
-def _encode_position(
-    coder: Any, contexts: Probabilities, tools: Tools, state: EncoderState, node: int
-) -> bool:
-    fits, choice = _decided(contexts, tools, state, node)
+def _encode_position(coder: Any, tools: Tools, state: EncoderState, node: int) -> bool:
+    fits, choice = _decided(coder, tools, state, node)
     if not fits:
         return False
-    code_pred_mode(coder, contexts, choice.mode)
+    code_pred_mode(coder, choice.mode)
     if tools.angular:
-        code_phi_multiplier(coder, contexts, choice.steps)
-    code_residual(coder, contexts, tools, choice.mode, choice.residual)
+        code_phi_multiplier(coder, choice.steps)
+    code_residual(coder, tools, choice.mode, choice.residual)
     if tools.angular:
-        _encode_place(coder, contexts, tools, state, node, choice)
+        _encode_place(coder, tools, state, node, choice)
         return True
     for axis in range(3):
         exact = choice.prediction[axis] + scaled(choice.residual[axis], tools.slice_qp)
@@ -153,14 +150,7 @@ def _encode_position(
 
 
 @inlined
-def _encode_place(
-    coder: Any,
-    contexts: Probabilities,
-    tools: Tools,
-    state: EncoderState,
-    node: int,
-    choice: Choice,
-) -> None:
+def _encode_place(coder: Any, tools: Tools, state: EncoderState, node: int, choice: Choice) -> None:
     around, positions = tools.sphere, state.positions
     if tools.azimuth_scaling:
         radius = choice.prediction[0] + choice.residual[0]
@@ -177,7 +167,6 @@ def _encode_place(
     qp, origin, points = tools.slice_qp, around.origin, state.points
     second = code_residual2(
         coder,
-        contexts,
         (
             quantised(points[node, 0] - origin[0] - place[0], qp),
             quantised(points[node, 1] - origin[1] - place[1], qp),
@@ -195,19 +184,17 @@ def quantised(value: int, qp: int) -> int:
 
 
 @inlined
-def _decided(
-    contexts: Probabilities, tools: Tools, state: EncoderState, node: int
-) -> tuple[bool, Choice]:
+def _decided(coder: Any, tools: Tools, state: EncoderState, node: int) -> tuple[bool, Choice]:
     before = ancestors(state.tree.parents, node)
     best = _predict(tools, state, node, before, NONE)
     fits = _is_representable(tools, best.residual)
-    least = _cost(contexts, tools, best) if fits else _MOST_COST
+    least = _cost(coder, tools, best) if fits else _MOST_COST
     for mode in range(1, LINEAR3 + 1):
         if before[mode - 1] < 0:
             break
         choice = _predict(tools, state, node, before, mode)
         if _is_representable(tools, choice.residual):
-            cost = _cost(contexts, tools, choice)
+            cost = _cost(coder, tools, choice)
             if cost < least:
                 best, least, fits = choice, cost, True
     return fits, best
@@ -252,35 +239,35 @@ def _is_representable(tools: Tools, residual: Three) -> bool:
 
 
 @inlined
-def _bit_cost(contexts: Probabilities, context: int, bit: int) -> Any:
-    zero = max(1, integer(contexts[context]) >> 9)
+def _bit_cost(coder: Any, context: int, bit: int) -> Any:
+    zero = max(1, integer(coder.contexts[context]) >> 9)
     return _COSTS[128 - zero if bit else zero]
 
 
 @inlined
-def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
+def _cost(coder: Any, tools: Tools, choice: Choice) -> Any:
     mode, residual = choice.mode, choice.residual
-    bits = _bit_cost(contexts, CTX_PRED_MODE, mode >> 1)
-    bits += _bit_cost(contexts, CTX_PRED_MODE + 1 + (mode >> 1), mode & 1)
+    bits = _bit_cost(coder, CTX_PRED_MODE, mode >> 1)
+    bits += _bit_cost(coder, CTX_PRED_MODE + 1 + (mode >> 1), mode & 1)
     if tools.angular:
-        bits = _with_steps(contexts, choice.steps, bits)
+        bits = _with_steps(coder, choice.steps, bits)
     group = 0
     for axis in range(3):
         if axis == 2 and tools.angular and len(tools.sphere.theta) == 1:
             break
         value = residual[axis]
-        bits += _bit_cost(contexts, CTX_RES_GT0 + axis, integer(value != 0))
+        bits += _bit_cost(coder, CTX_RES_GT0 + axis, integer(value != 0))
         if value == 0:
             continue
         if mode or axis:
-            bits += _bit_cost(contexts, CTX_SIGN + axis, integer(value < 0))
+            bits += _bit_cost(coder, CTX_SIGN + axis, integer(value < 0))
         length = 0
         while abs(value) - 1 >> length > 0:
             length += 1
         node, start = integer(1), CTX_NUM_BITS + 31 * (3 * group + axis) - 1
         for k in range(tools.resid_abs_log2_bits[axis] - 1, -1, -1):
             bit = length >> k & 1
-            bits += _bit_cost(contexts, start + node, bit)
+            bits += _bit_cost(coder, start + node, bit)
             node = node << 1 | bit
         if axis == 0 and not tools.angular:
             group = min(4, (length + 1) >> 1)
@@ -289,19 +276,19 @@ def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
 
 
 @inlined
-def _with_steps(contexts: Probabilities, steps: int, bits: Any) -> Any:
-    bits += _bit_cost(contexts, CTX_PHI_GT, integer(steps != 0))
+def _with_steps(coder: Any, steps: int, bits: Any) -> Any:
+    bits += _bit_cost(coder, CTX_PHI_GT, integer(steps != 0))
     if steps == 0:
         return bits
     value = abs(steps) - 1
-    bits += _bit_cost(contexts, CTX_PHI_GT + 1, integer(value > 0))
-    bits += _bit_cost(contexts, CTX_SIGN_PHI, integer(steps < 0))
+    bits += _bit_cost(coder, CTX_PHI_GT + 1, integer(value > 0))
+    bits += _bit_cost(coder, CTX_SIGN_PHI, integer(steps < 0))
     if value == 0:
         return bits
     low, rest = min(value - 1, 7), value - 8
     node = integer(1)
     for k in range(2, -1, -1):
-        bits += _bit_cost(contexts, CTX_RESIDUAL_PHI + node - 1, low >> k & 1)
+        bits += _bit_cost(coder, CTX_RESIDUAL_PHI + node - 1, low >> k & 1)
         node = node << 1 | (low >> k & 1)
     if rest >= 0:
         bits = np.float32(np.float64(bits) + (1.0 + 2.0 * math.log2(rest + 1)))

@@ -5,18 +5,14 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import Ints
 from puckbench.gpcc import predictive, predictive_encoder
-from puckbench.gpcc.arithmetic import consumed, encoder, enlarged, finish
-from puckbench.gpcc.prediction_tree import Int32s, PredictionTree
-from puckbench.gpcc.predictive import Probabilities, Tools, TreeNodes
+from puckbench.gpcc.arithmetic import Probabilities, consumed, encoder, enlarged, finish
+from puckbench.gpcc.kd_tree import Int32s
+from puckbench.gpcc.prediction_tree import PredictionTree
+from puckbench.gpcc.predictive import Tools, TreeNodes
 from puckbench.gpcc.predictive_encoder import NODE_BYTES, EncoderState
 from puckbench.gpcc.slices import CodedSlice, sensor_position, slice_decoder
 from puckbench.gpcc.spherical import sphere
-from puckbench.gpcc.syntax import (
-    GeometryHeader,
-    GeometryParameterSet,
-    SequenceParameterSet,
-    Three,
-)
+from puckbench.gpcc.syntax import GeometryHeader, GeometryParameterSet, SequenceParameterSet, Three
 
 _FAULTS = {
     predictive.TOO_MANY_POINTS: "a slice holds more points than it says",
@@ -36,8 +32,8 @@ def decode_trees(
 ) -> TreeNodes:
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
-    coder = slice_decoder(coded, sps)
-    done = predictive.decode_trees(coder, contexts, tools, nodes)
+    coder = slice_decoder(contexts, coded, sps)
+    done = predictive.decode_trees(coder, tools, nodes)
     if done < 0 or consumed(coder) > coder.state[4]:
         fault = _FAULTS[done if done < 0 else predictive.EXHAUSTED]
         raise InputError(f"G-PCC stream: {fault}")
@@ -103,9 +99,9 @@ def encode_trees(
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
     state = EncoderState(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)
-    coder = encoder(NODE_BYTES + 4 * len(points))
+    coder = encoder(contexts, NODE_BYTES + 4 * len(points))
     while True:
-        ended = predictive_encoder.encode_trees(coder, contexts, tools, state)
+        ended = predictive_encoder.encode_trees(coder, tools, state)
         if ended != predictive_encoder.FULL:
             break
         coder = enlarged(coder, NODE_BYTES + len(coder.data))

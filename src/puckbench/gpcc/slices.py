@@ -18,6 +18,7 @@ from puckbench.gpcc import angular, idcm, neighbours, octree, planar
 from puckbench.gpcc.arithmetic import (
     Bytes,
     Decoder,
+    Probabilities,
     consumed,
     decoder,
     encoder,
@@ -29,14 +30,13 @@ from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.contexts import Contexts, initial_contexts
 from puckbench.gpcc.syntax import (
     OCTREE,
-    GeometryFooter,
     GeometryHeader,
     GeometryParameterSet,
     SequenceParameterSet,
     Three,
-    footer_bytes,
+    footer_of,
     geometry_header,
-    read_footer,
+    point_count,
     written,
 )
 from puckbench.gpcc.tables import POPCOUNT
@@ -44,6 +44,7 @@ from puckbench.gpcc.tree import Tree, leaf_codes, leaf_starts, node_sizes_log2
 
 _DAMAGED = "G-PCC stream: a slice's data are damaged or truncated"
 _BYPASS_CHUNK = 256
+_NODE_TYPES: Any = (np.int64, np.uint8, np.uint8, np.int32, np.uint8)
 
 # Maximum number of bytes of a node: for occupancy and planes; for IDCM points, and in addition in
 # angular mode; for the point counts of eight leaves.
@@ -57,23 +58,8 @@ class CodedSlice:
     points: int
 
 
-def encode_slice(
-    tree: Tree,
-    header: GeometryHeader,
-    sps: SequenceParameterSet,
-    gps: GeometryParameterSet,
-    sensor: angular.Angular | None = None,
-    leaves: Ints | None = None,
-) -> bytes:
-    """Encode a slice, and write its points' Morton codes in coded order to `leaves`, if given."""
-    points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
-    data = encode_octree(tree, header, gps, sensor, leaves)
-    return data_unit(CodedSlice(header, data, points), sps, gps)
-
-
 def data_unit(coded: CodedSlice, sps: SequenceParameterSet, gps: GeometryParameterSet) -> bytes:
-    footer = GeometryFooter(geom_num_points_minus1=coded.points - 1)
-    return written(geometry_header, coded.header, sps, gps) + coded.data + footer_bytes(footer)
+    return written(geometry_header, coded.header, sps, gps) + coded.data + footer_of(coded.points)
 
 
 def encode_octree(
@@ -83,9 +69,10 @@ def encode_octree(
     sensor: angular.Angular | None = None,
     leaves: Ints | None = None,
 ) -> bytes:
-    coder = encoder(64)
+    """Encode a slice, and write its points' Morton codes in coded order to `leaves`, if given."""
     contexts = initial_contexts()
-    state = _initial_state(gps, len(tree.levels), 0)
+    coder = encoder(contexts.probabilities, 64)
+    state = _initial_state(gps, len(tree.levels), 0, contexts)
     if leaves is not None:
         state = state._replace(leaves=leaves)
     parents = _root_parent()
@@ -94,8 +81,8 @@ def encode_octree(
         planar.reset_planar_buffer(state.planar, 1 << number)
         count = len(source.occupancy)
         coder = enlarged(coder, 64 + count * _max_node_bytes(level, sensor))
-        nodes = _empty_nodes(0 if level.last else count, encoding=True)
-        kept = octree.code_level(coder, contexts, level, parents, nodes, source, state, sensor)
+        nodes = _empty_nodes(0 if level.last else count)
+        kept = octree.code_level(coder, level, parents, nodes, source, state, sensor)
         parents = _first_nodes(nodes, kept)
         if not kept:
             break
@@ -110,8 +97,8 @@ def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameter
     if gps.geom_tree_type == OCTREE:
         _check_axes(header.tree_lvl_coded_axis_list)
     body = payload[reader.position :]
-    footer, length = read_footer(body, header, gps)
-    return CodedSlice(header, body[: len(body) - length], footer.geom_num_points_minus1 + 1)
+    points, length = point_count(body, header, gps)
+    return CodedSlice(header, body[: len(body) - length], points)
 
 
 def _check_axes(axes: list[int]) -> None:
@@ -132,8 +119,8 @@ def decode_slice(
     header = coded.header
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
-    coder = slice_decoder(coded, sps)
-    state = _initial_state(gps, depth, coded.points)
+    coder = slice_decoder(contexts.probabilities, coded, sps)
+    state = _initial_state(gps, depth, coded.points, contexts)
     parents = _root_parent()
     lasting: list[NDArray[Any]] = [
         *contexts,
@@ -147,7 +134,7 @@ def decode_slice(
         if streams and number > depth - 1 - streams:
             _next_stream(coder, lasting, saved)
         planar.reset_planar_buffer(state.planar, 1 << number)
-        parents = _decode_level(coder, contexts, level, parents, state, sensor)
+        parents = _decode_level(coder, level, parents, state, sensor)
         if not len(parents.morton):
             break
     if state.counters[0] != coded.points:
@@ -155,13 +142,13 @@ def decode_slice(
     return state.leaves
 
 
-def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
+def slice_decoder(contexts: Probabilities, coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
     data = np.frombuffer(coded.data, dtype=np.uint8)
     if not sps.bypass_stream_enabled_flag:
-        return decoder(data)
+        return decoder(contexts, data)
     if coded.header.geom_stream_cnt_minus1:
         raise InputError("G-PCC stream: several entropy streams with bypass are not supported")
-    return decoder(*demultiplexed(data))
+    return decoder(contexts, *demultiplexed(data))
 
 
 def demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
@@ -191,15 +178,14 @@ def _next_stream(coder: Decoder, lasting: list[NDArray[Any]], saved: list[NDArra
 
 def _decode_level(
     coder: Decoder,
-    contexts: Contexts,
     level: octree.Level,
     parents: octree.Nodes,
     state: octree.SliceState,
     sensor: angular.Angular | None,
 ) -> octree.Nodes:
     count = int(POPCOUNT[parents.occupancy].sum())
-    nodes = _empty_nodes(0 if level.last else count, encoding=False)
-    kept = octree.code_level(coder, contexts, level, parents, nodes, None, state, sensor)
+    nodes = _empty_nodes(0 if level.last else count)
+    kept = octree.code_level(coder, level, parents, nodes, None, state, sensor)
     if kept == octree.TOO_MANY_POINTS:
         raise InputError("G-PCC stream: a slice holds more points than it says")
     if kept < 0 or consumed(coder) > coder.state[4]:
@@ -267,14 +253,15 @@ def _level(
     )
 
 
-def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> octree.SliceState:
+def _initial_state(
+    gps: GeometryParameterSet, depth: int, max_points: int, contexts: Contexts
+) -> octree.SliceState:
     minus1 = gps.neighbour_avail_boundary_log2_minus1
     thresholds = (
         gps.geom_planar_threshold0,
         gps.geom_planar_threshold1,
         gps.geom_planar_threshold2,
     )
-    scratch = np.zeros((2, 3), dtype=np.int64)
     return octree.SliceState(
         neighbours.empty_atlas(min(minus1 + 1, depth) if minus1 else 0),
         planar.planar_state(
@@ -285,9 +272,8 @@ def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> oc
         ),
         np.empty(max_points, dtype=np.int64),
         np.array([0, max_points or 1 << 62, 0, 0, 0], dtype=np.int64),
-        scratch,
-        scratch.copy(),
-        np.zeros(3, dtype=np.int64),
+        idcm.empty_local_points(),
+        contexts.ctx_idx_maps,
     )
 
 
@@ -315,23 +301,12 @@ def sensor_position(
 
 
 def _root_parent() -> octree.Nodes:
-    return octree.Nodes(
-        np.zeros(1, dtype=np.int64),
-        np.ones(1, dtype=np.uint8),
-        np.zeros(1, dtype=np.uint8),
-        np.zeros(1, dtype=np.int32),
-        np.full(1, angular.NO_LASER, dtype=np.uint8),
-    )
+    values = zip((0, 1, 0, 0, angular.NO_LASER), _NODE_TYPES, strict=True)
+    return octree.Nodes(*(np.full(1, value, dtype) for value, dtype in values))
 
 
-def _empty_nodes(count: int, *, encoding: bool) -> octree.Nodes:
-    return octree.Nodes(
-        np.empty(count, dtype=np.int64),
-        np.empty(count, dtype=np.uint8),
-        np.empty(count, dtype=np.uint8),
-        np.empty(count if encoding else 0, dtype=np.int32),
-        np.empty(count, dtype=np.uint8),
-    )
+def _empty_nodes(count: int) -> octree.Nodes:
+    return octree.Nodes(*(np.empty(count, dtype) for dtype in _NODE_TYPES))
 
 
 def _first_nodes(nodes: octree.Nodes, count: int) -> octree.Nodes:

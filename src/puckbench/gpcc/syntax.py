@@ -169,34 +169,6 @@ class GeometryHeader:
     pgeom_min_radius: int = 0
 
 
-@dataclass
-class GeometryFooter:
-    octree_lvl_num_points_minus1: list[int] = field(default_factory=list)
-    geom_num_points_minus1: int = 0
-
-
-@dataclass
-class Tile:
-    tile_id: int = 0
-    tile_origin_xyz: Three = _NOTHING
-    tile_size_minus1_xyz: Three = _NOTHING
-
-
-@dataclass
-class TileInventory:
-    ti_seq_parameter_set_id: int = 0
-    ti_frame_ctr_lsb_bits: int = 1
-    ti_frame_ctr_lsb: int = 0
-    num_tiles: int = 0
-    tile_id_bits: int = 0
-    tile_origin_bits_minus1: int = 0
-    tile_size_bits_minus1: int = 0
-    tiles: list[Tile] = field(default_factory=list)
-    ti_origin_bits_minus1: int = 0
-    ti_origin_xyz: Three = _NOTHING
-    ti_origin_log2_scale: int = 0
-
-
 def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> None:
     io.flag(sps, "main_profile_compatibility_flag")
     io.u(sps, "reserved_profile_compatibility_21bits", 21)
@@ -245,10 +217,13 @@ def _attribute_description(io: SyntaxElements, attribute: AttributeDescription) 
     count = io.exp_golomb(len(parameters))
     io.align()
     for index in range(count):
-        kind, content = parameters[index] if io.writing else (0, b"")
-        kind, content = io.bits(8, kind), _octets(io, content, 8)
+        kind = io.bits(8, parameters[index] if io.writing else 0)
+        writer = BitWriter()
+        if io.writing:
+            _attribute_parameter(writer, attribute, kind)
+        content = _octets(io, writer.bytes(), 8)
         if not io.writing:
-            _read_attribute_parameter(attribute, kind, BitReader(content))
+            _attribute_parameter(BitReader(content), attribute, kind)
 
 
 def _octets(io: SyntaxElements, octets: bytes, bits: int) -> bytes:
@@ -256,49 +231,37 @@ def _octets(io: SyntaxElements, octets: bytes, bits: int) -> bytes:
     return bytes(io.bits(8, octet) for octet in octets or bytes(length))
 
 
-def _attribute_parameters(attribute: AttributeDescription) -> list[tuple[int, bytes]]:
-    parameters = []
-    if attribute.attr_default_value:
-        writer = BitWriter()
-        for value in attribute.attr_default_value:
-            writer.bits(attribute.attr_bitdepth_minus1 + 1, value)
-        parameters.append((_DEFAULT_VALUE, writer.bytes()))
-    if attribute.matrix_coefficients is not None:
-        writer = BitWriter()
-        for index in (_UNSPECIFIED, _UNSPECIFIED, attribute.matrix_coefficients):
-            writer.exp_golomb(index)
-        writer.bits(1, 1)  # full range
-        parameters.append((_COLOURS, writer.bytes()))
-    if attribute.scaling:
-        scale_minus1, frac_bits, offset = attribute.scaling
-        writer = BitWriter()
-        writer.exp_golomb(max(abs(offset).bit_length(), 1))
-        writer.bits(max(abs(offset).bit_length(), 1), abs(offset))
-        writer.bits(1, offset < 0)
-        writer.exp_golomb(max(scale_minus1.bit_length(), 1))
-        writer.bits(max(scale_minus1.bit_length(), 1), scale_minus1)
-        writer.exp_golomb(frac_bits)
-        parameters.append((_SCALING, writer.bytes()))
-    return parameters
+def _attribute_parameters(attribute: AttributeDescription) -> list[int]:
+    """Return the kinds of the parameters that an attribute has."""
+    values = (
+        attribute.attr_default_value or None,
+        attribute.matrix_coefficients,
+        attribute.scaling,
+    )
+    kinds = (_DEFAULT_VALUE, _COLOURS, _SCALING)
+    return [kind for kind, value in zip(kinds, values, strict=True) if value is not None]
 
 
-def _read_attribute_parameter(
-    attribute: AttributeDescription, kind: int, reader: BitReader
-) -> None:
+def _attribute_parameter(io: SyntaxElements, attribute: AttributeDescription, kind: int) -> None:
     if kind == _DEFAULT_VALUE:
-        bits = attribute.attr_bitdepth_minus1 + 1
-        components = attribute.attr_components_minus1 + 1
+        bits, components = attribute.attr_bitdepth_minus1 + 1, attribute.attr_components_minus1 + 1
         _refuse(bits * components > 8 * 255, "an attribute with so many components")
-        attribute.attr_default_value = tuple(reader.bits(bits) for _ in range(components))
+        values = attribute.attr_default_value or (0,) * components
+        attribute.attr_default_value = tuple(io.bits(bits, value) for value in values)
     elif kind == _COLOURS:
-        reader.exp_golomb(0)
-        reader.exp_golomb(0)
-        attribute.matrix_coefficients = reader.exp_golomb(0)
+        io.exp_golomb(_UNSPECIFIED)
+        io.exp_golomb(_UNSPECIFIED)
+        attribute.matrix_coefficients = io.exp_golomb(attribute.matrix_coefficients or 0)
+        if io.writing:
+            io.bits(1, 1)  # full range
     elif kind == _SCALING:
-        size = reader.bits(reader.exp_golomb(0))
-        offset = -size if reader.bits(1) else size
-        scale_minus1 = reader.bits(reader.exp_golomb(0))
-        attribute.scaling = (scale_minus1, reader.exp_golomb(0), offset)
+        scale_minus1, frac_bits, offset = attribute.scaling or (0, 0, 0)
+        bits = io.exp_golomb(max(abs(offset).bit_length(), 1))
+        size = io.bits(bits, abs(offset))
+        offset = -size if io.bits(1, offset < 0) else size
+        bits = io.exp_golomb(max(scale_minus1.bit_length(), 1))
+        scale_minus1 = io.bits(bits, scale_minus1)
+        attribute.scaling = (scale_minus1, io.exp_golomb(frac_bits), offset)
 
 
 def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> None:
@@ -454,44 +417,17 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
     header.tree_lvl_coded_axis_list = axes
 
 
-def read_footer(
-    data: bytes, header: GeometryHeader, gps: GeometryParameterSet
-) -> tuple[GeometryFooter, int]:
+def point_count(data: bytes, header: GeometryHeader, gps: GeometryParameterSet) -> tuple[int, int]:
+    """Return the number of points and the footer's number of bytes, from a data unit's end."""
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)
     if length > len(data):
         raise InputError("G-PCC stream: a geometry data unit is truncated")
-    counts = [
-        int.from_bytes(data[i : i + _POINT_COUNT_BYTES])
-        for i in range(len(data) - length, len(data), _POINT_COUNT_BYTES)
-    ]
-    return GeometryFooter(counts[:-1], counts[-1]), length
+    return int.from_bytes(data[-_POINT_COUNT_BYTES:]) + 1, length
 
 
-def footer_bytes(footer: GeometryFooter) -> bytes:
-    counts = [*footer.octree_lvl_num_points_minus1, footer.geom_num_points_minus1]
-    return b"".join(count.to_bytes(_POINT_COUNT_BYTES) for count in counts)
-
-
-def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
-    io.u(inventory, "ti_seq_parameter_set_id", 4)
-    io.u(inventory, "ti_frame_ctr_lsb_bits", 5)
-    io.u(inventory, "ti_frame_ctr_lsb", inventory.ti_frame_ctr_lsb_bits)
-    io.u(inventory, "num_tiles", 16)
-    if not inventory.num_tiles:
-        return
-    io.u(inventory, "tile_id_bits", 5)
-    io.u(inventory, "tile_origin_bits_minus1", 8)
-    io.u(inventory, "tile_size_bits_minus1", 8)
-    if not io.writing:
-        inventory.tiles = [Tile() for _ in range(inventory.num_tiles)]
-    for tile in inventory.tiles:
-        io.u(tile, "tile_id", inventory.tile_id_bits)
-        io.s3(tile, "tile_origin_xyz", inventory.tile_origin_bits_minus1 + 1)
-        io.u3(tile, "tile_size_minus1_xyz", inventory.tile_size_bits_minus1 + 1)
-    io.ue(inventory, "ti_origin_bits_minus1")
-    io.s3(inventory, "ti_origin_xyz", inventory.ti_origin_bits_minus1 + 1)
-    io.ue(inventory, "ti_origin_log2_scale")
+def footer_of(points: int) -> bytes:
+    return (points - 1).to_bytes(_POINT_COUNT_BYTES)
 
 
 def written(syntax: Callable[..., None], *records: Any) -> bytes:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.arithmetic import Bytes
 from puckbench.gpcc.compiled import compiled, integer
+from puckbench.gpcc.kd_tree import Int32s
 
-Ints = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
-Indices = NDArray[np.int32]
 Bits = tuple[int, int, int]
 
 _AXIS_MASKS = (4, 2, 1)
@@ -76,7 +76,7 @@ class TreeLevel:
     """Nodes of a level: occupancy, and index of the first child in the next level."""
 
     occupancy: Bytes
-    first_child: Indices
+    first_child: Int32s
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Tree:
 
     levels: list[TreeLevel]
     keys: Ints
-    counts: Indices
+    counts: Int32s
     second_first: Bytes
 
 
@@ -110,9 +110,11 @@ def build_tree(
         second_first = _sorted_as_coded(keys, _digit_positions(levels), np.empty(0, np.int32))
     else:
         keys.sort()
-    keys, counts = _unique(keys)
+    starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1]))
+    counts = np.diff(starts, append=len(keys)).astype(np.int32)
+    keys = keys[starts]
     if ordered:
-        second_first = second_first[np.cumsum(counts) - counts]
+        second_first = second_first[starts]
     reversed_levels, below = [], keys
     for axes in reversed(levels):
         children = _child_of_bits(axes)
@@ -121,7 +123,7 @@ def build_tree(
     return Tree(reversed_levels[::-1], keys, counts, second_first)
 
 
-def leaf_starts(tree: Tree) -> list[Indices]:
+def leaf_starts(tree: Tree) -> list[Int32s]:
     """Return, for each level, the index of every node's first leaf, then the number of leaves."""
     starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
     for level in reversed(tree.levels):
@@ -203,7 +205,7 @@ def sorted_rows(points: Ints, corner: Ints, levels: list[int], tree: Tree) -> ND
 
 
 @compiled
-def _sorted_as_coded(keys: Ints, positions: Ints, rows: Indices) -> Bytes:
+def _sorted_as_coded(keys: Ints, positions: Ints, rows: Int32s) -> Bytes:
     """Sort keys in place, level by level, with the swaps of TMC13's counting sort.
 
     Returns `second_first` (see `Tree`) for each key. The swaps also apply to `rows`, if not empty.
@@ -250,7 +252,7 @@ def _sorted_as_coded(keys: Ints, positions: Ints, rows: Indices) -> Bytes:
 
 
 @inlined
-def _swap(keys: Ints, rows: Indices, i: int, k: int) -> None:
+def _swap(keys: Ints, rows: Int32s, i: int, k: int) -> None:
     keys[i], keys[k] = keys[k], keys[i]
     if len(rows):
         rows[i], rows[k] = rows[k], rows[i]
@@ -266,23 +268,7 @@ def _permuted(keys: Ints, tables: Ints) -> Ints:
 
 
 @compiled
-def _unique(keys: Ints) -> tuple[Ints, Indices]:
-    count = 1
-    for i in range(1, len(keys)):
-        count += integer(keys[i] != keys[i - 1])
-    unique = np.empty(count, dtype=np.int64)
-    counts = np.zeros(count, dtype=np.int32)
-    k = -1
-    for i in range(len(keys)):
-        if i == 0 or keys[i] != keys[i - 1]:
-            k += 1
-            unique[k] = keys[i]
-        counts[k] += 1
-    return unique, counts
-
-
-@compiled
-def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Indices]:
+def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Int32s]:
     count = 1
     for i in range(1, len(keys)):
         count += integer((keys[i] ^ keys[i - 1]) >> width != 0)

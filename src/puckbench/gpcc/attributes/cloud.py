@@ -12,19 +12,15 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.morton import morton_codes
 from puckbench.gpcc import syntax
 from puckbench.gpcc.attributes import syntax as attribute_syntax
+from puckbench.gpcc.attributes.colours import Values
 from puckbench.gpcc.attributes.options import AttributeOptions
 from puckbench.gpcc.attributes.reader import Attribute, AttributeReader, attribute_name
 from puckbench.gpcc.attributes.recolouring import Source, recoloured
-from puckbench.gpcc.attributes.writer import AttributeEncoder, Values
+from puckbench.gpcc.attributes.writer import AttributeEncoder
 from puckbench.gpcc.bits import BitReader
-from puckbench.gpcc.coder import (
-    CodedPoints,
-    DecodedGeometry,
-    encode_octree_geometry,
-    read_stream,
-)
+from puckbench.gpcc.coder import CodedPoints, DecodedGeometry, decode_geometry, encode_geometry
 from puckbench.gpcc.options import PROFILES, GpccOptions
-from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_trees_geometry
+from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.syntax import Three
 
@@ -42,7 +38,7 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
     convert_colours: whether to convert colours to red, green, blue.
     """
     reader = AttributeReader()
-    geometry = read_stream(stream, reader)
+    geometry = decode_geometry(stream, reader)
     return DecodedCloud(**vars(geometry), attributes=reader.attributes(convert_colours))
 
 
@@ -119,8 +115,8 @@ def encode_cloud(
 
     encoder = AttributeEncoder(attributes, chosen, len(whole), recolour) if attributes else None
     if isinstance(options, PredictiveOptions):
-        return encode_trees_geometry(whole, options, scale, origin, sensor, encoder)
-    return encode_octree_geometry(whole, options, scale, origin, sensor, encoder)
+        return encode_predictive_geometry(whole, options, scale, origin, sensor, encoder)
+    return encode_geometry(whole, options, scale, origin, sensor, encoder)
 
 
 def _grouped(members: NDArray[np.int64], points: NDArray[Any]) -> NDArray[np.int64]:

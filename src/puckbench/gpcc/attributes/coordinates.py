@@ -3,24 +3,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.morton import MOST_BITS, morton_codes
+from puckbench.geometry.morton import MOST_BITS, Ints, morton_codes
 from puckbench.gpcc.angular import laser_of
 from puckbench.gpcc.attributes.neighbour_search import SortedPoints
 from puckbench.gpcc.compiled import entry, integer
 from puckbench.gpcc.fixed_point import HALF_TURN, arc_tangent, square_root
-
-Ints = NDArray[np.int64]
-Positions = NDArray[np.int32]
+from puckbench.gpcc.kd_tree import Int32s
 
 _AXES = np.arange(3)
 _SPARE_BITS = 3
 """Number of additional bits of radius and azimuth, which Morton codes ignore."""
 
 
-def laser_coordinates(positions: Positions, origin: Sequence[int], elevation: Ints) -> Positions:
+def laser_coordinates(positions: Int32s, origin: Sequence[int], elevation: Ints) -> Int32s:
     """Return radius, azimuth and laser (n, 3) of positions (n, 3), as in TMC13.
 
     origin: the sensor's position.
@@ -32,7 +29,7 @@ def laser_coordinates(positions: Positions, origin: Sequence[int], elevation: In
 
 
 @entry
-def _convert(positions: Positions, origin: Ints, elevation: Ints, result: Positions) -> None:
+def _convert(positions: Int32s, origin: Ints, elevation: Ints, result: Int32s) -> None:
     for i in range(len(positions)):
         x = integer(positions[i, 0]) - origin[0]
         y = integer(positions[i, 1]) - origin[1]
@@ -43,17 +40,17 @@ def _convert(positions: Positions, origin: Ints, elevation: Ints, result: Positi
         result[i, 1] = (arc_tangent(y, x) + HALF_TURN) >> 8
 
 
-def scaled_coordinates(positions: Positions, scale: Sequence[int]) -> Positions:
+def scaled_coordinates(positions: Int32s, scale: Sequence[int]) -> Int32s:
     """Subtract the minimum from positions (n, 3), and multiply by scale / 256."""
     wide = positions.astype(np.int64)
     wide = (wide - wide.min(axis=0)) * np.array(scale, dtype=np.int64) + 128 >> 8
     if wide.max() >= 1 << MOST_BITS + _SPARE_BITS or wide[:, 2].max() >= 1 << MOST_BITS:
         raise InputError(f"G-PCC: spherical coordinates of more than {MOST_BITS} bits")
-    scaled: Positions = wide.astype(np.int32)
+    scaled: Int32s = wide.astype(np.int32)
     return scaled
 
 
-def sorted_points(positions: Positions, codes: Ints | None = None) -> SortedPoints:
+def sorted_points(positions: Int32s, codes: Ints | None = None) -> SortedPoints:
     codes = morton_codes(positions.astype(np.int64), _AXES) if codes is None else codes
     order = np.argsort(codes, kind="stable")
     return SortedPoints(codes[order], positions[order], order.astype(np.int32))

@@ -4,9 +4,9 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.geometry.morton import Ints
 from puckbench.gpcc import syntax
 from puckbench.gpcc.attributes.coordinates import (
     laser_coordinates,
@@ -14,11 +14,10 @@ from puckbench.gpcc.attributes.coordinates import (
     sorted_points,
 )
 from puckbench.gpcc.attributes.levels import Levels, levels_of_detail
-from puckbench.gpcc.attributes.neighbour_search import Positions, SortedPoints, WorkingMemory
+from puckbench.gpcc.attributes.neighbour_search import SortedPoints
 from puckbench.gpcc.attributes.syntax import PREDICTING, AttributeHeader, AttributeParameterSet
+from puckbench.gpcc.kd_tree import Int32s
 from puckbench.gpcc.syntax import GeometryParameterSet, Three
-
-Ints = NDArray[np.int64]
 
 
 @dataclass
@@ -33,14 +32,14 @@ class SlicePoints:
     gps: GeometryParameterSet
     axes: Three
     sensor: Three
-    positions: Positions
+    positions: Int32s
     codes: Ints | None = None
-    spherical: Positions | None = None
-    _coordinates: dict[tuple[int, ...], Positions] = field(default_factory=dict)
+    spherical: Int32s | None = None
+    _coordinates: dict[tuple[int, ...], Int32s] = field(default_factory=dict)
     _sorted: dict[tuple[int, ...], SortedPoints] = field(default_factory=dict)
     _levels: tuple[Hashable, Levels] | None = None
 
-    def coordinates(self, aps: AttributeParameterSet) -> Positions:
+    def coordinates(self, aps: AttributeParameterSet) -> Int32s:
         """Return the coordinates (n, 3) in which an attribute is coded."""
         if not aps.spherical_coord_flag:
             return self.positions
@@ -49,7 +48,7 @@ class SlicePoints:
             self._coordinates[scale] = scaled_coordinates(self.laser_coordinates(), scale)
         return self._coordinates[scale]
 
-    def laser_coordinates(self) -> Positions:
+    def laser_coordinates(self) -> Int32s:
         if not self.gps.lasers:
             raise InputError("G-PCC stream: spherical coordinates without a sensor")
         if self.gps.geom_tree_type == syntax.PREDICTIVE and self.spherical is not None:
@@ -64,9 +63,7 @@ class SlicePoints:
             self._sorted[scale] = sorted_points(self.coordinates(aps), codes)
         return self._sorted[scale]
 
-    def levels(
-        self, aps: AttributeParameterSet, header: AttributeHeader, memory: WorkingMemory
-    ) -> Levels:
+    def levels(self, aps: AttributeParameterSet, header: AttributeHeader) -> Levels:
         """Return an attribute's levels of detail; equal parameters reuse the last result."""
         # As in TMC13, an attribute also reuses levels from other coordinates than its own.
         key = (
@@ -94,5 +91,5 @@ class SlicePoints:
                 points = self.in_morton_order(aps)
             bias = np.empty(3, dtype=np.int64)
             bias[list(self.axes)] = aps.lod_neigh_bias
-            self._levels = key, levels_of_detail(points, aps, header, bias, memory.atlases)
+            self._levels = key, levels_of_detail(points, aps, header, bias)
         return self._levels[1]

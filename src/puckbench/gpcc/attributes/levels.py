@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
+from puckbench.geometry.morton import Ints
 from puckbench.gpcc.attributes.neighbour_search import (
     Atlas,
-    Atlases,
-    Indices,
-    Ints,
-    Positions,
     Predictors,
     SearchOptions,
     SortedPoints,
     clear,
+    empty_atlas,
     holds_near_point,
     nearest_neighbours,
     set_cell,
@@ -37,6 +35,8 @@ from puckbench.gpcc.attributes.syntax import (
 )
 from puckbench.gpcc.compiled import entry, integer
 from puckbench.gpcc.fixed_point import int32
+from puckbench.gpcc.kd_tree import Int32s
+from puckbench.gpcc.spherical import halved_away
 
 _WORK_PER_POINT, _LEAST_WORK = 1 << 12, 1 << 30
 _ONE = 1 << FRACTION_BITS
@@ -49,7 +49,7 @@ _MOST_RANGE = 1 << 30
 class Levels:
     """Levels of detail: coding order (n,) of the points, and end of each level in this order."""
 
-    order: Indices
+    order: Int32s
     ends: Ints
     predictors: Predictors
 
@@ -59,13 +59,11 @@ def levels_of_detail(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     bias: Ints,
-    atlases: Atlases,
 ) -> Levels:
     """Divide points into levels, and find the points' predictors.
 
     points: in Morton order unless `aps.canonical_point_order_flag` is set.
     bias: factors (3,) of distances along the coded axes.
-    atlases: working memory.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")
@@ -75,7 +73,7 @@ def levels_of_detail(
         np.zeros((count, 3), dtype=np.int32),
         np.zeros((count, 3), dtype=np.int64),
     )
-    order, ends = _build(points, aps, header, bias, predictors, atlases)
+    order, ends = _build(points, aps, header, bias, predictors)
     coded = np.ascontiguousarray(order[::-1])
     _finish_predictors(
         predictors,
@@ -93,10 +91,10 @@ def _build(
     header: AttributeHeader,
     bias: Ints,
     predictors: Predictors,
-    atlases: Atlases,
-) -> tuple[Indices, list[int]]:
+) -> tuple[Int32s, list[int]]:
     """Return the points, finest level first, and the number of points left before each level."""
     count = len(points.codes)
+    atlases = empty_atlas(), empty_atlas(), empty_atlas()
     order = np.empty(count, dtype=np.int32)
     remaining = np.arange(count, dtype=np.int32)
     nothing = np.empty(0, dtype=np.int32)
@@ -151,10 +149,10 @@ def _subsampled(
     points: SortedPoints,
     aps: AttributeParameterSet,
     header: AttributeHeader,
-    remaining: Indices,
+    remaining: Int32s,
     level: int,
     atlas: Atlas,
-) -> tuple[Indices, Indices]:
+) -> tuple[Int32s, Int32s]:
     dist2 = aps.dist2 + header.attr_dist2_delta + level
     is_retained = np.zeros(len(remaining), dtype=np.bool_)
     if aps.scalable_lifting_enabled_flag:
@@ -172,7 +170,7 @@ def _subsampled(
 @entry
 def _retain_centroids(
     points: SortedPoints,
-    remaining: Indices,
+    remaining: Int32s,
     size_log2: int,
     backward: bool,
     period: int,
@@ -221,7 +219,7 @@ def _retain_centroids(
 @entry
 def _retain_distant(
     points: SortedPoints,
-    remaining: Indices,
+    remaining: Int32s,
     distance_log2: int,
     atlas: Atlas,
     is_retained: NDArray[np.bool_],
@@ -251,7 +249,7 @@ def _retain_distant(
 
 @entry
 def _finish_predictors(
-    predictors: Predictors, order: Indices, place_of: Indices, positions: Positions, blend: bool
+    predictors: Predictors, order: Int32s, place_of: Int32s, positions: Int32s, blend: bool
 ) -> None:
     """Replace neighbours by their places in coding order, and squared distances by weights."""
     counts, neighbours, weights = predictors
@@ -277,6 +275,24 @@ def _finish_predictors(
             neighbours[i, k] = place_of[neighbours[i, k]]
 
 
+def point_weights(predictors: Predictors, shares: Ints) -> Ints:
+    """Return weights (n,) of points in coding order: larger for points that predict many others.
+
+    shares: (n, 3) shares of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS.
+    """
+    weights = np.full(len(shares), _ONE, dtype=np.int64)
+    _add_weights(predictors, shares, weights)
+    return weights
+
+
+@entry
+def _add_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
+    for i in range(len(weights) - 1, -1, -1):
+        for k in range(predictors.counts[i]):
+            share = halved_away(shares[i, k] * weights[i], FRACTION_BITS)
+            weights[predictors.neighbours[i, k]] += share
+
+
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
     """Scale squared distances; return the number of neighbours not much farther than the first."""
@@ -298,7 +314,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 
 @inlined
-def _blend(neighbours: Indices, weights: Ints, i: int, positions: Positions) -> None:
+def _blend(neighbours: Int32s, weights: Ints, i: int, positions: Int32s) -> None:
     """Move 1/16 of each neighbour's weight to the nearer other neighbour, 5/16 to the farther."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab = _squared_distance(positions, a, b)
@@ -314,7 +330,7 @@ def _blend(neighbours: Indices, weights: Ints, i: int, positions: Positions) -> 
 
 
 @inlined
-def _squared_distance(positions: Positions, i: int, k: int) -> int:
+def _squared_distance(positions: Int32s, i: int, k: int) -> int:
     total = integer(0)
     for axis in range(3):
         difference = integer(positions[i, axis]) - integer(positions[k, axis])

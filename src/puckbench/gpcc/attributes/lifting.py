@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.gpcc.attributes.levels import Levels, divided
-from puckbench.gpcc.attributes.neighbour_search import Ints, Predictors
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.attributes.levels import Levels, divided, point_weights
+from puckbench.gpcc.attributes.neighbour_search import Predictors
 from puckbench.gpcc.attributes.quantisation import (
     FRACTION_BITS,
     Quantisers,
@@ -29,24 +30,14 @@ _SUM_MASK = 0xFFFFFFFF
 
 def lifting_weights(levels: Levels, scalable: bool) -> Ints:
     """Return quantisation weights (n,) of the points in coding order."""
-    weights = np.full(len(levels.order), 1 << FRACTION_BITS, dtype=np.int64)
     if not scalable:
-        _add_weights(levels.predictors, weights)
-        return weights
+        return point_weights(levels.predictors, levels.predictors.weights)
+    weights = np.full(len(levels.order), 1 << FRACTION_BITS, dtype=np.int64)
     start = 0
     for end in levels.ends[:-1]:
         weights[start:end] = len(weights) // end << FRACTION_BITS
         start = end
     return weights
-
-
-@entry
-def _add_weights(predictors: Predictors, weights: Ints) -> None:
-    for i in range(len(weights) - 1, -1, -1):
-        for k in range(predictors.counts[i]):
-            weights[predictors.neighbours[i, k]] += halved_away(
-                predictors.weights[i, k] * weights[i], FRACTION_BITS
-            )
 
 
 @entry
@@ -143,14 +134,6 @@ def _update(
         if total:
             for k in range(values.shape[1]):
                 values[i, k] += sign * divided(updates[i, k], total, 0)
-
-
-@entry
-def rounded(values: Ints, most: int, result: NDArray[np.int32]) -> None:
-    """Round values with `FRACTION_BITS` fractional bits to integers in [0, most]."""
-    for i in range(len(values)):
-        for k in range(values.shape[1]):
-            result[i, k] = min(max(halved_away(values[i, k], FRACTION_BITS), 0), most)
 
 
 @entry

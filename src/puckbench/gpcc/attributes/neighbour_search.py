@@ -6,20 +6,16 @@ of the same level. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`, `MortonI
 
 from __future__ import annotations
 
-import threading
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.geometry.morton import X_BITS, Y_BITS, Z_BITS
+from puckbench.geometry.morton import X_BITS, Y_BITS, Z_BITS, Ints
 from puckbench.gpcc.compiled import entry, integer
+from puckbench.gpcc.kd_tree import Int32s
 
-Ints = NDArray[np.int64]
-Indices = NDArray[np.int32]
-Positions = NDArray[np.int32]
 Best = tuple[int, int, int]
 
 _CELL_BITS = 21
@@ -53,12 +49,12 @@ PRECEDING_NEIGHBOURS = np.array(
 class Atlas(NamedTuple):
     """Grid of 128^3 cells.
 
-    cells: (128^3, 2) index of each cell's first point and of the last + 1, or -1.
+    cells: (128^3, 2) index of each cell's first point and of the last + 1, or zeros.
     used: codes of occupied cells; filled: (1,) their number.
     """
 
-    cells: Indices
-    used: Indices
+    cells: Int32s
+    used: Int32s
     filled: Ints
 
 
@@ -66,8 +62,8 @@ class SortedPoints(NamedTuple):
     """Points in Morton order: codes (n,), positions (n, 3), and indices (n,)."""
 
     codes: Ints
-    positions: Positions
-    indices: Indices
+    positions: Int32s
+    indices: Int32s
 
 
 class SearchOptions(NamedTuple):
@@ -91,31 +87,23 @@ class SearchOptions(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    """Positions (n, 3), and bounding boxes of 8, 64, 512, ... successive ones.
+    """Int32s (n, 3), and bounding boxes of 8, 64, 512, ... successive ones.
 
     boxes: (m, 6), those of 8 positions first.
     starts: first box of each size; index 0 is not used.
     """
 
-    positions: Positions
-    boxes: Positions
+    positions: Int32s
+    boxes: Int32s
     starts: Ints
 
 
 Atlases = tuple[Atlas, Atlas, Atlas]
 
 
-class WorkingMemory(threading.local):
-    """Memory of each thread for `nearest_neighbours`."""
-
-    @cached_property
-    def atlases(self) -> Atlases:
-        return _empty_atlas(), _empty_atlas(), _empty_atlas()
-
-
-def _empty_atlas() -> Atlas:
+def empty_atlas() -> Atlas:
     return Atlas(
-        np.full((_CELLS, 2), -1, dtype=np.int32),
+        np.zeros((_CELLS, 2), dtype=np.int32),
         np.empty(_CELLS, dtype=np.int32),
         np.zeros(1, dtype=np.int64),
     )
@@ -140,7 +128,7 @@ def _moved(code: int, offset: int, axis_bits: int, lowest: int) -> int:
 @inlined
 def set_cell(atlas: Atlas, code: int, index: int) -> None:
     cell = code & (_CELLS - 1)
-    if atlas.cells[cell, 0] < 0:
+    if not atlas.cells[cell, 1]:
         atlas.cells[cell, 0] = index
         atlas.used[atlas.filled[0]] = cell
         atlas.filled[0] += 1
@@ -150,14 +138,13 @@ def set_cell(atlas: Atlas, code: int, index: int) -> None:
 @inlined
 def clear(atlas: Atlas) -> None:
     for k in range(atlas.filled[0]):
-        atlas.cells[atlas.used[k], 0] = -1
-        atlas.cells[atlas.used[k], 1] = -1
+        atlas.cells[atlas.used[k], 1] = 0
     atlas.filled[0] = 0
 
 
 @inlined
 def holds_near_point(
-    positions: Positions, indices: Indices, atlas: Atlas, point: int, cell: int, radius2: int
+    positions: Int32s, indices: Int32s, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
     """Return whether a preceding cell's first point is near `point` (squared distance: radius2)."""
     for offset in PRECEDING_NEIGHBOURS:
@@ -165,7 +152,7 @@ def holds_near_point(
         if other >> _CELL_BITS != cell >> _CELL_BITS:
             continue
         place = other & (_CELLS - 1)
-        if atlas.cells[place, 0] < 0:
+        if not atlas.cells[place, 1]:
             continue
         near = integer(indices[atlas.cells[place, 0]])
         total = integer(0)
@@ -177,7 +164,7 @@ def holds_near_point(
     return False
 
 
-def boxes(positions: Positions) -> Boxes:
+def boxes(positions: Int32s) -> Boxes:
     sizes = [-(-len(positions) >> _FAN_LOG2)]
     while sizes[-1] > 1:
         sizes.append(-(-sizes[-1] >> _FAN_LOG2))
@@ -211,7 +198,7 @@ def _fill_boxes(result: Boxes, sizes: Ints) -> None:
 
 
 @inlined
-def _box_distance(around: Positions, k: int, x: int, y: int, z: int) -> int:
+def _box_distance(around: Int32s, k: int, x: int, y: int, z: int) -> int:
     return (
         max(integer(around[k, 0]) - x, 0, x - integer(around[k, 3]))
         + max(integer(around[k, 1]) - y, 0, y - integer(around[k, 4]))
@@ -220,7 +207,7 @@ def _box_distance(around: Positions, k: int, x: int, y: int, z: int) -> int:
 
 
 @inlined
-def _distance(positions: Positions, k: int, x: int, y: int, z: int) -> int:
+def _distance(positions: Int32s, k: int, x: int, y: int, z: int) -> int:
     return (
         abs(integer(positions[k, 0]) - x)
         + abs(integer(positions[k, 1]) - y)
@@ -292,7 +279,7 @@ def _with(best: Best, query: Query, distance: int, k: int) -> Best:
 
 
 @inlined
-def _search_span(best: Best, query: Query, positions: Positions, first: int, last: int) -> Best:
+def _search_span(best: Best, query: Query, positions: Int32s, first: int, last: int) -> Best:
     for k in range(max(first, query.low), min(last, query.high) + 1):
         distance = _distance(positions, k, query.x, query.y, query.z)
         if distance <= best[2] >> _RANK_BITS:
@@ -330,11 +317,11 @@ class Candidates(NamedTuple):
     Only the first items of the arrays are used.
     """
 
-    x: Indices
-    y: Indices
-    z: Indices
-    indices: Indices
-    distances: Indices
+    x: Int32s
+    y: Int32s
+    z: Int32s
+    indices: Int32s
+    distances: Int32s
 
 
 class Grid(NamedTuple):
@@ -351,11 +338,11 @@ class Grid(NamedTuple):
     """
 
     codes: Ints
-    positions: Positions
+    positions: Int32s
     atlas: Atlas
     shift: int
     bias: Ints
-    ranges: Indices
+    ranges: Int32s
     candidates: Candidates
     state: Ints
     complete: bool
@@ -364,7 +351,7 @@ class Grid(NamedTuple):
 
 def grid(
     codes: Ints,
-    positions: Positions,
+    positions: Int32s,
     bias: Ints,
     atlas: Atlas,
     cell_bits: int,
@@ -422,7 +409,7 @@ def _enter_cell(grid: Grid, code: int) -> None:
             state[5] = 0
             continue
         place = other & (_CELLS - 1)
-        if grid.atlas.cells[place, 0] >= 0:
+        if grid.atlas.cells[place, 1]:
             grid.ranges[state[3], 0] = grid.atlas.cells[place, 0]
             grid.ranges[state[3], 1] = grid.atlas.cells[place, 1]
             state[3] += 1
@@ -515,10 +502,10 @@ class Level(NamedTuple):
 
 
 @entry
-def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: int) -> int:
+def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: int) -> int:
     """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
 
-    Indices from the number of coarser points on are those of the same level. Returns what remains
+    Int32s from the number of coarser points on are those of the same level. Returns what remains
     of `work`, the permitted number of operations; negative if exceeded.
     """
     coarser_codes = level.near.codes
@@ -643,7 +630,7 @@ class Predictors(NamedTuple):
     """
 
     counts: NDArray[np.uint8]
-    neighbours: Indices
+    neighbours: Int32s
     weights: Ints
 
 
@@ -651,9 +638,9 @@ def nearest_neighbours(
     points: SortedPoints,
     options: SearchOptions,
     bias: Ints,
-    order: Indices,
+    order: Int32s,
     part: slice,
-    retained: Indices,
+    retained: Int32s,
     predictors: Predictors,
     atlases: Atlases,
     work: int,
@@ -699,12 +686,12 @@ def nearest_neighbours(
 @entry
 def _write_predictors(
     options: SearchOptions,
-    positions: Positions,
+    positions: Int32s,
     bias: Ints,
-    order: Indices,
+    order: Int32s,
     start: int,
-    retained: Indices,
-    nearest: Indices,
+    retained: Int32s,
+    nearest: Int32s,
     predictors: Predictors,
 ) -> None:
     counts, neighbours, weights = predictors
@@ -740,7 +727,7 @@ def _write_predictors(
 
 
 @inlined
-def _sort_pair(neighbours: Indices, weights: Ints, place: int, first: int) -> None:
+def _sort_pair(neighbours: Int32s, weights: Ints, place: int, first: int) -> None:
     second = first + 1
     if weights[place, first] > weights[place, second]:
         weight, neighbour = weights[place, first], neighbours[place, first]

@@ -15,7 +15,6 @@ _Factor = Annotated[int, Field(ge=1, le=256)]
 _Share = Annotated[int, Field(ge=0, le=256)]
 _Period = Annotated[int, Field(ge=2, le=1 << 24)]
 _QpOffset = Annotated[int, Field(ge=-99, le=99)]
-_Value = Annotated[int, Field(ge=0, le=0xFFFF)]
 
 
 class AttributeOptions(Model):
@@ -28,9 +27,6 @@ class AttributeOptions(Model):
     )
     attr_offset: int = Field(
         default=0, ge=-0xFFFF, le=0xFFFF, description="subtracted from reflectances before scaling"
-    )
-    default_value: tuple[_Value, ...] = Field(
-        default=(), description="value of each component if a decoder does not get the values"
     )
     colour_matrix: Literal["identity", "bt709", "ycgco"] = Field(
         default="bt709", description="conversion of colours before coding; ycgco is reversible"
@@ -104,9 +100,6 @@ class AttributeOptions(Model):
     )
     spherical_coord: bool = Field(
         default=False, description="with a sensor: distances in radius, azimuth and laser"
-    )
-    attr_spherical_max_log2: int = Field(
-        default=0, ge=0, le=21, description="log2 of these coordinates' range; 0: 21"
     )
     qp: int = Field(
         default=4, ge=4, le=51, description="quantisation parameter; 4 is lossless if predicting"

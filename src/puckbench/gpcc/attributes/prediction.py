@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.gpcc.attributes.neighbour_search import Ints, Predictors
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.attributes.colours import Values
+from puckbench.gpcc.attributes.neighbour_search import Predictors
 from puckbench.gpcc.attributes.quantisation import (
     FRACTION_BITS,
     Quantisers,
@@ -22,9 +24,6 @@ from puckbench.gpcc.attributes.quantisation import (
 )
 from puckbench.gpcc.attributes.residuals import Coefficients
 from puckbench.gpcc.compiled import entry, integer
-from puckbench.gpcc.spherical import halved_away
-
-Values = NDArray[np.int32]
 
 _SCALE = 1 << 20
 _SCALE_LOG2 = 20
@@ -63,22 +62,7 @@ class Place(NamedTuple):
 
 
 @entry
-def quantisation_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
-    """Write weights (n,) of residuals: larger for points that predict many others.
-
-    shares: (3,) shares of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS.
-    """
-    for i in range(len(weights)):
-        weights[i] = 1 << FRACTION_BITS
-    for i in range(len(weights) - 1, -1, -1):
-        for k in range(predictors.counts[i]):
-            weights[predictors.neighbours[i, k]] += halved_away(
-                shares[k] * weights[i], FRACTION_BITS
-            )
-
-
-@entry
-def reconstruct(
+def code_values(
     values: Values,
     coefficients: Coefficients,
     predictors: Predictors,
@@ -86,31 +70,66 @@ def reconstruct(
     quantisers: Quantisers,
     order: NDArray[np.int32],
     weights: Ints,
+    greater: Ints,
 ) -> None:
-    """Write values (n, components) in coding order."""
-    layer, level = integer(0), integer(0)
-    components = values.shape[1]
-    modes = tools.direct + 1 - tools.average_disabled
+    """Write coefficients of values (n, components) in coding order, and replace values by decoded
+    ones; or write values of coefficients.
+
+    weights: (n,) weights of residuals.
+    greater: working memory (3, 2) of an encoder, or (0, 2) in a decoder: probabilities of residuals
+        above 0 and above 1, in units of 2^-20.
+    """
+    layer, level, encoding = integer(0), integer(0), len(greater) > 0
+    for k in range(len(greater)):
+        greater[k, 0] = greater[k, 1] = _SCALE >> 1
     for i in range(len(values)):
         layer, level, region = place_of(i, layer, level, tools.ends, quantisers, order)
-        mode = integer(0)
-        if is_mode_coded(values, predictors, tools, i):
-            if components == 1:
-                mode = _take_mode(coefficients, i, modes)
-            else:
-                mode = _take_mode_of_signs(coefficients, i, modes)
-            mode += tools.average_disabled
-        first_residual = integer(0)
-        for k in range(components):
-            step = quantisers.steps[layer, region, min(k, 1)]
-            residual = scaled(integer(coefficients[i, k]), step, weights[i])
-            value = predicted(values, predictors, i, k, mode) + residual
-            if len(tools.inter_component):
-                if k == 0:
-                    first_residual = residual
-                else:
-                    value += (tools.inter_component[level, k - 1] * first_residual + 2) >> 2
-            values[i, k] = min(max(value, 0), tools.most)
+        place = Place(i, layer, region, level)
+        mode, is_coded = integer(0), is_mode_coded(values, predictors, tools, i)
+        if is_coded and not encoding:
+            mode = _take_mode(coefficients, i, tools)
+        elif is_coded and values.shape[1] == 1:
+            mode = _best_mode(values, predictors, tools, quantisers, greater, place)
+        elif is_coded:
+            mode = _best_colour_mode(values, predictors, tools, quantisers, greater, place)
+        _code_point(
+            *(values, coefficients, predictors, tools, quantisers, place, mode),
+            *(weights[i], encoding),
+        )
+        if encoding and is_coded:
+            _put_mode(coefficients, i, tools, mode)
+        if encoding:
+            _count_residuals(coefficients, i, greater)
+
+
+@inlined
+def _code_point(
+    values: Values,
+    coefficients: Coefficients,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    place: Place,
+    mode: int,
+    point_weight: int,
+    encoding: bool,
+) -> None:
+    i, first_residual = place.point, integer(0)
+    for k in range(values.shape[1]):
+        step = quantisers.steps[place.layer, place.region, min(k, 1)]
+        prediction = predicted(values, predictors, i, k, mode)
+        if k and len(tools.inter_component):
+            prediction += (tools.inter_component[place.level, k - 1] * first_residual + 2) >> 2
+        weight = max(min(point_weight, step) >> FRACTION_BITS, 1)
+        if encoding:
+            difference = (integer(values[i, k]) - prediction) * weight << FRACTION_BITS
+            reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+            coefficients[i, k] = quantised(difference, reciprocal)
+        scaled = halved_up(integer(coefficients[i, k]) * step, FRACTION_BITS)
+        residual = scaled // weight if scaled >= 0 else -(-scaled // weight)
+        if k == 0:
+            first_residual = residual
+        values[i, k] = min(max(prediction + residual, 0), tools.most)
 
 
 @inlined
@@ -145,137 +164,58 @@ def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int)
 
 
 @inlined
-def scaled(coefficient: int, step: int, weight: int) -> int:
-    weight = max(min(weight, step) >> FRACTION_BITS, 1)
-    residual = halved_up(coefficient * step, FRACTION_BITS)
-    return residual // weight if residual >= 0 else -(-residual // weight)
-
-
-@inlined
 def _signed(magnitude: int, value: int) -> int:
     return -magnitude if value < 0 else magnitude
 
 
 @inlined
-def _take_mode(coefficients: Coefficients, i: int, modes: int) -> int:
-    """Remove the mode from the low bits of a coefficient's magnitude, and return the mode."""
-    value = integer(coefficients[i, 0])
-    magnitude = abs(value)
+def _take_mode(coefficients: Coefficients, i: int, tools: PredictionTools) -> int:
+    """Remove the mode from the low bits of the coefficients' magnitudes, and return the mode."""
+    modes, last = tools.direct + 1 - tools.average_disabled, coefficients.shape[1] - 1
     mode = integer(0)
-    if modes == 4:
-        mode, magnitude = magnitude & 3, magnitude >> 2
-    elif modes == 2 or modes == 3:  # noqa: PLR1714
-        mode, magnitude = magnitude & 1, magnitude >> 1
-        if modes == 3 and mode:
-            mode, magnitude = mode + (magnitude & 1), magnitude >> 1
-    coefficients[i, 0] = _signed(magnitude, value)
-    return mode
+    if 2 <= modes <= 4:
+        first, second = min(last, 1), last
+        if modes == 4 and last == 0:
+            mode = _take_bit(coefficients, i, 0)
+            mode += 2 * _take_bit(coefficients, i, 0)
+        elif modes == 4:
+            mode = 2 * _take_bit(coefficients, i, first)
+            mode += _take_bit(coefficients, i, second)
+        else:
+            mode = _take_bit(coefficients, i, first)
+            if modes == 3 and mode:
+                mode += _take_bit(coefficients, i, second)
+    return mode + tools.average_disabled
 
 
 @inlined
-def _take_mode_of_signs(coefficients: Coefficients, i: int, modes: int) -> int:
-    second, third = integer(coefficients[i, 1]), integer(coefficients[i, 2])
-    if modes < 2 or modes > 4:
-        return 0
-    mode = abs(second) & 1
-    coefficients[i, 1] = _signed(abs(second) >> 1, second)
-    if modes == 4 or (modes == 3 and mode):
-        coefficients[i, 2] = _signed(abs(third) >> 1, third)
-        mode = (2 * mode if modes == 4 else mode) + (abs(third) & 1)
-    return mode
-
-
-@entry
-def quantise(
-    values: Values,
-    coefficients: Coefficients,
-    predictors: Predictors,
-    tools: PredictionTools,
-    quantisers: Quantisers,
-    order: NDArray[np.int32],
-    weights: Ints,
-    greater: Ints,
-) -> None:
-    """Write coefficients of values (n, components) in coding order; inverse of `reconstruct`.
-
-    Decoded values replace `values`. `greater` (3, 2) is working memory: probabilities of residuals
-    above 0 and above 1, in units of 2^-20.
-    """
-    layer, level = integer(0), integer(0)
-    for k in range(3):
-        greater[k, 0] = greater[k, 1] = _SCALE >> 1
-    for i in range(len(values)):
-        layer, level, region = place_of(i, layer, level, tools.ends, quantisers, order)
-        place = Place(i, layer, region, level)
-        mode, chosen = integer(0), is_mode_coded(values, predictors, tools, i)
-        if chosen and values.shape[1] == 1:
-            mode = _best_mode(values, predictors, tools, quantisers, greater, place)
-        elif chosen:
-            mode = _best_colour_mode(values, predictors, tools, quantisers, greater, place)
-        _quantise_point(
-            values, coefficients, predictors, tools, quantisers, place, mode, weights[i]
-        )
-        if chosen:
-            _put_mode(coefficients, i, tools, mode - tools.average_disabled)
-        _count_residuals(coefficients, i, greater)
-
-
-@inlined
-def _quantise_point(
-    values: Values,
-    coefficients: Coefficients,
-    predictors: Predictors,
-    tools: PredictionTools,
-    quantisers: Quantisers,
-    place: Place,
-    mode: int,
-    point_weight: int,
-) -> None:
-    i, first_residual = place.point, integer(0)
-    for k in range(values.shape[1]):
-        step = quantisers.steps[place.layer, place.region, min(k, 1)]
-        reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
-        weight = max(min(point_weight, step) >> FRACTION_BITS, 1)
-        prediction = predicted(values, predictors, i, k, mode)
-        if k and len(tools.inter_component):
-            factor = tools.inter_component[place.level, k - 1]
-            prediction += (factor * first_residual + 2) >> 2
-        difference = (integer(values[i, k]) - prediction) * weight << FRACTION_BITS
-        coefficient = quantised(difference, reciprocal)
-        residual = scaled(coefficient, step, point_weight)
-        if k == 0:
-            first_residual = residual
-        coefficients[i, k] = coefficient
-        values[i, k] = min(max(prediction + residual, 0), tools.most)
+def _take_bit(coefficients: Coefficients, i: int, k: int) -> int:
+    value = integer(coefficients[i, k])
+    coefficients[i, k] = _signed(abs(value) >> 1, value)
+    return abs(value) & 1
 
 
 @inlined
 def _put_mode(coefficients: Coefficients, i: int, tools: PredictionTools, mode: int) -> None:
-    modes = tools.direct + 1 - tools.average_disabled
-    if coefficients.shape[1] == 1:
-        value = integer(coefficients[i, 0])
-        coefficients[i, 0] = _signed(_with_mode(abs(value), modes, mode), value)
-        return
-    if modes < 2:
-        return
-    second, third = integer(coefficients[i, 1]), integer(coefficients[i, 2])
-    high = mode >> 1 if modes == 4 else min(mode, 1)
-    coefficients[i, 1] = _signed(2 * abs(second) + high, second)
-    if modes == 4:
-        coefficients[i, 2] = _signed(2 * abs(third) + (mode & 1), third)
-    elif modes == 3 and mode:
-        coefficients[i, 2] = _signed(2 * abs(third) + mode - 1, third)
+    for k in range(coefficients.shape[1]):
+        value = integer(coefficients[i, k])
+        size = _with_mode(abs(value), tools, mode, k, coefficients.shape[1])
+        coefficients[i, k] = _signed(size, value)
 
 
 @inlined
-def _with_mode(magnitude: int, modes: int, mode: int) -> int:
-    if modes == 4:
+def _with_mode(magnitude: int, tools: PredictionTools, mode: int, k: int, components: int) -> int:
+    """Append the bits of a mode that a component holds to the magnitude of its coefficient."""
+    modes, mode = tools.direct + 1 - tools.average_disabled, mode - tools.average_disabled
+    if components == 1 and modes == 4:
         return 4 * magnitude + mode
-    if modes == 3:
-        if mode:
-            magnitude = 2 * magnitude + mode - 1
-        return 2 * magnitude + min(mode, 1)
-    return 2 * magnitude + mode if modes == 2 else magnitude
+    if modes == 4:
+        return magnitude if k == 0 else 2 * magnitude + (mode >> 1 if k == 1 else mode & 1)
+    if modes == 3 and mode and k == components - 1:
+        magnitude = 2 * magnitude + mode - 1
+    if 2 <= modes <= 3 and k == min(components - 1, 1):
+        magnitude = 2 * magnitude + min(mode, 1)
+    return magnitude
 
 
 @inlined
@@ -311,14 +251,13 @@ def _best_mode(
     place: Place,
 ) -> int:
     reciprocal = quantisers.reciprocals[place.layer, place.region, 0]
-    modes = tools.direct + 1 - tools.average_disabled
     best, least = integer(tools.average_disabled), integer(1 << 62)
     last = min(integer(predictors.counts[place.point]), tools.direct)
     for mode in range(tools.average_disabled, last + 1):
         prediction = predicted(values, predictors, place.point, 0, mode)
         difference = integer(values[place.point, 0]) - prediction
         size = abs(quantised(difference << FRACTION_BITS, reciprocal))
-        size = _with_mode(size, modes, mode - tools.average_disabled)
+        size = _with_mode(size, tools, mode, 0, 1)
         score = integer(_with_bits(0.0, greater, 0, size))
         if score < least:
             best, least = mode, score
@@ -334,11 +273,9 @@ def _best_colour_mode(
     greater: Ints,
     place: Place,
 ) -> int:
-    modes = tools.direct + 1 - tools.average_disabled
     best, least = integer(tools.average_disabled), math.inf
     last = min(integer(predictors.counts[place.point]), tools.direct)
     for mode in range(tools.average_disabled, last + 1):
-        coded = mode - tools.average_disabled
         distortion, bits, first_residual = integer(0), 0.0, integer(0)
         for k in range(3):
             step = quantisers.steps[place.layer, place.region, min(k, 1)]
@@ -354,13 +291,7 @@ def _best_colour_mode(
                 factor = tools.inter_component[place.level, k - 1]
                 difference = value - prediction - ((factor * first_residual + 2) >> 2)
                 coefficient = quantised(difference << FRACTION_BITS, reciprocal)
-            size = abs(coefficient)
-            if k == 1 and modes > 1:
-                size = 2 * size + (coded >> 1 if modes == 4 else min(coded, 1))
-            elif k == 2 and modes == 4:
-                size = 2 * size + (coded & 1)
-            elif k == 2 and modes == 3 and coded:
-                size = 2 * size + coded - 1
+            size = _with_mode(abs(coefficient), tools, mode, k, 3)
             bits = _with_bits(bits, greater, k, size)
         step = quantisers.steps[place.layer, place.region, 0]
         score = distortion + bits * _LAMBDA * (step >> FRACTION_BITS)

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
+from puckbench.geometry.morton import Ints
 from puckbench.gpcc.attributes.syntax import LIFTING, AttributeHeader, AttributeParameterSet
 from puckbench.gpcc.compiled import integer
-
-Ints = NDArray[np.int64]
-Positions = NDArray[np.int32]
+from puckbench.gpcc.kd_tree import Int32s
 
 FRACTION_BITS = 8
 """Number of fractional bits of weights, step sizes and transformed values."""
@@ -53,7 +52,7 @@ def qps(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     bitdepth: int,
-    positions: Positions,
+    positions: Int32s,
     axes: tuple[int, int, int],
 ) -> Qps:
     """Return the quantisation parameters of points.

@@ -5,18 +5,14 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.gpcc import syntax
+from puckbench.gpcc.arithmetic import Probabilities
 from puckbench.gpcc.attributes import lifting, prediction, raht
 from puckbench.gpcc.attributes import syntax as attribute_syntax
-from puckbench.gpcc.attributes.colours import YCGCO, decoded_colours, decoded_values
+from puckbench.gpcc.attributes.colours import YCGCO, Values, decoded_colours, decoded_values
 from puckbench.gpcc.attributes.geometry import SlicePoints
-from puckbench.gpcc.attributes.levels import Levels
-from puckbench.gpcc.attributes.neighbour_search import WorkingMemory
-from puckbench.gpcc.attributes.quantisation import qps, quantisers
-from puckbench.gpcc.attributes.residuals import (
-    Probabilities,
-    decode_coefficients,
-    initial_probabilities,
-)
+from puckbench.gpcc.attributes.levels import Levels, point_weights
+from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, qps, quantisers
+from puckbench.gpcc.attributes.residuals import decode_coefficients, initial_probabilities
 from puckbench.gpcc.attributes.syntax import (
     LIFTING,
     RAW,
@@ -27,13 +23,13 @@ from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.slices import demultiplexed
 from puckbench.gpcc.syntax import AttributeDescription, GeometryHeader, SequenceParameterSet
 
-Values = NDArray[np.int32]
 Attribute = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_VALUES = 1 << 26
 """Maximum number of attribute values of a stream, which bounds the memory."""
 MAX_ATTRIBUTES = 16
 _RAW_BLOCK = 1 << 16
+_HALF = 1 << FRACTION_BITS >> 1
 _MOST_BITDEPTH = 16
 _MOST_SCALING = 1 << 31
 _MOST_FRAC_BITS = 30
@@ -45,7 +41,7 @@ COLOUR, REFLECTANCE = 0, 1
 
 
 class AttributeReader:
-    """Decoder of the attributes of a stream; implements `coder.AttributeUnits`."""
+    """Decoder of a stream's attributes; it receives the payloads in stream order."""
 
     def __init__(self) -> None:
         self._aps: dict[int, AttributeParameterSet] = {}
@@ -56,16 +52,20 @@ class AttributeReader:
         self._slice_id = 0
         self._pending: set[int] = set()
         self._count = 0
-        self._memory = WorkingMemory()
         self._branches: list[AttributeReader] = []
 
     def branch(self) -> AttributeReader:
+        """Return a decoder of the next slices, which has the parameter sets so far.
+
+        It may run in another thread.
+        """
         branch = AttributeReader()
-        branch._aps, branch._memory = dict(self._aps), self._memory
+        branch._aps = dict(self._aps)
         self._branches.append(branch)
         return branch
 
     def expect(self, sps: SequenceParameterSet, count: int) -> None:
+        """Raise InputError if the attributes of a slice of `count` points are not supported."""
         if len(sps.attributes) > MAX_ATTRIBUTES:
             raise InputError(f"G-PCC stream: more than {MAX_ATTRIBUTES} attributes")
         for attribute in sps.attributes:
@@ -122,9 +122,7 @@ class AttributeReader:
             )
             contexts = self._contexts[header.attr_sps_attr_idx]
             coefficients = decode_coefficients(coded, bypass, contexts, count, components)
-            values = decoded_attribute(
-                coefficients, self._slice, aps, header, attribute, self._memory
-            )
+            values = decoded_attribute(coefficients, self._slice, aps, header, attribute)
         self._values[header.attr_sps_attr_idx][-1] = values
 
     def _constant(self, payload: bytes) -> None:
@@ -199,7 +197,6 @@ def decoded_attribute(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     attribute: AttributeDescription,
-    memory: WorkingMemory,
 ) -> Values:
     bits, _ = _shape(attribute)
     most = (1 << bits) - 1
@@ -212,7 +209,7 @@ def decoded_attribute(
         )
         return np.clip(values, 0, most)
     steps = quantisers(parameters)
-    levels = points.levels(aps, header, memory)
+    levels = points.levels(aps, header)
     coded = np.empty_like(coefficients)
     if aps.attr_encoding == LIFTING:
         weights = lifting.lifting_weights(levels, bool(aps.scalable_lifting_enabled_flag))
@@ -224,11 +221,12 @@ def decoded_attribute(
             coefficients, steps, levels.order, levels.ends, weights, factors, transformed
         )
         lifting.inverse_transform(levels, weights, transformed)
-        lifting.rounded(transformed, most, coded)
+        coded = np.clip(transformed + _HALF >> FRACTION_BITS, 0, most).astype(np.int32)
     else:
         tools, weights = prediction_tools(levels, aps, header, bits)
-        prediction.reconstruct(
-            coded, coefficients, levels.predictors, tools, steps, levels.order, weights
+        prediction.code_values(
+            *(coded, coefficients, levels.predictors, tools, steps, levels.order, weights),
+            np.empty((0, 2), dtype=np.int64),
         )
     values = np.empty_like(coded)
     values[levels.order] = coded
@@ -239,9 +237,7 @@ def prediction_tools(
     levels: Levels, aps: AttributeParameterSet, header: AttributeHeader, bits: int
 ) -> tuple[prediction.PredictionTools, NDArray[np.int64]]:
     """Return the tools of the predicting transform, and the weights (n,) of residuals."""
-    weights = np.empty(len(levels.order), dtype=np.int64)
-    shares = np.array(aps.quant_neigh_weight, dtype=np.int64)
-    prediction.quantisation_weights(levels.predictors, shares, weights)
+    shares = np.tile(np.array(aps.quant_neigh_weight, dtype=np.int64), (len(levels.order), 1))
     factors = np.array(header.inter_component_coeffs, dtype=np.int64).reshape(-1, 2)
     tools = prediction.PredictionTools(
         levels.ends,
@@ -251,7 +247,7 @@ def prediction_tools(
         aps.adaptive_prediction_threshold << max(0, bits - 8),
         factors,
     )
-    return tools, weights
+    return tools, point_weights(levels.predictors, shares)
 
 
 def _raw_values(

@@ -12,21 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
-from puckbench.gpcc.attributes.nearest_tree import (
-    NearestTree,
-    Stack,
-    nearest_tree,
-    search,
-    search_stack,
-)
+from puckbench.geometry.cloud import Floats
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.attributes.colours import Values
 from puckbench.gpcc.compiled import entry, integer
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Values = NDArray[np.int32]
+from puckbench.gpcc.kd_tree import KdTrees, build, empty_trees, search
 
 _NEIGHBOURS = 8
 _SAME = 0.0001
+_NEARLY_ONE = 1 - 0.00001
 _DISTANCE_OFFSET = 4.0
 
 
@@ -50,14 +44,11 @@ def recoloured(positions: NDArray[np.int32], values: Values, source: Source, mos
     target = positions.astype(np.float64)
     averages = np.empty((len(target), values.shape[1]), dtype=np.int32)
     in_source = (target + source.offset) * (1.0 / source.scale)
-    tree, stack = nearest_tree(source.points), search_stack()
-    # Where there are fewer points, TMC13 averages what earlier searches left in these arrays.
-    rows, squares = np.zeros(_NEIGHBOURS, dtype=np.int64), np.zeros(_NEIGHBOURS)
-    _average_nearest(tree, in_source, values, most, stack, rows, squares, averages)
+    # Where there are fewer points, TMC13 averages what earlier searches left in the results.
+    _average_nearest(*_tree(source.points, _NEIGHBOURS), in_source, values, most, averages)
     owner, squares = np.empty(len(values), dtype=np.int64), np.empty(len(values))
     in_target = source.points * source.scale - source.offset
-    nearest = np.empty(1, dtype=np.int64), np.empty(1)
-    _find_owners(nearest_tree(target), in_target, stack, *nearest, owner, squares)
+    _find_owners(*_tree(target, 1), in_target, owner, squares)
     order = np.lexsort((squares, owner))
     starts = np.searchsorted(owner[order], np.arange(len(target) + 1))
     result = averages.copy()
@@ -65,19 +56,22 @@ def recoloured(positions: NDArray[np.int32], values: Values, source: Source, mos
     return result
 
 
+def _tree(points: Floats, neighbours: int) -> tuple[KdTrees, Floats]:
+    """Return a tree of points (n, 3), and its bounding box."""
+    trees, box = empty_trees(points, len(points), 2 * len(points), neighbours), np.empty(6)
+    trees.rows[:] = np.arange(len(points))
+    build(trees, 0, 0, len(points), box, _NEARLY_ONE)
+    return trees, box
+
+
 @entry
 def _average_nearest(
-    tree: NearestTree,
-    places: Floats,
-    values: Values,
-    most: int,
-    stack: Stack,
-    rows: Ints,
-    squares: Floats,
-    averages: Values,
+    trees: KdTrees, box: Floats, places: Floats, values: Values, most: int, averages: Values
 ) -> None:
+    rows, squares = trees.nearest, trees.distances
     for i in range(len(places)):
-        search(tree, places[i, 0], places[i, 1], places[i, 2], stack, rows, squares)
+        squares[_NEIGHBOURS - 1] = math.inf
+        search(trees, 0, box, (places[i, 0], places[i, 1], places[i, 2]), 0)
         for c in range(values.shape[1]):
             if squares[0] < _SAME:
                 averages[i, c] = values[rows[0], c]
@@ -97,18 +91,11 @@ def _rounded(value: float, most: int) -> int:
 
 
 @entry
-def _find_owners(
-    tree: NearestTree,
-    places: Floats,
-    stack: Stack,
-    nearest: Ints,
-    square: Floats,
-    owner: Ints,
-    squares: Floats,
-) -> None:
+def _find_owners(trees: KdTrees, box: Floats, places: Floats, owner: Ints, squares: Floats) -> None:
     for i in range(len(places)):
-        search(tree, places[i, 0], places[i, 1], places[i, 2], stack, nearest, square)
-        owner[i], squares[i] = nearest[0], square[0]
+        trees.distances[0] = math.inf
+        search(trees, 0, box, (places[i, 0], places[i, 1], places[i, 2]), 0)
+        owner[i], squares[i] = trees.nearest[0], trees.distances[0]
 
 
 @entry

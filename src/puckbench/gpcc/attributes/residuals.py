@@ -15,6 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.gpcc.arithmetic import (
     HALF,
     Bytes,
+    Probabilities,
     code_bit,
     code_bypass,
     code_exp_golomb,
@@ -28,7 +29,6 @@ from puckbench.gpcc.arithmetic import (
 from puckbench.gpcc.compiled import entry, integer, kernel
 
 Coefficients = NDArray[np.int32]
-Probabilities = NDArray[np.uint16]
 
 # Indices into probabilities; a comment states the number of contexts.
 _RUN = integer(0)  # 5
@@ -55,27 +55,25 @@ def decode_coefficients(
 
     bypass: see `arithmetic.Decoder`.
     """
-    coder = decoder(data) if bypass is None else decoder(data, bypass)
+    coder = decoder(contexts, data, bypass)
     values = np.zeros((count, components), dtype=np.int32)
-    done = _code_coefficients(coder, contexts, values, 0, count, False)
+    done = _code_coefficients(coder, values, 0, count, False)
     if done < 0 or consumed(coder) > coder.state[4]:
         raise InputError("G-PCC stream: the values of an attribute are damaged or truncated")
     return values
 
 
 def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
-    coder, done = encoder(64), 0
+    coder, done = encoder(contexts, 64), 0
     while done < len(values):
         coder = enlarged(coder, _COEFFICIENT_BYTES * _CHUNK)
         end = min(done + _CHUNK, len(values))
-        done = _code_coefficients(coder, contexts, values, done, end, True)
+        done = _code_coefficients(coder, values, done, end, True)
     return finish(coder)
 
 
 @entry
-def _code_coefficients(
-    coder: Any, contexts: Probabilities, values: Coefficients, i: int, end: int, encoding: bool
-) -> int:
+def _code_coefficients(coder: Any, values: Coefficients, i: int, end: int, encoding: bool) -> int:
     """Code the coefficients of points `i` to `end` - 1, and of zeros that continue a run.
 
     Returns the next point, or -1 if the stream is too short.
@@ -86,12 +84,12 @@ def _code_coefficients(
         if encoding:
             while i + run < count and _is_zero(values, i + run):
                 run += 1
-        i += _code_run(coder, contexts, run)
+        i += _code_run(coder, run)
         if i < count:
             if components == 1:
-                _code_single(coder, contexts, values, i)
+                _code_single(coder, values, i)
             else:
-                _code_triple(coder, contexts, values, i)
+                _code_triple(coder, values, i)
         i += 1
         if exhausted(coder):
             return -1
@@ -107,35 +105,33 @@ def _is_zero(values: Coefficients, i: int) -> bool:
 
 
 @inlined
-def _code_run(coder: Any, contexts: Probabilities, run: int) -> int:
+def _code_run(coder: Any, run: int) -> int:
     for short in range(3):
-        if not code_bit(coder, contexts, _RUN + short, integer(run > short)):
+        if not code_bit(coder, _RUN + short, integer(run > short)):
             return short
     for pairs in range(4):
         value = 3 + 2 * pairs
-        if not code_bit(coder, contexts, _RUN + 3, integer(run >= value + 2)):
+        if not code_bit(coder, _RUN + 3, integer(run >= value + 2)):
             return value + code_bypass(coder, (run - value) & 1)
-    return 11 + code_exp_golomb(coder, contexts, _RUN + 4, run - 11, 2)
+    return 11 + code_exp_golomb(coder, _RUN + 4, run - 11, 2)
 
 
 @kernel
-def _code_magnitude(
-    coder: Any, contexts: Probabilities, value: int, first: int, second: int, rest: int
-) -> int:
-    if not code_bit(coder, contexts, _GREATER_THAN_0 + first, integer(value > 0)):
+def _code_magnitude(coder: Any, value: int, first: int, second: int, rest: int) -> int:
+    if not code_bit(coder, _GREATER_THAN_0 + first, integer(value > 0)):
         return 0
-    if not code_bit(coder, contexts, _GREATER_THAN_1 + second, integer(value > 1)):
+    if not code_bit(coder, _GREATER_THAN_1 + second, integer(value > 1)):
         return 1
     value -= 2
     prefix, suffix = _PREFIX + 3 * rest, _SUFFIX + 3 * rest
     order, base = 1, integer(0)
     while order < _LONGEST_PREFIX and code_bit(
-        coder, contexts, prefix + min(2, order - 1), integer(value - base >= 1 << order)
+        coder, prefix + min(2, order - 1), integer(value - base >= 1 << order)
     ):
         base += 1 << order
         order += 1
     for k in range(order - 1, -1, -1):
-        base += code_bit(coder, contexts, suffix + min(2, k), ((value - base) >> k) & 1) << k
+        base += code_bit(coder, suffix + min(2, k), ((value - base) >> k) & 1) << k
     return base + 2
 
 
@@ -147,22 +143,21 @@ def _code_sign(coder: Any, magnitude: int, value: int) -> int:
 
 
 @inlined
-def _code_single(coder: Any, contexts: Probabilities, values: Coefficients, i: int) -> None:
+def _code_single(coder: Any, values: Coefficients, i: int) -> None:
     value = integer(values[i, 0])
-    magnitude = 1 + _code_magnitude(coder, contexts, abs(value) - 1, 0, 0, 0)
+    magnitude = 1 + _code_magnitude(coder, abs(value) - 1, 0, 0, 0)
     values[i, 0] = _code_sign(coder, magnitude, value)
 
 
 @inlined
-def _code_triple(coder: Any, contexts: Probabilities, values: Coefficients, i: int) -> None:
+def _code_triple(coder: Any, values: Coefficients, i: int) -> None:
     first, second, third = integer(values[i, 0]), integer(values[i, 1]), integer(values[i, 2])
-    b = _code_magnitude(coder, contexts, abs(second), 0, 0, 1)
+    b = _code_magnitude(coder, abs(second), 0, 0, 1)
     zero, at_most_one = integer(b == 0), integer(b <= 1)
-    c = _code_magnitude(coder, contexts, abs(third), 1 + zero, 1 + at_most_one, 1)
+    c = _code_magnitude(coder, abs(third), 1 + zero, 1 + at_most_one, 1)
     is_first = integer(b == 0 and c == 0)  # then the first component is not zero
     a = is_first + _code_magnitude(
         coder,
-        contexts,
         abs(first) - is_first,
         3 + 2 * zero + integer(c == 0),
         3 + 2 * at_most_one + integer(c <= 1),

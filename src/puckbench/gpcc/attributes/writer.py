@@ -13,11 +13,11 @@ from puckbench.gpcc.attributes.colours import (
     BT709,
     IDENTITY,
     YCGCO,
+    Values,
     coded_colours,
     coded_values,
 )
 from puckbench.gpcc.attributes.geometry import SlicePoints
-from puckbench.gpcc.attributes.neighbour_search import Positions, WorkingMemory
 from puckbench.gpcc.attributes.options import AttributeOptions
 from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, qps, quantisers
 from puckbench.gpcc.attributes.reader import COLOUR, REFLECTANCE, prediction_tools
@@ -34,6 +34,7 @@ from puckbench.gpcc.attributes.syntax import (
     AttributeParameterSet,
 )
 from puckbench.gpcc.coder import CodedPoints
+from puckbench.gpcc.kd_tree import Int32s
 from puckbench.gpcc.syntax import (
     PREDICTIVE,
     AttributeDescription,
@@ -43,7 +44,6 @@ from puckbench.gpcc.syntax import (
     written,
 )
 
-Values = NDArray[np.int32]
 Recolour = Callable[[Values, CodedPoints, Three, int], Values]
 
 _LABELS = {"color": COLOUR, "reflectance": REFLECTANCE}
@@ -93,11 +93,14 @@ class AttributeEncoder:
         ]
         self._parameters: list[AttributeParameterSet] = []
         self._recolour = recolour
-        self._memory = WorkingMemory()
 
     def start(
         self, sps: SequenceParameterSet, gps: GeometryParameterSet, extent: Sequence[int]
     ) -> list[bytes]:
+        """Describe the attributes in `sps`, and return their parameter sets.
+
+        extent: largest x, y, z of the points, relative to the sequence's origin.
+        """
         sps.attributes, sps.num_attributes = self._described, len(self._described)
         self._parameters = [
             _parameter_set(index, options, gps, extent)
@@ -134,7 +137,7 @@ class AttributeEncoder:
         header.layer_qp_deltas = [
             (_extended(luma, layer), _extended(chroma, layer)) for layer in range(layers)
         ]
-        coefficients = encoded_attribute(values, points, aps, header, attribute, self._memory)
+        coefficients = encoded_attribute(values, points, aps, header, attribute)
         data = encode_coefficients(coefficients, initial_probabilities())
         return written(attribute_syntax.attribute_header, header, aps, self._described) + data
 
@@ -149,17 +152,10 @@ def _description(name: str, options: AttributeOptions) -> AttributeDescription:
     colour = _LABELS[name] == COLOUR
     bits = options.bitdepth + (colour and options.colour_matrix == "ycgco")
     scaling = (options.attr_scale - 1, 0, options.attr_offset)
-    default = options.default_value
-    components = 3 if colour else 1
-    if default:
-        default = (*default, *[default[-1]] * components)[:components]
-        if max(default) >> bits:
-            raise InputError(f"G-PCC: the default value of '{name}' has more than {bits} bits")
     return AttributeDescription(
-        attr_components_minus1=components - 1,
+        attr_components_minus1=2 if colour else 0,
         attr_bitdepth_minus1=bits - 1,
         attr_label=_LABELS[name],
-        attr_default_value=default,
         matrix_coefficients=_MATRICES[options.colour_matrix] if colour else None,
         scaling=scaling if any(scaling) and not colour else None,
     )
@@ -204,7 +200,7 @@ def _parameter_set(
     aps.aps_chroma_qp_offset = options.qp_chroma_offset
     if options.spherical_coord and gps.geom_angular_mode_enabled_flag:
         aps.spherical_coord_flag = 1
-        aps.attr_coord_scale = _coordinate_scale(gps, extent, options.attr_spherical_max_log2)
+        aps.attr_coord_scale = _coordinate_scale(gps, extent)
     if aps.has_levels:
         _set_levels(aps, options)
     return aps
@@ -243,9 +239,7 @@ def _search_range(option: int) -> int:
     return _FULL_RANGE if option < 0 else option
 
 
-def _coordinate_scale(
-    gps: GeometryParameterSet, extent: Sequence[int], most_log2: int
-) -> list[int]:
+def _coordinate_scale(gps: GeometryParameterSet, extent: Sequence[int]) -> list[int]:
     x, y, _ = gps.gps_angular_origin_xyz
     radius = max(abs(x), abs(extent[0] - x), abs(y), abs(extent[1] - y))
     turn = _TURN
@@ -253,15 +247,10 @@ def _coordinate_scale(
         turn = 1 << gps.geom_angular_azimuth_scale_log2_minus11 + 12
         radius >>= gps.geom_angular_radius_inv_scale_log2
     widths = [radius + 1, turn + 1, len(gps.lasers)]
-    widest = max(widths)
-    if gps.azimuth_scaling_enabled_flag and most_log2 > 0:
-        while widest > 1 << most_log2 + 8:
-            most_log2 += 1
-        widest = 1 << most_log2
-    return [(min(widest, 1 << _MOST_LOG2) << 8) // width for width in widths]
+    return [(min(max(widths), 1 << _MOST_LOG2) << 8) // width for width in widths]
 
 
-def estimated_distance_log2(positions: Positions, percentile: float) -> int:
+def estimated_distance_log2(positions: Int32s, percentile: float) -> int:
     """Return log2 of the point distance in the finest level of detail (`estimateDist2`)."""
     count = len(positions)
     if count < 2:
@@ -286,7 +275,6 @@ def encoded_attribute(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     attribute: AttributeDescription,
-    memory: WorkingMemory,
 ) -> Values:
     """Return coefficients (n, components) in coded order, and set the factors in `header`."""
     bits = attribute.attr_bitdepth_minus1 + 1
@@ -298,7 +286,7 @@ def encoded_attribute(
             codes, values[indices], parameters, raht.prediction_thresholds(aps)
         ).coefficients
     steps = quantisers(parameters)
-    levels = points.levels(aps, header, memory)
+    levels = points.levels(aps, header)
     ordered = values[levels.order]
     coefficients = np.empty_like(ordered)
     unused = aps.max_detail_levels - len(levels.ends)
@@ -320,14 +308,8 @@ def encoded_attribute(
         prediction.choose_inter_component(ordered, levels.predictors, levels.ends, pairs)
         header.inter_component_coeffs = [(first, second) for first, second in pairs.tolist()]
     tools, weights = prediction_tools(levels, aps, header, bits)
-    prediction.quantise(
-        ordered,
-        coefficients,
-        levels.predictors,
-        tools,
-        steps,
-        levels.order,
-        weights,
+    prediction.code_values(
+        *(ordered, coefficients, levels.predictors, tools, steps, levels.order, weights),
         np.empty((3, 2), dtype=np.int64),
     )
     return coefficients
