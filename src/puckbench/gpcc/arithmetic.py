@@ -23,6 +23,7 @@ State = tuple[int, int, int, int]
 HALF = 0x8000
 PADDING = 8
 """Maximum number of bytes read beyond a stream's end."""
+_LONGEST_PREFIX = 30
 
 _FALLS = ADAPTATION.astype(np.int64)
 _RISES = ADAPTATION[::-1].astype(np.int64)
@@ -276,6 +277,33 @@ def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
     for k in range(order - 1, -1, -1):
         rest |= code_bypass(coder, ((value - base) >> k) & 1) << k
     return base + rest
+
+
+@kernel
+def code_count(coder: Any, nonzero: int, prefix: int, count: int) -> int:
+    """Encode or decode whether a count is not 0, and then the count minus 1 in Exp-Golomb code."""
+    if not code_bit(coder, nonzero, integer(count > 0)):
+        return 0
+    return 1 + code_exp_golomb(coder, prefix, count - 1)
+
+
+@kernel
+def code_exp_golomb_in_contexts(
+    coder: Any, prefix: int, last_prefix: int, suffix: int, last_suffix: int, value: int, order: int
+) -> int:
+    """Encode or decode an Exp-Golomb code of at most 30 prefix bits.
+
+    last_prefix, last_suffix: numbers of contexts of prefix and suffix bits, minus 1.
+    """
+    first, base = order, integer(0)
+    while order < _LONGEST_PREFIX and code_bit(
+        coder, prefix + min(last_prefix, order - first), integer(value - base >= 1 << order)
+    ):
+        base += 1 << order
+        order += 1
+    for k in range(order - 1, -1, -1):
+        base += code_bit(coder, suffix + min(last_suffix, k), ((value - base) >> k) & 1) << k
+    return base
 
 
 def restart(coder: Decoder) -> None:

@@ -167,11 +167,8 @@ def encode_geometry(
             ]
         sensor = sensor_position(header, gps, axes, part.corner)
         coded = CodedPoints(octree_points(gps, axes, sensor, leaves), part.members, rows)
-        values = attributes.data_units(number, part.corner, coded)
-        return [
-            (syntax.GEOMETRY_DATA_UNIT, unit),
-            *((syntax.ATTRIBUTE_DATA_UNIT, data_unit) for data_unit in values),
-        ]
+        units = attributes.data_units(number, part.corner, coded)
+        return [(syntax.GEOMETRY_DATA_UNIT, unit), *units]
 
     return stream_of(sps, gps, in_threads(units_of, range(len(slices))), parameters)
 
@@ -442,7 +439,7 @@ class _StreamReader:
             sensor = sensor_position(coded.header, gps, axes, origin)
             if gps.geom_tree_type == syntax.PREDICTIVE:
                 nodes = decode_trees(coded, sps, gps, probabilities, axes, origin)
-                points = SlicePoints(gps, axes, sensor, nodes.points, spherical=nodes.spherical)
+                points = SlicePoints(gps, axes, sensor, nodes.points, spherical=nodes.positions)
                 decoded.append(placed(nodes.points, axes, origin))
             else:
                 state = sensor_state(coded.header, gps, axes, origin)

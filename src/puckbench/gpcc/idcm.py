@@ -21,7 +21,7 @@ from puckbench.gpcc.angular import (
     predicted_azimuth,
     tangent_of,
 )
-from puckbench.gpcc.arithmetic import code_bit, code_bypass, code_exp_golomb
+from puckbench.gpcc.arithmetic import code_bit, code_bypass, code_count, code_exp_golomb
 from puckbench.gpcc.compiled import integer, kernel
 from puckbench.gpcc.contexts import (
     CTX_DUP_POINT_CNT_EGL,
@@ -144,9 +144,7 @@ def _code_axis(coder: Any, local: LocalPoints, i: int, axis: int) -> None:
 def _code_dup_point_cnt(coder: Any, dup_point_cnt: int) -> int:
     if not code_bit(coder, CTX_DUP_POINT_CNT_GT0, integer(dup_point_cnt > 0)):
         return 0
-    if not code_bit(coder, CTX_DUP_POINT_CNT_GT1, integer(dup_point_cnt > 1)):
-        return 1
-    return 2 + code_exp_golomb(coder, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 2)
+    return 1 + code_count(coder, CTX_DUP_POINT_CNT_GT1, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 1)
 
 
 @inlined

@@ -71,7 +71,10 @@ def code_occupancy(
         pair = _pair_of_children(masks)
         if pair:
             return pair
-    return _code_bits(coder, ctx_idx_maps, neighbourhood, masks, occupancy)
+    masked = masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z
+    if masked == 0 and masks.planar_possible == 7:
+        return _code_bits(coder, ctx_idx_maps, neighbourhood, masks, 0, True, occupancy)
+    return _code_bits(coder, ctx_idx_maps, neighbourhood, masks, masked, False, occupancy)
 
 
 @kernel
@@ -138,19 +141,23 @@ def _code_with_ctx_map(
     return bit, state
 
 
-@kernel
+@inlined
 def _code_bits(
     coder: Any,
     ctx_idx_maps: Bytes,
     neighbourhood: OccupancyNeighbourhood,
     masks: PlanarMasks,
+    masked: int,
+    free: bool,
     occupancy: int,
 ) -> int:
+    """Encode or decode the children outside the mask `masked`.
+
+    free: whether the planar modes tell nothing about the children.
+    """
     no_neighbour = neighbourhood.neigh_pattern == 0
     # Without neighbours, a single child is coded otherwise; here, at least two are occupied.
     most_zeros = 6 if no_neighbour else 7
-    masked = masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z
-    free = masked == 0 and masks.planar_possible == 7
     state = load(coder)
     coded, coded_before, zeros, zero_count = 0, 0, masked, POPCOUNT[masked]
     for i in range(8):

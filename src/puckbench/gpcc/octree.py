@@ -20,7 +20,7 @@ from puckbench.gpcc.angular import (
     angular_eligible_axes,
     plane_angles,
 )
-from puckbench.gpcc.arithmetic import Bytes, code_bit, code_exp_golomb, exhausted
+from puckbench.gpcc.arithmetic import Bytes, code_bit, code_count, exhausted
 from puckbench.gpcc.compiled import entry, integer, kernel, part
 from puckbench.gpcc.contexts import CTX_BLOCK_SKIP_TH, CTX_DUP_POINT_CNT_EGL, CTX_DUP_POINT_CNT_GT0
 from puckbench.gpcc.idcm import (
@@ -399,8 +399,7 @@ def _code_leaf_point_counts(
         points = integer(1)
         if not level.unique_points:
             dup_point_cnt = integer(source.counts[leaf]) - 1 if source is not None else 0
-            if code_bit(coder, CTX_DUP_POINT_CNT_GT0, integer(dup_point_cnt > 0)):
-                points = 2 + code_exp_golomb(coder, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 1)
+            points += code_count(coder, CTX_DUP_POINT_CNT_GT0, CTX_DUP_POINT_CNT_EGL, dup_point_cnt)
         _append_points(state, base | child, points)
         leaf += 1
 

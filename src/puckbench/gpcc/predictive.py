@@ -1,4 +1,4 @@
-"""Predictive geometry (`geom_tree_type` 1): coding of syntax elements, and decoder.
+"""Predictive geometry (`geom_tree_type` 1): coding of syntax elements, and prediction.
 
 Points are nodes of trees, coded in depth-first order: predicted from up to three ancestors and
 corrected by a residual. Angular coding predicts in spherical coordinates; a second residual
@@ -12,22 +12,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.gpcc.arithmetic import (
     HALF,
     Probabilities,
     code_bit,
     code_bypass,
+    code_count,
     code_exp_golomb,
-    exhausted,
+    code_exp_golomb_in_contexts,
 )
-from puckbench.gpcc.compiled import entry, integer, kernel
+from puckbench.gpcc.compiled import integer, kernel
 from puckbench.gpcc.fixed_point import int32
-from puckbench.gpcc.spherical import Sphere, azimuth_of_arc, cartesian
+from puckbench.gpcc.spherical import Sphere
 from puckbench.gpcc.syntax import Three
-
-EXHAUSTED, TOO_MANY_POINTS, DAMAGED = -1, -2, -3
-"""Error codes of a damaged stream."""
 
 NONE, DELTA, LINEAR2, LINEAR3 = 0, 1, 2, 3
 """Prediction modes: no ancestor, the parent, line through two ancestors, parallelogram of three."""
@@ -58,7 +57,6 @@ _COUNT = 65 + 5 * 3 * 31 + (1 << 7)
 
 MOST_QP = 223
 """Maximum quantisation parameter (QP), with a step size of 31 bits."""
-_LONGEST_PREFIX = 30
 
 
 class Tools(NamedTuple):
@@ -77,24 +75,13 @@ class Tools(NamedTuple):
     sphere: Sphere
 
 
-class TreeNodes(NamedTuple):
-    """Decoded nodes in coding order; `stack` holds the parents of nodes to decode."""
-
-    points: NDArray[np.int32]
-    spherical: NDArray[np.int32]
-    parents: NDArray[np.int32]
-    stack: NDArray[np.int32]
-
-
 def initial_probabilities() -> Probabilities:
     return np.full(_COUNT, HALF, dtype=np.uint16)
 
 
-@kernel
+@inlined
 def code_num_dup_points(coder: Any, count: int) -> int:
-    if not code_bit(coder, CTX_NUM_DUP_POINTS_GT0, integer(count > 0)):
-        return 0
-    return 1 + code_exp_golomb(coder, CTX_NUM_DUP_POINTS, count - 1)
+    return code_count(coder, CTX_NUM_DUP_POINTS_GT0, CTX_NUM_DUP_POINTS, count)
 
 
 @inlined
@@ -143,9 +130,9 @@ def _code_phi_rest(coder: Any, value: int) -> int:
 def code_qp_offset(coder: Any, offset: int) -> int:
     """Encode or decode the QP offset of the next nodes, in units of 2^`qp_multiplier_log2`."""
     # TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
-    if not code_bit(coder, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
+    size = code_count(coder, CTX_QP_OFFSET_ABS_GT0, CTX_QP_OFFSET_ABS_EGL, abs(offset))
+    if size == 0:
         return 0
-    size = 1 + code_exp_golomb(coder, CTX_QP_OFFSET_ABS_EGL, abs(offset) - 1)
     return -size if code_bit(coder, CTX_QP_OFFSET_SIGN, integer(offset < 0)) else size
 
 
@@ -179,9 +166,7 @@ def _code_component(
 @inlined
 def code_num_bits(coder: Any, width: int, group: int, magnitude: int) -> int:
     """Encode or decode the bit length of a magnitude as a `width`-bit number, highest bit first."""
-    bits = 0
-    while magnitude >> bits > 0:
-        bits += 1
+    bits = 64 - leading_zeros(magnitude)
     node = integer(1)
     start = CTX_NUM_BITS + 31 * group - 1
     for k in range(width - 1, -1, -1):
@@ -204,22 +189,9 @@ def _code_component2(coder: Any, axis: int, value: int) -> int:
         return 0
     size = 1
     if code_bit(coder, CTX_RESIDUAL2_GT + 3 + axis, integer(abs(value) > 1)):
-        size = 2 + _code_long(coder, axis, abs(value) - 2)
+        prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
+        size = 2 + code_exp_golomb_in_contexts(coder, prefix, 4, suffix, 3, abs(value) - 2, 0)
     return -size if code_bit(coder, CTX_SIGN2 + axis, integer(value < 0)) else size
-
-
-@kernel
-def _code_long(coder: Any, axis: int, value: int) -> int:
-    prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
-    order, base = 0, 0
-    while order < _LONGEST_PREFIX and code_bit(
-        coder, prefix + min(4, order), integer(value - base >= 1 << order)
-    ):
-        base += 1 << order
-        order += 1
-    for k in range(order - 1, -1, -1):
-        base += code_bit(coder, suffix + min(3, k), ((value - base) >> k) & 1) << k
-    return base
 
 
 @inlined
@@ -260,91 +232,3 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
             int32(z + positions[b, 2] - positions[c, 2]),
         )
     return x, y, z
-
-
-@entry
-def decode_trees(coder: Any, tools: Tools, nodes: TreeNodes) -> int:
-    """Decode all trees of a slice; return the number of points or a negative error code."""
-    done = 0
-    while True:
-        done = _decode_tree(coder, tools, nodes, done)
-        if done < 0 or code_bit(coder, CTX_END_OF_TREES, 0):
-            return done
-
-
-@inlined
-def _decode_tree(coder: Any, tools: Tools, nodes: TreeNodes, done: int) -> int:
-    count, pending = len(nodes.parents), 1
-    if done >= count:
-        return TOO_MANY_POINTS
-    nodes.stack[0] = -1
-    qp, until_offset = tools.slice_qp, 0
-    while pending:
-        pending -= 1
-        if exhausted(coder):
-            return EXHAUSTED
-        if tools.scaling:
-            if until_offset == 0:
-                offset = code_qp_offset(coder, 0)
-                qp = tools.slice_qp + (offset << tools.qp_multiplier_log2)
-                until_offset = tools.qp_interval
-                if qp < 0 or qp > MOST_QP:
-                    return DAMAGED
-            until_offset -= 1
-        node = done
-        nodes.parents[node] = nodes.stack[pending]
-        copies = 0 if tools.unique_points else code_num_dup_points(coder, 0)
-        children = code_num_children(coder, 0)
-        done += 1 + copies
-        if done + pending + children > count:
-            return TOO_MANY_POINTS
-        if not _decode_position(coder, tools, nodes, node, qp):
-            return DAMAGED
-        _repeat(nodes, tools.angular, node, copies)
-        for _ in range(children):
-            nodes.stack[pending] = node
-            pending += 1
-    return done
-
-
-@inlined
-def _decode_position(coder: Any, tools: Tools, nodes: TreeNodes, node: int, qp: int) -> bool:
-    mode = code_pred_mode(coder, 0)
-    before = ancestors(nodes.parents, node)
-    if mode > 0 and before[mode - 1] < 0:
-        return False
-    if not tools.angular:
-        r = code_residual(coder, tools, mode, (0, 0, 0))
-        p = predicted(nodes.points, before, mode, tools)
-        nodes.points[node, 0] = max(0, int32(p[0] + scaled(r[0], qp)))
-        nodes.points[node, 1] = max(0, int32(p[1] + scaled(r[1], qp)))
-        nodes.points[node, 2] = max(0, int32(p[2] + scaled(r[2], qp)))
-        return True
-    steps = code_phi_multiplier(coder, 0)
-    r = code_residual(coder, tools, mode, (0, 0, 0))
-    p = predicted(nodes.spherical, before, mode, tools)
-    radius, laser = int32(p[0] + r[0]), p[2] + r[2]
-    turned = r[1]
-    if tools.azimuth_scaling:
-        turned = azimuth_of_arc(r[1], radius, tools.sphere.azimuth_log2)
-    azimuth = int32(p[1] + steps * tools.azimuth_speed + turned)
-    if laser < 0 or laser >= len(tools.sphere.theta):
-        return False
-    nodes.spherical[node, 0] = radius
-    nodes.spherical[node, 1] = azimuth
-    nodes.spherical[node, 2] = laser
-    second = code_residual2(coder, (0, 0, 0))
-    place = cartesian(tools.sphere, radius, azimuth, laser)
-    for axis in range(3):
-        exact = tools.sphere.origin[axis] + place[axis] + scaled(second[axis], qp)
-        nodes.points[node, axis] = max(0, int32(exact))
-    return True
-
-
-@kernel
-def _repeat(nodes: TreeNodes, angular: bool, node: int, copies: int) -> None:
-    for k in range(node + 1, node + 1 + copies):
-        for axis in range(3):
-            nodes.points[k, axis] = nodes.points[node, axis]
-            if angular:
-                nodes.spherical[k, axis] = nodes.spherical[node, axis]

@@ -26,9 +26,9 @@ from puckbench.gpcc.coder import (
     split_position,
     stream_of,
 )
+from puckbench.gpcc.prediction_modes import quantised
 from puckbench.gpcc.prediction_tree import Order, angular_tree, nearest_tree, ordered
 from puckbench.gpcc.predictive import MOST_QP, Tools, initial_probabilities
-from puckbench.gpcc.predictive_encoder import quantised
 from puckbench.gpcc.predictive_slices import encode_trees, tools_of
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.slices import CodedSlice, data_unit, sensor_position
@@ -129,8 +129,7 @@ def encode_predictive_geometry(
         else:
             coded_rows = members[part.rows]
         coded = CodedPoints(part.points, members, coded_rows)
-        values = attributes.data_units(number, part.corner, coded)
-        return [geometry, *((syntax.ATTRIBUTE_DATA_UNIT, unit) for unit in values)]
+        return [geometry, *attributes.data_units(number, part.corner, coded)]
 
     parameters = []
     if attributes is not None:

@@ -214,43 +214,26 @@ def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> l
 
 
 def _levels(header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Level]:
-    axes = header.tree_lvl_coded_axis_list
-    enable_mask = idcm.idcm_enable_mask(
-        gps.inferred_direct_coding_mode,
-        bool(gps.geom_planar_mode_enabled_flag),
-        gps.geom_idcm_rate_minus1,
-    )
+    axes, boundary = header.tree_lvl_coded_axis_list, gps.neighbour_avail_boundary_log2_minus1
+    mode, planar_enabled = gps.inferred_direct_coding_mode, bool(gps.geom_planar_mode_enabled_flag)
+    mask = idcm.idcm_enable_mask(mode, planar_enabled, gps.geom_idcm_rate_minus1)
     levels = zip(node_sizes_log2(axes)[:-1], [7, *axes[:-1]], axes, strict=True)
     return [
-        _level(gps, number, size, (above, split), enable_mask, last=number == len(axes) - 1)
+        octree.Level(
+            coded_axes=split,
+            coded_axes_prev_level=above,
+            node_size_log2=size,
+            root=number == 0,
+            last=number == len(axes) - 1,
+            adjacent_child_ctx=bool(boundary and gps.adjacent_child_contextualization_enabled_flag),
+            intra_pred=boundary > 0 and max(size) < gps.intra_pred_max_node_size_log2,
+            unique_points=bool(gps.geom_unique_points_flag),
+            idcm_mode=mode,
+            joint_2pt_idcm=bool(gps.joint_2pt_idcm_enabled_flag),
+            idcm_enable_mask=(mask >> number % 32 | mask << 32 - number % 32) & 0xFFFFFFFF,
+        )
         for number, (size, above, split) in enumerate(levels)
     ]
-
-
-def _level(
-    gps: GeometryParameterSet,
-    number: int,
-    node_size_log2: tuple[int, int, int],
-    axes: tuple[int, int],
-    enable_mask: int,
-    *,
-    last: bool,
-) -> octree.Level:
-    boundary = gps.neighbour_avail_boundary_log2_minus1
-    turn = number % 32
-    return octree.Level(
-        coded_axes=axes[1],
-        coded_axes_prev_level=axes[0],
-        node_size_log2=node_size_log2,
-        root=number == 0,
-        last=last,
-        adjacent_child_ctx=bool(boundary and gps.adjacent_child_contextualization_enabled_flag),
-        intra_pred=boundary > 0 and max(node_size_log2) < gps.intra_pred_max_node_size_log2,
-        unique_points=bool(gps.geom_unique_points_flag),
-        idcm_mode=gps.inferred_direct_coding_mode,
-        joint_2pt_idcm=bool(gps.joint_2pt_idcm_enabled_flag),
-        idcm_enable_mask=(enable_mask >> turn | enable_mask << 32 - turn) & 0xFFFFFFFF,
-    )
 
 
 def _initial_state(

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import Ints
@@ -114,23 +115,13 @@ def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
     r = int32(radius << 3)
     if r == 0:
         r = 1
-    length = _bit_length(r)
+    length = 64 - leading_zeros(r)
     b = r << (31 - length) if length <= 31 else r >> (length - 31)
     inverse = ((0x2D2D2D2D << 31) - 0x1E1E1E1E * b) >> 28
     inverse += (inverse * ((1 << 31) - ((b * inverse) >> 31))) >> 31
     shift = (31 + length - azimuth_log2) & 63  # modulo 64, as processors shift
     product = arc * inverse
     return int32(product >> shift if product >= 0 else -((-product) >> shift))
-
-
-@kernel
-def _bit_length(value: int) -> int:
-    if value < 0:
-        return 64
-    length = 0
-    while value >> length:
-        length += 1
-    return length
 
 
 @kernel

@@ -245,7 +245,7 @@ def _attribute_parameters(attribute: AttributeDescription) -> list[int]:
 def _attribute_parameter(io: SyntaxElements, attribute: AttributeDescription, kind: int) -> None:
     if kind == _DEFAULT_VALUE:
         bits, components = attribute.attr_bitdepth_minus1 + 1, attribute.attr_components_minus1 + 1
-        _refuse(bits * components > 8 * 255, "an attribute with so many components")
+        refuse(bits * components > 8 * 255, "an attribute with so many components")
         values = attribute.attr_default_value or (0,) * components
         attribute.attr_default_value = tuple(io.bits(bits, value) for value in values)
     elif kind == _COLOURS:
@@ -324,7 +324,7 @@ def _angular_mode(io: SyntaxElements, gps: GeometryParameterSet) -> None:
 def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
     io.ue(record, f"{name}_bits_minus1")
     bits = getattr(record, f"{name}_bits_minus1") + 1
-    _refuse(bits > _MAX_ORIGIN_BITS, "a sensor so far away")
+    refuse(bits > _MAX_ORIGIN_BITS, "a sensor so far away")
     io.s3(record, f"{name}_xyz", bits)
 
 
@@ -334,7 +334,7 @@ def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) 
     From the third laser on, elevations are differences from a linear extrapolation.
     """
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
-    _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
+    refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
     lasers = gps.lasers if io.writing else [Laser() for _ in range(count)]
     before: tuple[Laser, ...] = ()
     for laser in lasers:
@@ -348,7 +348,7 @@ def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) 
             laser.num_phi_per_turn = last.num_phi_per_turn + io.signed(
                 laser.num_phi_per_turn - last.num_phi_per_turn
             )
-        _refuse(
+        refuse(
             max(map(abs, (laser.theta, laser.z, laser.num_phi_per_turn))) >= 1 << 31, "such a laser"
         )
         before = (*before[-1:], laser)
@@ -366,12 +366,12 @@ def _scaling(io: SyntaxElements, gps: GeometryParameterSet) -> None:
 
 def check_tools(gps: GeometryParameterSet) -> None:
     octree = gps.geom_tree_type == OCTREE
-    _refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
-    _refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")
-    _refuse(gps.trisoup_enabled_flag, "trisoup")
+    refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
+    refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")
+    refuse(gps.trisoup_enabled_flag, "trisoup")
 
 
-def _refuse(used: Any, tool: str) -> None:
+def refuse(used: Any, tool: str) -> None:
     if used:
         raise InputError(f"G-PCC stream: {tool} is not supported")
 
@@ -396,7 +396,7 @@ def geometry_header(
         _angular_origin(io, header, "gdu_angular_origin")
     if gps.geom_tree_type == OCTREE:
         io.ue(header, "tree_depth_minus1")
-        _refuse(header.tree_depth_minus1 >= _DEEPEST, f"a tree of more than {_DEEPEST} levels")
+        refuse(header.tree_depth_minus1 >= _DEEPEST, f"a tree of more than {_DEEPEST} levels")
         _coded_axes(io, header, gps)
         io.ue(header, "geom_stream_cnt_minus1")
     if gps.geom_scaling_enabled_flag:
@@ -410,11 +410,11 @@ def geometry_header(
 
 
 def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParameterSet) -> None:
-    depth = header.tree_depth_minus1 + 1
-    axes = header.tree_lvl_coded_axis_list if io.writing else [7] * depth
+    if not io.writing:
+        header.tree_lvl_coded_axis_list = [7] * (header.tree_depth_minus1 + 1)
     if gps.qtbt_enabled_flag:
-        axes = [io.bits(3, value) for value in axes]
-    header.tree_lvl_coded_axis_list = axes
+        axes = header.tree_lvl_coded_axis_list
+        header.tree_lvl_coded_axis_list = [io.bits(3, value) for value in axes]
 
 
 def point_count(data: bytes, header: GeometryHeader, gps: GeometryParameterSet) -> tuple[int, int]:

@@ -97,14 +97,6 @@ def _turned(neigh_pattern: int) -> list[int]:
     return places
 
 
-def _coded_children() -> list[list[int]]:
-    rows = []
-    for neigh_pattern in range(64):
-        places = _turned(neigh_pattern)
-        rows.append([places.index(place) for place in _CODING_ORDER])
-    return rows
-
-
 def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
     rows = [list(_MAP_STARTS)]
     for neigh_pattern in range(1, 64):
@@ -115,7 +107,13 @@ def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
     return rows
 
 
-CODED_CHILD = np.array(_coded_children(), dtype=np.int64)
+CODED_CHILD = np.array(
+    [
+        [_turned(neigh_pattern).index(place) for place in _CODING_ORDER]
+        for neigh_pattern in range(64)
+    ],
+    dtype=np.int64,
+)
 CTX_MAP_BASE = np.array([_map_bases(_SIBLING_CLASSES), _map_bases(_CLASSES_9)], dtype=np.int64)
 """Offsets into a context map.
 

@@ -194,26 +194,29 @@ def _retain_centroids(
                 continue
         x, y, z = integer(0), integer(0), integer(0)
         for k in range(first, i + 1):
-            x += integer(points.positions[remaining[k], 0]) >> mask << mask
-            y += integer(points.positions[remaining[k], 1]) >> mask << mask
-            z += integer(points.positions[remaining[k], 2]) >> mask << mask
+            a, b, c = _node_corner(points.positions, remaining[k], mask)
+            x, y, z = x + a, y + b, z + c
         best, least = integer(first), integer(1 << 62)
         for n in range(i + 1 - first):
             k = i - n if backward else first + n
-            point, points_here = remaining[k], i + 1 - first
+            a, b, c = _node_corner(points.positions, remaining[k], mask)
+            run = i + 1 - first
             distance = int32(
-                abs(int32((integer(points.positions[point, 0]) >> mask << mask) * points_here - x))
-                + abs(
-                    int32((integer(points.positions[point, 1]) >> mask << mask) * points_here - y)
-                )
-                + abs(
-                    int32((integer(points.positions[point, 2]) >> mask << mask) * points_here - z)
-                )
+                abs(int32(a * run - x)) + abs(int32(b * run - y)) + abs(int32(c * run - z))
             )
             if distance < least:
                 best, least = k, distance
         is_retained[best] = True
         first = i + 1
+
+
+@inlined
+def _node_corner(positions: Int32s, point: int, mask: int) -> tuple[int, int, int]:
+    return (
+        integer(positions[point, 0]) >> mask << mask,
+        integer(positions[point, 1]) >> mask << mask,
+        integer(positions[point, 2]) >> mask << mask,
+    )
 
 
 @entry

@@ -78,23 +78,17 @@ def unweighted(scaled: int, root: int) -> int:
     return rounded if scaled >= 0 else -rounded
 
 
-def inverse_transform(levels: Levels, weights: Ints, transformed: Ints) -> None:
-    sums = np.empty(len(weights), dtype=np.int64)
-    updates = np.empty_like(transformed)
-    for start, end in zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True):
-        _update(levels.predictors, weights, start, end, -1, transformed, sums, updates)
-        _predict(levels.predictors, start, end, 1, transformed)
-
-
-def forward_transform(levels: Levels, weights: Ints, values: Ints) -> None:
-    """Replace values (n, components) by transformed ones; inverse of `inverse_transform`."""
+def transform(levels: Levels, weights: Ints, values: Ints, sign: int) -> None:
+    """Transform values (n, components) in place: forward for the `sign` -1, inverse for 1."""
     sums = np.empty(len(weights), dtype=np.int64)
     updates = np.empty_like(values)
-    for start, end in list(zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True))[
-        ::-1
-    ]:
-        _predict(levels.predictors, start, end, -1, values)
-        _update(levels.predictors, weights, start, end, 1, values, sums, updates)
+    parts = list(zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True))
+    for start, end in parts[::sign]:
+        if sign < 0:
+            _predict(levels.predictors, start, end, sign, values)
+        _update(levels.predictors, weights, start, end, -sign, values, sums, updates)
+        if sign > 0:
+            _predict(levels.predictors, start, end, sign, values)
 
 
 @entry

@@ -26,7 +26,6 @@ _RANKS = (1 << _RANK_BITS) - 1
 _NEAR_RANGE = 2
 _LARGEST_CELL_BITS = 20
 _MOST_IN_CELLS = 256
-_VECTOR = 64
 _FAN_LOG2 = 3
 _FAN_MASK = 7
 
@@ -165,36 +164,14 @@ def holds_near_point(
 
 
 def boxes(positions: Int32s) -> Boxes:
-    sizes = [-(-len(positions) >> _FAN_LOG2)]
-    while sizes[-1] > 1:
-        sizes.append(-(-sizes[-1] >> _FAN_LOG2))
-    starts = np.cumsum([0, 0, *sizes])[:-1].astype(np.int64)
-    result = Boxes(positions, np.empty((sum(sizes), 6), dtype=np.int32), starts)
-    _fill_boxes(result, np.array(sizes, dtype=np.int64))
-    return result
-
-
-@entry
-def _fill_boxes(result: Boxes, sizes: Ints) -> None:
-    for axis in range(3):
-        for k in range(sizes[0]):
-            low = result.positions[k << _FAN_LOG2, axis]
-            high = low
-            for i in range((k << _FAN_LOG2) + 1, min((k + 1) << _FAN_LOG2, len(result.positions))):
-                low = min(low, result.positions[i, axis])
-                high = max(high, result.positions[i, axis])
-            result.boxes[k, axis], result.boxes[k, 3 + axis] = low, high
-    for level in range(1, len(sizes)):
-        below, start = result.starts[level], result.starts[level + 1]
-        for k in range(sizes[level]):
-            first = below + (k << _FAN_LOG2)
-            last = below + min((k + 1) << _FAN_LOG2, sizes[level - 1])
-            for axis in range(3):
-                low, high = result.boxes[first, axis], result.boxes[first, 3 + axis]
-                for i in range(first + 1, last):
-                    low = min(low, result.boxes[i, axis])
-                    high = max(high, result.boxes[i, 3 + axis])
-                result.boxes[start + k, axis], result.boxes[start + k, 3 + axis] = low, high
+    low = high = positions
+    whole, starts = np.empty((0, 6), dtype=np.int32), [0]
+    while len(low) > 1 or len(low) > len(whole):
+        starts.append(len(whole))
+        firsts = np.arange(0, len(low), 1 << _FAN_LOG2)
+        low, high = np.minimum.reduceat(low, firsts), np.maximum.reduceat(high, firsts)
+        whole = np.concatenate([whole, np.hstack([low, high])])
+    return Boxes(positions, whole, np.array(starts, dtype=np.int64))
 
 
 @inlined
@@ -311,25 +288,12 @@ def _search_boxes(best: Best, query: Query, candidates: Boxes) -> tuple[Best, in
     return best, work
 
 
-class Candidates(NamedTuple):
-    """Points in the current cell and its neighbours, and their distances from the current point.
-
-    Only the first items of the arrays are used.
-    """
-
-    x: Int32s
-    y: Int32s
-    z: Int32s
-    indices: Int32s
-    distances: Int32s
-
-
 class Grid(NamedTuple):
     """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`.
 
     bias: factors (3,) of distances.
-    ranges: (27, 2) first and last + 1 of the points in the current cell and its neighbours.
-    candidates: these points, unless they are too many; the current cell's come first.
+    ranges: (27, 2) first and last + 1 of the points in the current cell, which comes first, and its
+        neighbours.
     state: (6,) block and code of the current cell; points that are in the atlas; number of ranges;
         number of their points; whether none of the cells is in another block.
     complete: whether to skip empty blocks. In TMC13, the first empty block ends the filling of
@@ -343,7 +307,6 @@ class Grid(NamedTuple):
     shift: int
     bias: Ints
     ranges: Int32s
-    candidates: Candidates
     state: Ints
     complete: bool
     following: bool
@@ -358,7 +321,6 @@ def grid(
     complete: bool,
     following: bool = False,
 ) -> Grid:
-    most = _MOST_IN_CELLS if complete else 0
     return Grid(
         codes,
         positions,
@@ -366,7 +328,6 @@ def grid(
         min(63, 3 * cell_bits),
         bias,
         np.zeros((27, 2), dtype=np.int32),
-        Candidates(*(np.empty(most, dtype=np.int32) for _ in range(5))),
         np.array([-1, -1, 0, 0, 0, 0], dtype=np.int64),
         complete,
         following,
@@ -414,8 +375,6 @@ def _enter_cell(grid: Grid, code: int) -> None:
             grid.ranges[state[3], 1] = grid.atlas.cells[place, 1]
             state[3] += 1
             state[4] += grid.atlas.cells[place, 1] - grid.atlas.cells[place, 0]
-    if state[4] <= len(grid.candidates.x):
-        _gather(grid)
 
 
 @inlined
@@ -437,32 +396,20 @@ def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: 
 
 
 @inlined
-def _gather(grid: Grid) -> None:
-    n, near = integer(0), grid.candidates
-    for r in range(grid.state[3]):
-        for k in range(grid.ranges[r, 0], grid.ranges[r, 1]):
-            near.x[n], near.y[n] = grid.positions[k, 0], grid.positions[k, 1]
-            near.z[n], near.indices[n] = grid.positions[k, 2], k
-            n += 1
-
-
-@inlined
 def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best, int]:
     """Search a point's cell and its neighbours, unless they hold too many points.
 
     The result is final if the third distance is less than the returned distance.
     """
     _enter_cell(grid, code)
-    total, near = grid.state[4], grid.candidates
-    if total > len(near.x):
+    if grid.state[4] > _MOST_IN_CELLS:
         return best, integer(0)
-    _measure(near, total, query.x, query.y, query.z)
-    first = integer(0)
-    if grid.following:
-        first = query.low - grid.ranges[0, 0]
-    for n in range(first, total):
-        if near.distances[n] <= best[2] >> _RANK_BITS:
-            best = _with(best, query, near.distances[n], integer(near.indices[n]))
+    for r in range(grid.state[3]):
+        first = query.low if grid.following and r == 0 else integer(grid.ranges[r, 0])
+        for k in range(first, grid.ranges[r, 1]):
+            distance = _distance(grid.positions, k, query.x, query.y, query.z)
+            if distance <= best[2] >> _RANK_BITS:
+                best = _with(best, query, distance, k)
     side, reach = integer(1) << grid.shift // 3, grid.state[5] * _FAR
     for axis in range(3):
         bias = grid.bias[axis]
@@ -472,18 +419,6 @@ def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best
         place &= side - 1
         reach = min(reach, (side + min(place + 1, side - place)) * bias)
     return best, reach
-
-
-@inlined
-def _measure(near: Candidates, count: int, x: int, y: int, z: int) -> None:
-    # Of whole vectors; the last values are not used.
-    a, b, c = np.int32(x), np.int32(y), np.int32(z)
-    for n in range(count + _VECTOR - 1 & -_VECTOR):
-        near.distances[n] = (
-            abs(np.int32(near.x[n] - a))
-            + abs(np.int32(near.y[n] - b))
-            + abs(np.int32(near.z[n] - c))
-        )
 
 
 class Level(NamedTuple):

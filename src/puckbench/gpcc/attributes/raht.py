@@ -251,10 +251,8 @@ def _empty_level(count: int, inner: int, components: int) -> _Level:
 
 
 def _level(joints: NDArray[np.uint8], height: int, memory: _Level) -> _Level:
-    starts, first, occupancy, neighbours, counts, means, scaled = memory
-    end = _write_starts(joints, height, starts)
-    inner = (first[:end], occupancy[:end], neighbours[:end])
-    return _Level(starts[: end + 1], *inner, counts[:end], means[:end], scaled[:end])
+    end = _write_starts(joints, height, memory.starts)
+    return _Level._make([memory.starts[: end + 1], *(array[:end] for array in memory[1:])])
 
 
 @entry

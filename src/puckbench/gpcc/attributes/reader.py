@@ -131,10 +131,8 @@ class AttributeReader:
         reader, header = BitReader(payload), AttributeHeader()
         reader.bits(4)
         reader.exp_golomb(0)
-        header.attr_sps_attr_idx, header.attr_geom_slice_id = (
-            reader.exp_golomb(0),
-            reader.exp_golomb(0),
-        )
+        header.attr_sps_attr_idx = reader.exp_golomb(0)
+        header.attr_geom_slice_id = reader.exp_golomb(0)
         bits, components = _shape(self._described(header))
         values = np.array([reader.bits(bits) for _ in range(components)], dtype=np.int32)
         shape = (len(self._slice.positions), components)
@@ -220,7 +218,7 @@ def decoded_attribute(
         lifting.dequantise(
             coefficients, steps, levels.order, levels.ends, weights, factors, transformed
         )
-        lifting.inverse_transform(levels, weights, transformed)
+        lifting.transform(levels, weights, transformed, 1)
         coded = np.clip(transformed + _HALF >> FRACTION_BITS, 0, most).astype(np.int32)
     else:
         tools, weights = prediction_tools(levels, aps, header, bits)

@@ -19,6 +19,7 @@ from puckbench.gpcc.arithmetic import (
     code_bit,
     code_bypass,
     code_exp_golomb,
+    code_exp_golomb_in_contexts,
     consumed,
     decoder,
     encoder,
@@ -38,7 +39,6 @@ _PREFIX = integer(19)  # 2 x 3
 _SUFFIX = integer(25)  # 2 x 3
 _COUNT = 31
 
-_LONGEST_PREFIX = 30
 _COEFFICIENT_BYTES = 48
 """Maximum number of bytes of a point's coefficients."""
 _CHUNK = 1 << 16
@@ -122,17 +122,8 @@ def _code_magnitude(coder: Any, value: int, first: int, second: int, rest: int) 
         return 0
     if not code_bit(coder, _GREATER_THAN_1 + second, integer(value > 1)):
         return 1
-    value -= 2
     prefix, suffix = _PREFIX + 3 * rest, _SUFFIX + 3 * rest
-    order, base = 1, integer(0)
-    while order < _LONGEST_PREFIX and code_bit(
-        coder, prefix + min(2, order - 1), integer(value - base >= 1 << order)
-    ):
-        base += 1 << order
-        order += 1
-    for k in range(order - 1, -1, -1):
-        base += code_bit(coder, suffix + min(2, k), ((value - base) >> k) & 1) << k
-    return base + 2
+    return 2 + code_exp_golomb_in_contexts(coder, prefix, 2, suffix, 2, value - 2, 1)
 
 
 @inlined

@@ -6,11 +6,10 @@ Syntax elements are those of TMC13, as in `gpcc.syntax`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from puckbench.core.errors import InputError
 from puckbench.gpcc.bits import SyntaxElements
-from puckbench.gpcc.syntax import AttributeDescription, Three
+from puckbench.gpcc.syntax import AttributeDescription, Three, refuse
 
 RAHT, PREDICTING, LIFTING, RAW = range(4)
 """Values of attr_encoding."""
@@ -108,7 +107,7 @@ def attribute_parameter_set(io: SyntaxElements, aps: AttributeParameterSet) -> N
     io.u(aps, "aps_attr_parameter_set_id", 4)
     io.u(aps, "aps_seq_parameter_set_id", 4)
     io.ue(aps, "attr_encoding")
-    _refuse(aps.attr_encoding > RAW, "this transform of attributes")
+    refuse(aps.attr_encoding > RAW, "this transform of attributes")
     io.ue(aps, "init_qp_minus4")
     io.se(aps, "aps_chroma_qp_offset")
     io.flag(aps, "aps_slice_qp_deltas_present_flag")
@@ -148,7 +147,7 @@ def _transform_tools(io: SyntaxElements, aps: AttributeParameterSet) -> None:
 
 def _levels_of_detail(io: SyntaxElements, aps: AttributeParameterSet) -> None:
     io.ue(aps, "num_pred_nearest_neighbours_minus1")
-    _refuse(aps.num_pred_nearest_neighbours_minus1 > 2, "prediction from so many neighbours")
+    refuse(aps.num_pred_nearest_neighbours_minus1 > 2, "prediction from so many neighbours")
     io.ue(aps, "inter_lod_search_range")
     x, y, z = (1 + io.exp_golomb(bias - 1) for bias in aps.lod_neigh_bias)
     aps.lod_neigh_bias = (x, y, z)
@@ -159,12 +158,12 @@ def _levels_of_detail(io: SyntaxElements, aps: AttributeParameterSet) -> None:
         io.ue(aps, "max_neigh_range_minus1")
         return
     io.ue(aps, "num_detail_levels_minus1")
-    _refuse(aps.num_detail_levels_minus1 >= MAX_DETAIL_LEVELS, "so many levels of detail")
+    refuse(aps.num_detail_levels_minus1 >= MAX_DETAIL_LEVELS, "so many levels of detail")
     if not aps.num_detail_levels_minus1:
         io.flag(aps, "canonical_point_order_flag")
         return
     io.ue(aps, "lod_decimation_type")
-    _refuse(aps.lod_decimation_type > CENTROID, "this kind of decimation")
+    refuse(aps.lod_decimation_type > CENTROID, "this kind of decimation")
     if aps.lod_decimation_type != BY_DISTANCE:
         periods = aps.lod_sampling_period if io.writing else [2] * aps.num_detail_levels_minus1
         aps.lod_sampling_period = [2 + io.exp_golomb(period - 2) for period in periods]
@@ -186,7 +185,7 @@ def attribute_header(
     if aps.aps_slice_dist2_deltas_present_flag:
         io.se(header, "attr_dist2_delta")
     dist2 = aps.dist2 + header.attr_dist2_delta
-    _refuse(not 0 <= dist2 <= _MOST_DIST2, "this distance of points in levels of detail")
+    refuse(not 0 <= dist2 <= _MOST_DIST2, "this distance of points in levels of detail")
     levels = aps.max_detail_levels
     if (
         aps.attr_encoding == LIFTING
@@ -208,7 +207,7 @@ def attribute_header(
         io.se(header, "attr_qp_delta_chroma")
     if io.bits(1, bool(header.layer_qp_deltas)):
         count = 1 + io.exp_golomb(max(len(header.layer_qp_deltas) - 1, 0))
-        _refuse(count > MAX_DETAIL_LEVELS, "so many layers")
+        refuse(count > MAX_DETAIL_LEVELS, "so many layers")
         deltas = header.layer_qp_deltas if io.writing else [(0, 0)] * count
         header.layer_qp_deltas = [(io.signed(luma), io.signed(chroma)) for luma, chroma in deltas]
     _regions(io, header, components)
@@ -233,11 +232,11 @@ def _differences(io: SyntaxElements, values: list[int], stride: int = 1) -> list
 
 def _regions(io: SyntaxElements, header: AttributeHeader, components: int) -> None:
     count = io.exp_golomb(len(header.regions))
-    _refuse(count > _MOST_REGIONS, "so many regions")
+    refuse(count > _MOST_REGIONS, "so many regions")
     if count:
         io.ue(header, "attr_region_bits_minus1")
     bits = header.attr_region_bits_minus1 + 1
-    _refuse(bits > _MOST_BITS, "a region so large")
+    refuse(bits > _MOST_BITS, "a region so large")
     regions = header.regions if io.writing else [QpRegion() for _ in range(count)]
     for region in regions:
         io.u3(region, "origin", bits)
@@ -246,8 +245,3 @@ def _regions(io: SyntaxElements, header: AttributeHeader, components: int) -> No
         if components > 1:
             io.se(region, "chroma_qp_offset")
     header.regions = regions
-
-
-def _refuse(used: Any, tool: str) -> None:
-    if used:
-        raise InputError(f"G-PCC stream: {tool} is not supported")

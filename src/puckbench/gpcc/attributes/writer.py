@@ -36,6 +36,7 @@ from puckbench.gpcc.attributes.syntax import (
 from puckbench.gpcc.coder import CodedPoints
 from puckbench.gpcc.kd_tree import Int32s
 from puckbench.gpcc.syntax import (
+    ATTRIBUTE_DATA_UNIT,
     PREDICTIVE,
     AttributeDescription,
     GeometryParameterSet,
@@ -108,7 +109,10 @@ class AttributeEncoder:
         ]
         return [written(attribute_syntax.attribute_parameter_set, aps) for aps in self._parameters]
 
-    def data_units(self, slice_id: int, origin: Three, coded: CodedPoints) -> list[bytes]:
+    def data_units(
+        self, slice_id: int, origin: Three, coded: CodedPoints
+    ) -> list[tuple[int, bytes]]:
+        """Return the types and payloads of a slice's data units."""
         units = []
         for index in sorted(range(len(self._names)), key=self._names.__getitem__):
             values = self._values[index]
@@ -118,7 +122,8 @@ class AttributeEncoder:
                 )
             else:
                 values = values[coded.rows]
-            units.append(self._data_unit(index, slice_id, coded.points, values))
+            payload = self._data_unit(index, slice_id, coded.points, values)
+            units.append((ATTRIBUTE_DATA_UNIT, payload))
         return units
 
     def _data_unit(self, index: int, slice_id: int, points: SlicePoints, values: Values) -> bytes:
@@ -293,7 +298,7 @@ def encoded_attribute(
     if aps.attr_encoding == LIFTING:
         weights = lifting.lifting_weights(levels, bool(aps.scalable_lifting_enabled_flag))
         transformed = ordered.astype(np.int64) << FRACTION_BITS
-        lifting.forward_transform(levels, weights, transformed)
+        lifting.transform(levels, weights, transformed, -1)
         factors = np.zeros(len(levels.ends) + 1, dtype=np.int64)
         if aps.last_component_prediction_enabled_flag and values.shape[1] == 3:
             lifting.choose_last_component(transformed, levels.ends, factors)
