@@ -170,20 +170,16 @@ def program_decoder(words: str) -> Decode:
         with tempfile.TemporaryDirectory(prefix="puckbench-") as folder:
             source, target = Path(folder) / "stream.bin", Path(folder) / "points.ply"
             source.write_bytes(stream)
-            names = {"{stream}": str(source), "{points}": str(target)}
-            filled = [_filled(word, names) for word in command]
+            filled = [
+                word.replace("{stream}", str(source)).replace("{points}", str(target))
+                for word in command
+            ]
             _run(filled)
             cloud = read_cloud(target, keep_missing=True)
             values = [cloud.fields[name] for name in _REFLECTANCES if name in cloud.fields]
             return _rows(cloud.xyz, cloud.colours, values[0] if values else None)
 
     return decode
-
-
-def _filled(word: str, names: dict[str, str]) -> str:
-    for name, value in names.items():
-        word = word.replace(name, value)
-    return word
 
 
 def _run(command: list[str]) -> None:
