@@ -485,7 +485,7 @@ def _slice_origin(header: syntax.GeometryHeader, gps: syntax.GeometryParameterSe
 def _scaled_origin(origin: Three, log2_scale: int) -> Three:
     x, y, z = (v << min(log2_scale, 64) for v in origin)
     if max(abs(x), abs(y), abs(z)) >= _MAX_ORIGIN:
-        raise InputError("G-PCC stream: the origin of the points is too large")
+        raise InputError("G-PCC stream: the origin is too large")
     return x, y, z
 
 
