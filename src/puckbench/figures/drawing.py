@@ -99,9 +99,18 @@ def save_figure(figure: Figure, path: Path) -> None:
 
     Raises InputError for another suffix or if writing fails.
     """
-    metadata = _metadata(path)
+    from matplotlib.backends import backend_agg, backend_pdf, backend_svg
+
+    metadata, kind, dpi = _metadata(path), path.suffix[1:], figure.dpi
+    canvases: dict[str, Any] = {
+        "pdf": backend_pdf.FigureCanvasPdf,
+        "png": backend_agg.FigureCanvasAgg,
+        "svg": backend_svg.FigureCanvasSVG,
+    }
     content = io.BytesIO()  # on a full disk, matplotlib would raise misleading errors
-    figure.savefig(content, format=path.suffix[1:], metadata=metadata)
+    # Figure.savefig would draw twice, first for the layout, which `lay_out` has computed.
+    getattr(canvases[kind](figure), f"print_{kind}")(content, metadata=metadata)
+    figure.set_dpi(dpi)  # vector formats change it
     write_bytes(path, content.getvalue())
 
 
