@@ -67,6 +67,7 @@ sys.stdin.read()
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
     """A process that has started a server, whose folder is in the environment from now on."""
+    monkeypatch.delenv(fork_server.VARIABLE, raising=False)
     starter = subprocess.Popen(
         [sys.executable, "-c", STARTER],
         stdin=subprocess.PIPE,
@@ -159,6 +160,18 @@ def test_a_job_with_other_threads_is_an_ordinary_process(job: list[str], tmp_pat
 def test_only_the_user_can_enter_the_folder_of_the_server() -> None:
     folder = Path(os.environ[fork_server.VARIABLE])
     assert stat.S_IMODE(folder.stat().st_mode) == stat.S_IRWXU
+
+
+@pytest.mark.usefixtures("server")
+def test_no_server_is_started_where_one_serves(monkeypatch: pytest.MonkeyPatch) -> None:
+    def place() -> str:
+        words = [sys.executable, "-c", STARTER]
+        return subprocess.run(words, input="", capture_output=True, text=True, check=True).stdout
+
+    folder = os.environ[fork_server.VARIABLE]
+    assert place() == f"{folder}\n"
+    monkeypatch.setenv("PYTHONPATH", f"/elsewhere{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    assert place() != f"{folder}\n"
 
 
 def test_no_server_is_started_where_it_is_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,11 @@ import pytest
 from tests.support.bench import Bench
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _one_server(job_server: None) -> None:
+    """Let all runs share a server."""
+
+
 @pytest.fixture
 def fresh(tmp_path: Path) -> Bench:
     """A folder where nothing has been made."""

@@ -46,16 +46,20 @@ _servers: list[Any] = []
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     """Start a server for jobs that child processes start; the server ends with this process.
 
-    Do nothing on systems other than Linux, or with a GPU, whose driver does not survive a fork.
-    `threads` is the number of threads of the imported libraries.
+    Do nothing on systems other than Linux, with a GPU, whose driver does not survive a fork, or
+    if a parent process has started a suitable server. `threads` is the number of threads of the
+    imported libraries.
     """
     import subprocess
     import tempfile
+    from pathlib import Path
 
     from puckbench.core.environment import thread_environment
 
     is_off = os.environ.get(VARIABLE) == "off"
-    if is_off or sys.platform != "linux" or os.path.exists(_GPU):  # noqa: PTH110 (a light start)
+    if is_off or sys.platform != "linux" or Path(_GPU).exists():
+        return
+    if VARIABLE in os.environ and Path(_address(threads)).exists():
         return
     os.environ[VARIABLE] = tempfile.mkdtemp(prefix="puckbench-")
     program = f"from puckbench.jobs.fork_server import serve; serve({tuple(modules)!r})"
@@ -69,10 +73,11 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     _servers.append(server)
 
 
-def _address() -> str:
+def _address(threads: int | None = None) -> str:
     import hashlib
 
-    names = [os.environ.get(name) for name in ("OMP_NUM_THREADS", "PYTHONPATH")]
+    number = os.environ.get("OMP_NUM_THREADS") if threads is None else str(threads)
+    names = [number, os.environ.get("PYTHONPATH")]
     digest = hashlib.sha256(repr((names, sys.prefix, sys.version)).encode()).hexdigest()
     return f"{os.environ[VARIABLE]}/{digest[:16]}"
 
