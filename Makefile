@@ -17,6 +17,9 @@ CORES ?= 2
 BIN := $(CURDIR)/.venv/bin
 IN_VENV := PATH="$(BIN):$$PATH"
 
+# Hundreds of processes import the same modules.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test lint fuzz mutants setup setup-test learned slurm docs site reference data lock dist clean
 .NOTPARALLEL:
 

@@ -41,7 +41,7 @@ def at_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.filterwarnings("default")
-@pytest.mark.usefixtures("at_work")
+@pytest.mark.usefixtures("at_work", "job_server")
 @pytest.mark.parametrize("name", TUTORIALS)
 def test_a_tutorial_runs(name: str, tmp_path: Path) -> None:
     cells = [cell for cell in _ran(name, tmp_path).cells if cell.cell_type == "code"]

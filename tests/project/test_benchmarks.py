@@ -90,6 +90,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     }
 
 
+@pytest.mark.usefixtures("job_server")
 @pytest.mark.parametrize("script", STARTED)
 def test_a_script_runs_to_its_end(script: str, files: dict[str, str]) -> None:
     words = [word.format(**files) for word in STARTED[script]]

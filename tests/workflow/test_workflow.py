@@ -22,10 +22,12 @@ import pytest
 import yaml
 
 from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
 from puckbench.figures.registry import figure_entries
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.curve_files import read_curve
 from puckbench.metrics.table_registry import SENSOR, table_entries
+from puckbench.planning.workflow import Workflow
 from tests.support.bench import BOX_CODEC, RAW_CODEC, ROOT, Bench
 from tests.support.same_results import after_a_kill, differences
 
@@ -425,15 +427,25 @@ def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
         ),
     ],
 )
-def test_bad_configurations_end_in_one_line_and_status_2(
-    fresh: Bench, changes: dict[str, object], message: str
+def test_bad_configurations_are_refused_in_one_line(
+    fresh: Bench, monkeypatch: pytest.MonkeyPatch, changes: dict[str, object], message: str
 ) -> None:
     fresh.configure(changes)
+    monkeypatch.chdir(fresh.folder)
+    config = yaml.safe_load(Path("config.yaml").read_text())
+    with pytest.raises(InputError, match=re.escape(message)) as error:
+        Workflow(config, True)  # as the workflow does, which prints the error
+    assert len(str(error.value).splitlines()) == 1
+    assert not fresh.results.exists()
+
+
+def test_a_bad_configuration_ends_in_one_line_and_status_2(fresh: Bench) -> None:
+    fresh.configure({"codecs": {"drako": {}}})
     done = fresh.snakemake("--quiet")
     lines = [line for line in done.stderr.splitlines() if line.startswith("puckbench: ")]
     assert done.returncode == 2
     assert len(lines) == 1
-    assert message in lines[0]
+    assert "unknown codec 'drako' (known: draco" in lines[0]
     assert "Traceback" not in done.stderr
     assert not fresh.results.exists()
 
