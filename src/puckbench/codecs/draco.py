@@ -25,7 +25,9 @@ from puckbench.geometry.cloud import Floats
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""
 _POINT_CLOUD = 0
-_MOST_BITS = 30
+_MOST_BITS = {"kd_tree": 30, "sequential": 26}
+"""Bits per coordinate: the sequential encoder takes 4 bytes of memory per step of the grid, and
+single precision has 24 bits."""
 
 DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 12)}
 """Rates of PCC Arena, which the thesis used."""
@@ -47,7 +49,7 @@ class DracoOptions(Model):
     )
 
 
-def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
+def _quantisation(points: Floats, parameters: Parameters, most_bits: int) -> dict[str, Any]:
     """Return the encoder's quantisation arguments for a rate.
 
     A rate is the number of bits per coordinate of the bounding cube, or a grid step in m.
@@ -57,8 +59,8 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
     step = float(parameters["step_m"])
     least = np.floor(points.min(axis=0) / step)
     bits = max(1, math.ceil(math.log2(float((points.max(axis=0) / step - least).max()) + 2)))
-    if bits > _MOST_BITS:
-        raise InputError(f"the cloud is wider than 2^{_MOST_BITS} steps of {step:g} m{NARROWER}")
+    if bits > most_bits:
+        raise InputError(f"the cloud is wider than 2^{most_bits} steps of {step:g} m{NARROWER}")
     width = step * ((1 << bits) - 1)
     origin = (least * step).tolist()
     return {
@@ -84,10 +86,16 @@ class Draco(Codec):
     Options: type[DracoOptions] = DracoOptions
     options: DracoOptions
     is_single_precision = True
-    most_steps = float(2**_MOST_BITS - 3)
     pace = Pace(0.02, 1.1)
     magic = b"DRACO"
     version = f"DracoPy {version('dracopy')}"
+
+    @property
+    def _most_bits(self) -> int:
+        return _MOST_BITS[self.options.method]
+
+    def most_extent(self, rate: str) -> float:
+        return (2**self._most_bits - 3) * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def load(self) -> None:
         import DracoPy  # noqa: F401
@@ -99,7 +107,7 @@ class Draco(Codec):
             raise InputError("coordinates exceed Draco's single precision")
         stream: bytes = DracoPy.encode(
             points.astype(np.float32),
-            **_quantisation(points, parameters),
+            **_quantisation(points, parameters, self._most_bits),
             compression_level=self.options.compression_level,
             preserve_order=self.options.method == "sequential",
         )
