@@ -7,7 +7,7 @@ import numpy as np
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import CoordinateFrame
+from puckbench.geometry.cloud import CoordinateFrame, Floats
 from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
@@ -96,20 +96,38 @@ def _described(item: ColumnLabel) -> dict[str, Any]:
 def _cells(
     metrics: pd.DataFrame, columns: list[str], datasets: list[str], codecs: list[str]
 ) -> list[dict[str, Any]]:
-    rates = ordered_rates(set(metrics["rate"]))
-    groups = dict(list(metrics.groupby(_KEYS, sort=False)))
-    keys = [(d, c, r) for d in datasets for c in codecs for r in rates if (d, c, r) in groups]
-    return [_cell(key, groups[key], columns) for key in keys]
+    import pandas as pd
+
+    rates, places = ordered_rates(set(metrics["rate"])), metrics.groupby(_KEYS).indices
+    keys = [(d, c, r) for d in datasets for c in codecs for r in rates if (d, c, r) in places]
+    numbers = metrics[columns].astype(float).to_numpy()
+    quartiles = np.concatenate([_quartiles(numbers[places[key]]) for key in keys])
+    known = without_lossless(pd.DataFrame(quartiles, columns=columns)).to_numpy()
+    cells = []
+    for key, values in zip(keys, known.reshape(len(keys), len(_SHARES), -1), strict=True):
+        shown = {
+            name: round_significant(column)
+            for name, column in zip(columns, values.T, strict=True)
+            if not np.isnan(column).any()
+        }
+        head = dict(zip(_KEYS, key, strict=True))
+        cells.append({**head, "clouds": len(places[key]), "values": shown})
+    return cells
 
 
-def _cell(key: tuple[str, str, str], rows: pd.DataFrame, columns: list[str]) -> dict[str, Any]:
-    values = without_lossless(rows[columns].astype(float).quantile(_SHARES))
-    quartiles = {
-        name: round_significant(values[name].to_numpy())
-        for name in columns
-        if values[name].notna().all()
-    }
-    return {**dict(zip(_KEYS, key, strict=True)), "clouds": len(rows), "values": quartiles}
+def _quartiles(values: Floats) -> Floats:
+    """Return quartiles (3, columns) of values (n, columns), without nan; nan if there are none.
+
+    Much faster than the quantiles of a data frame of many columns.
+    """
+    quartiles = np.full((len(_SHARES), values.shape[1]), np.nan)
+    is_missing = np.isnan(values)
+    whole = ~is_missing.any(axis=0)
+    quartiles[:, whole] = np.quantile(values[:, whole], _SHARES, axis=0)
+    for column in np.flatnonzero(~whole & ~is_missing.all(axis=0)):
+        present = values[~is_missing[:, column], column]
+        quartiles[:, column] = np.quantile(present, _SHARES)
+    return quartiles
 
 
 def round_significant(values: Any, digits: int = _DIGITS) -> list[float]:
