@@ -95,7 +95,8 @@ class Draco(Codec):
         return _MOST_BITS[self.options.method]
 
     def most_extent(self, rate: str) -> float:
-        return (2**self._most_bits - 3) * float(self.parameters_of(rate).get("step_m", math.inf))
+        steps = float(2**self._most_bits - 3)
+        return steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def load(self) -> None:
         import DracoPy  # noqa: F401
