@@ -13,8 +13,7 @@ from puckbench.jobs.preparation import MeasuredPoints
 from puckbench.jobs.preparation import prepare as prepare_cloud
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.metrics.geometry import distortion
-from puckbench.primitives.grid_alignment import frame_candidates
-from puckbench.primitives.mode_decision import _best_surface, _evaluate
+from puckbench.primitives.mode_decision import _best_surface, _evaluate, frame_candidates
 from puckbench.primitives.preparation import prepare
 from puckbench.primitives.settings import PrimitiveSettings
 from tests.support.default_clouds import CLOUDS, sampled_room

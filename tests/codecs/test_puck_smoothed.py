@@ -10,16 +10,12 @@ import pytest
 
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
+from puckbench.geometry.cholesky import solve
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.metrics.sensor_metrics import range_errors
-from puckbench.puck.smoothing import (
-    _eliminate,
-    _solve,
-    smoothed_distances,
-    smoothed_ranges,
-)
+from puckbench.puck.smoothing import _eliminate, smoothed_distances, smoothed_ranges
 from tests.support.processors import printed_on_processors
 from tests.support.returns import dual, homemade, recorded
 
@@ -275,5 +271,5 @@ def test_biases_minimise_the_squares_of_planes_and_biases_together() -> None:
     design = design.reshape(-1, design.shape[-1])
     expected = np.linalg.lstsq(design, targets.ravel(), rcond=None)[0][3 * planes :]
     _eliminate(products, mixed, matrix, right)
-    _solve(matrix, right)
+    solve(matrix, right)
     np.testing.assert_allclose(right, expected, rtol=1e-6, atol=1e-8)

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.registry import CODECS
-from puckbench.core.models import Model
+from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
-from puckbench.primitives.settings import PrimitiveSettings, parse_settings
+from puckbench.primitives.settings import PrimitiveSettings
 
 if TYPE_CHECKING:
     from puckbench.primitives.mode_decision import SurfaceCache
@@ -99,7 +99,8 @@ class Primitives(Codec):
     ) -> bytes:
         from puckbench.primitives.mode_decision import encode
 
-        return encode(points, parse_settings(parameters), shared)
+        settings = parsed(PrimitiveSettings, parameters, "codec primitives: rate")
+        return encode(points, settings, shared)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
         from puckbench.primitives.mesh_reconstruction import decode_mesh

@@ -45,7 +45,7 @@ BIAS = 77
 """Constant logit among the inputs of every mixture."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MixerOptions:
     """Sizes and learning rates of a mixer.
 
@@ -61,14 +61,14 @@ class MixerOptions:
         1 or 2: rows of the first set, or of the first two, have correction tables.
     """
 
-    experts: int
     contexts: int
     counters: int
     rows: int
     weights: Sequence[float]
-    learning_rate: int
-    final_learning_rate: int
-    memory: int
+    experts: int = 0
+    learning_rate: int = 14
+    final_learning_rate: int = 3
+    memory: int = 160
     sets: int = 1
     tables: int = 1
 

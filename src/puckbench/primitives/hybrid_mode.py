@@ -20,17 +20,14 @@ from puckbench.core.threads import in_threads
 from puckbench.geometry.bounded_search import nearest_within
 from puckbench.geometry.box_tree import BoxTree, box_tree
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.spatial_order import bounding_corners
 from puckbench.primitives import voxel_mode
-from puckbench.primitives.cells import cell_keys, measure_centre_distances
+from puckbench.primitives.cells import centre_distances
 from puckbench.primitives.displacements import LocalPlanes
 from puckbench.primitives.distortion import Distortion, NearestOffsets
-from puckbench.primitives.octree_arrays import Ints
 from puckbench.primitives.stream import (
     CLASSES,
     MAX_HYBRID_VOXELS,
     HybridHeader,
-    VoxelGrid,
     pack_hybrid,
 )
 from puckbench.primitives.voxel_mode import CodedVoxels, VoxelSearch
@@ -76,7 +73,7 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
             raise InputError("the stream is damaged (points of its surface are not finite)")
         planes = _nearest_planes(points, xyz, normals, box_tree(xyz), grid.cell_size)
         points = planes.displace(points, header.factors, grid.cell_size)
-        is_kept = _centre_distances(xyz, grid, voxels) < header.keep_distance / 16
+        is_kept = centre_distances(xyz, *grid, voxels) < header.keep_distance / 16
         points = np.concatenate([points, xyz[is_kept]])
     if not len(points) or not np.isfinite(points).all():
         raise InputError("the stream is damaged (it has no points, or some that are not finite)")
@@ -108,7 +105,7 @@ def encode(
 
 def _without_surplus(surface: CodedSurface, voxels: CodedVoxels, count: int) -> CodedSurface:
     xyz = surface.decoded().xyz
-    distances = _centre_distances(xyz, voxels.grid, voxels.groups.cells)
+    distances = centre_distances(xyz, *voxels.grid, voxels.groups.cells)
     kept = int(np.count_nonzero(16 * distances < _KEEP_DISTANCES[-1]))
     most_points = max(count - len(voxels.points), 0)
     return surface.with_points(len(xyz) * most_points // kept) if kept > most_points else surface
@@ -124,11 +121,11 @@ def _best_candidate(
     """Return the hybrid of least cost over all keep distances, with or without displaced voxels."""
     grid, groups, surface = coded.grid, coded.groups, coded_surface.decoded()
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
-    centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)
+    distances = 16 * centre_distances(surface.xyz, *grid, groups.cells)
     # Nearest points are searched only among those that each larger keep distance adds.
     added: dict[int, NearestOffsets] = {}
     for previous, keep_distance in pairwise(_KEEP_DISTANCES):
-        is_added = (centre_distances >= previous) & (centre_distances < keep_distance)
+        is_added = (distances >= previous) & (distances < keep_distance)
         if is_added.any():
             added[keep_distance] = criterion.nearest_offsets(surface.xyz[is_added])
 
@@ -139,7 +136,7 @@ def _best_candidate(
         displaced = planes.displace(voxels.points, factors, grid.cell_size)
         nearest = criterion.nearest_offsets(displaced)
         for keep_distance in _KEEP_DISTANCES:
-            decoded = np.concatenate([displaced, surface.xyz[centre_distances < keep_distance]])
+            decoded = np.concatenate([displaced, surface.xyz[distances < keep_distance]])
             nearest = nearest.nearer(added[keep_distance]) if keep_distance in added else nearest
             distortion = criterion.measure(decoded, nearest)
             header = HybridHeader(keep_distance, factors, coded_surface.stream, voxels.stream)
@@ -168,14 +165,6 @@ def _nearest_planes(
     is_beside = squared_tangential > _MAX_TANGENTIAL_DISTANCE**2
     classes = 2 * np.searchsorted(_DISTANCE_BOUNDS, np.abs(normal_distances)) + is_beside
     return LocalPlanes(nearest_normals, normal_distances, classes)
-
-
-def _centre_distances(xyz: Floats, grid: VoxelGrid, voxels: Ints) -> Floats:
-    distances = np.empty(len(xyz))
-    low, high = bounding_corners(voxels)
-    keys = cell_keys(voxels - low)
-    measure_centre_distances(xyz, grid.origin, grid.cell_size, keys, (low, high), distances)
-    return distances
 
 
 assert 2 * (len(_DISTANCE_BOUNDS) + 1) == CLASSES  # noqa: S101

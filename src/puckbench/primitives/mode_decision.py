@@ -25,12 +25,8 @@ from puckbench.primitives.distortion import (
     NearestOffsets,
     subsample,
 )
-from puckbench.primitives.grid_alignment import (
-    axis_offset_candidates,
-    diagonal_offset_candidates,
-    frame_candidates,
-)
-from puckbench.primitives.preparation import PreparedCloud, prepare
+from puckbench.primitives.manhattan_frame import estimate_manhattan_frame
+from puckbench.primitives.preparation import PreparedCloud, axis_aligned_column_size, prepare
 from puckbench.primitives.revolution import RevolutionSurface
 from puckbench.primitives.settings import UNITS, PrimitiveSettings
 from puckbench.primitives.stream import MAX_POINT_SPACING
@@ -38,6 +34,7 @@ from puckbench.primitives.surface_mode import (
     CodedSurface,
     SurfaceMode,
     encode_surface,
+    point_corner_offset,
     revolution_candidates,
 )
 from puckbench.primitives.voxel_mode import CodedVoxels, VoxelSearch
@@ -55,6 +52,14 @@ _MAX_REJECTED = 3
 """Number of consecutively rejected surfaces of revolution that ends the search."""
 _MIN_COST_RATIO = 0.98
 """Cost ratio below which a grid offset replaces the current one; smaller gains may be chance."""
+_DIAGONAL_OFFSETS = (0.25, 0.75, 1.25, 1.75)
+"""Candidate offsets of the grid, in columns, equal along all axes.
+
+Walls between nodes, or through many corners of nodes, cost more than walls through their middle.
+Leaves are at least two columns wide."""
+_AXIS_OFFSETS = (-0.5, 0.5)
+_MIN_ALIGNED_LEAF_SIZE = 12.0
+"""Side of the smallest leaves, in units, below which offsets make no difference."""
 _REFINEMENT_DEFAULTS = {
     name: PrimitiveSettings.model_fields[name].default
     for name in ("refinement", "refined_bpp", "max_voxel_size")
@@ -299,10 +304,29 @@ def _add_revolutions(
 
 def _best_grid(cloud: PreparedCloud) -> _Candidate:
     best = _best_of(cloud, frame_candidates(cloud), None)
-    best = _best_of(cloud, diagonal_offset_candidates(cloud, best.mode), best)
+    leaf_size = max(cloud.settings.min_leaf_size, 2 * axis_aligned_column_size(cloud))
+    if leaf_size < _MIN_ALIGNED_LEAF_SIZE:
+        return best
+    modes = [best.mode._replace(grid_offset=(k, k, k)) for k in _DIAGONAL_OFFSETS]
+    best = _best_of(cloud, modes, best)
     for axis in range(3):
-        best = _best_of(cloud, axis_offset_candidates(cloud, best.mode, axis), best)
+        modes = []
+        for step in _AXIS_OFFSETS:
+            x, y, z = (best.mode.grid_offset + step * np.eye(3)[axis]).tolist()
+            if min(x, y, z) >= 0:
+                modes.append(best.mode._replace(grid_offset=(x, y, z)))
+        best = _best_of(cloud, modes, best)
     return best
+
+
+def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
+    """Return candidates with grids along the cloud's axes and along its Manhattan frame.
+
+    Grids along the cloud's axes begin at the points' or the surface's lowest corner.
+    """
+    rotation = estimate_manhattan_frame(cloud.surface.normals)
+    modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]
+    return [*modes, SurfaceMode(rotation)] if any(rotation) else modes
 
 
 def _best_of(

@@ -102,25 +102,13 @@ def moments_of(
     the discs.
     """
     normals = np.zeros((1, 3)) if normals is None else normals
-    return _moments_of(xyz, np.atleast_1d(np.asarray(weights, float)), normals, radius**2 / 4)
-
-
-@compiled
-def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) -> Floats:
+    variance, (i, j) = radius**2 / 4, (np.array([0, 0, 1]), np.array([1, 2, 2]))
+    squares = xyz**2 + variance * (1 - normals**2)
+    products = xyz[:, i] * xyz[:, j] - variance * normals[:, i] * normals[:, j]
     moments = np.empty((len(xyz), MOMENT_COUNT))
-    for i in range(len(xyz)):
-        x, y, z = xyz[i]
-        a, b, c = normals[i if len(normals) > 1 else 0]
-        weight = weights[i if len(weights) > 1 else 0]
-        moments[i, 0] = weight
-        moments[i, 1], moments[i, 2], moments[i, 3] = x * weight, y * weight, z * weight
-        moments[i, 4] = (x * x + variance * (1 - a * a)) * weight
-        moments[i, 5] = (x * y - variance * a * b) * weight
-        moments[i, 6] = (x * z - variance * a * c) * weight
-        moments[i, 7] = (y * y + variance * (1 - b * b)) * weight
-        moments[i, 8] = (y * z - variance * b * c) * weight
-        moments[i, 9] = (z * z + variance * (1 - c * c)) * weight
-    return moments
+    moments[:, 0], moments[:, 1:4] = 1.0, xyz
+    moments[:, [4, 7, 9]], moments[:, [5, 6, 8]] = squares, products
+    return np.asarray(moments * np.reshape(weights, (-1, 1)))
 
 
 @compiled

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.core.compiling import compiled, compiled_in_place, inlined
+from puckbench.core.compiling import compiled, inlined
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import MOMENT_COUNT, distance_to_fit, fit_plane
 from puckbench.primitives.octree_arrays import IndexGrid, Ints, Leaves
-
-_LOW_MASK = (1 << 32) - 1
 
 
 class MergeLimits(NamedTuple):
@@ -40,13 +39,8 @@ class _Adjacency(NamedTuple):
     next_edge: Ints  # (m,)
 
 
-class _Queue(NamedTuple):
-    """Binary heap of the pairs of regions that may be merged, in ascending order of cost."""
-
-    cost: Floats  # (m,) of merging
-    pair: Ints  # (m,) both regions, in 32 bits each
-    versions: Ints  # (m,) of both regions when they were queued, in 32 bits each
-    size: Ints  # (1,) number of entries
+_Queue = list[tuple[float, int, int, int, int]]
+"""Binary heap of pairs of regions: cost of merging, both regions, and their versions then."""
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
@@ -76,19 +70,17 @@ def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
         if moments[i, 0] > 0:
             regions.errors[i] = fit_plane(moments[i], regions.planes[i])
     adjacency = _build_adjacency(n, pairs)
-    capacity = 2 * len(pairs) + 1  # at most half of the entries are current
-    queue = _Queue(
-        np.empty(capacity),
-        np.empty(capacity, np.int64),
-        np.empty(capacity, np.int64),
-        np.zeros(1, np.int64),
-    )
+    queue = [(0.0, 0, 0, 0, 0)]  # numba infers the type of entries from this one
+    queue.pop()
     for k in range(len(pairs)):
-        _push_pair(queue, regions, limits, pairs[k, 0], pairs[k, 1])
+        a, b = pairs[k]
+        cost = _merge_cost(regions, limits, a, b)
+        if cost < np.inf:
+            heappush(queue, (cost, a, b, 0, 0))
     marks = np.full(n, -1)
-    while queue.size[0]:
-        is_current, a, b = _pop(queue, regions)
-        if is_current:
+    while queue:
+        _, a, b, version_a, version_b = heappop(queue)
+        if version_a == regions.version[a] and version_b == regions.version[b]:
             _merge(regions, adjacency, a, b)
             _push_neighbours(queue, regions, adjacency, limits, a, marks)
     for i in range(n):
@@ -127,15 +119,11 @@ def _merge(regions: _Regions, adjacency: _Adjacency, a: int, b: int) -> None:
     _append(adjacency, a, adjacency.first_edge[b], adjacency.last_edge[b])
 
 
-@compiled_in_place
+@compiled
 def _push_neighbours(
-    queue: _Queue,
-    regions: _Regions,
-    adjacency: _Adjacency,
-    limits: MergeLimits,
-    a: int,
+    queue: _Queue, regions: _Regions, adjacency: _Adjacency, limits: MergeLimits, a: int,
     marks: Ints,
-) -> None:
+) -> None:  # fmt: skip
     mark = a * len(marks) + regions.version[a]
     edge, previous = adjacency.first_edge[a], -1
     while edge >= 0:
@@ -147,94 +135,23 @@ def _push_neighbours(
                 adjacency.next_edge[previous] = adjacency.next_edge[edge]
         else:
             marks[c] = mark
-            _push_pair(queue, regions, limits, a, c)
+            cost = _merge_cost(regions, limits, a, c)
+            if cost < np.inf:
+                heappush(queue, (cost, a, c, regions.version[a], regions.version[c]))
             previous = edge
         edge = adjacency.next_edge[edge]
     adjacency.last_edge[a] = previous
 
 
 @inlined
-def _push_pair(
-    queue: _Queue,
-    regions: _Regions,
-    limits: MergeLimits,
-    a: int,
-    b: int,
-) -> None:
+def _merge_cost(regions: _Regions, limits: MergeLimits, a: int, b: int) -> float:
+    """Return the cost of merging two regions, or infinity if it exceeds the limits."""
     if _cosine(regions.planes, a, b) < limits.min_cosine:
-        return
+        return np.inf
     smaller = min(regions.moments[a, 0], regions.moments[b, 0])
     allowed = limits.fixed + limits.per_weight * smaller
     added = _joint_error(regions, a, b) - (regions.errors[a] + regions.errors[b])
-    if added <= allowed:
-        _push(queue, regions, added / allowed, a, b)
-
-
-@inlined
-def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None:
-    if queue.size[0] == len(queue.cost):
-        _remove_outdated(queue, regions)
-    last = queue.size[0]
-    queue.size[0] += 1
-    versions = regions.version[a] << 32 | regions.version[b]
-    _sift_up(queue, last, cost, a << 32 | b, versions)
-
-
-@inlined
-def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
-    """Remove the first pair; return whether both regions are as when queued, and the pair."""
-    pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
-    queue.size[0] -= 1
-    last, hole = queue.size[0], 0
-    while 2 * hole + 1 < last:
-        child = 2 * hole + 1
-        if child + 1 < last and _precedes(
-            queue, child + 1, queue.cost[child], queue.pair[child], queue.versions[child]
-        ):
-            child += 1
-        _move_entry(queue, child, hole)
-        hole = child
-    _sift_up(queue, hole, queue.cost[last], queue.pair[last], queue.versions[last])
-    return is_current, pair >> 32, pair & _LOW_MASK
-
-
-@inlined
-def _sift_up(queue: _Queue, hole: int, cost: float, pair: int, versions: int) -> None:
-    while hole > 0 and not _precedes(queue, (hole - 1) // 2, cost, pair, versions):
-        _move_entry(queue, (hole - 1) // 2, hole)
-        hole = (hole - 1) // 2
-    queue.cost[hole], queue.pair[hole], queue.versions[hole] = cost, pair, versions
-
-
-@inlined
-def _precedes(queue: _Queue, entry: int, cost: float, pair: int, versions: int) -> bool:
-    if queue.cost[entry] != cost:
-        return bool(queue.cost[entry] < cost)
-    if queue.pair[entry] != pair:
-        return bool(queue.pair[entry] < pair)
-    return bool(queue.versions[entry] < versions)
-
-
-@inlined
-def _move_entry(queue: _Queue, source: int, target: int) -> None:
-    queue.cost[target], queue.pair[target] = queue.cost[source], queue.pair[source]
-    queue.versions[target] = queue.versions[source]
-
-
-@inlined
-def _is_current(queue: _Queue, regions: _Regions, entry: int) -> bool:
-    a, b = queue.pair[entry] >> 32, queue.pair[entry] & _LOW_MASK
-    return bool(queue.versions[entry] == regions.version[a] << 32 | regions.version[b])
-
-
-@compiled_in_place
-def _remove_outdated(queue: _Queue, regions: _Regions) -> None:
-    size, queue.size[0] = queue.size[0], 0
-    for entry in range(size):
-        if _is_current(queue, regions, entry):
-            last = queue.size[0]
-            queue.size[0] += 1
-            _sift_up(queue, last, queue.cost[entry], queue.pair[entry], queue.versions[entry])
+    return float(added / allowed) if added <= allowed else np.inf
 
 
 @inlined

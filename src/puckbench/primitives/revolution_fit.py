@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.core.compiling import compiled, compiled_in_place
+from puckbench.geometry.cholesky import solve
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.vectors import add_multiple, dot, length, row_of, vector
 from puckbench.primitives.revolution import (
@@ -102,27 +103,14 @@ def _linearise(
     return loss
 
 
-# No library solves this, because the last bits of its result would depend on the processor.
 @compiled_in_place
 def _solve(matrix: Floats, gradient: Floats, damping: float, factor: Floats, step: Floats) -> None:
     for k in range(_UNKNOWN_COUNT):
-        for j in range(k + 1):
-            remainder = matrix[k, j]
-            if j == k:
-                remainder = remainder * (1 + damping) if remainder > 0 else 1.0
-            for i in range(j):
-                remainder -= factor[k, i] * factor[j, i]
-            factor[k, j] = np.sqrt(max(remainder, 1e-12)) if j == k else remainder / factor[j, j]
-    for k in range(_UNKNOWN_COUNT):
-        remainder = -gradient[k]
-        for i in range(k):
-            remainder -= factor[k, i] * step[i]
-        step[k] = remainder / factor[k, k]
-    for k in range(_UNKNOWN_COUNT - 1, -1, -1):
-        remainder = step[k]
-        for i in range(k + 1, _UNKNOWN_COUNT):
-            remainder -= factor[i, k] * step[i]
-        step[k] = remainder / factor[k, k]
+        step[k] = -gradient[k]
+        for j in range(k):
+            factor[k, j] = matrix[k, j]
+        factor[k, k] = matrix[k, k] * (1 + damping) if matrix[k, k] > 0 else 1.0
+    solve(factor, step, 1e-12)
 
 
 @compiled

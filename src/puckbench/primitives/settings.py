@@ -1,11 +1,8 @@
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from pydantic import Field
 
-from puckbench.core.models import Model, parsed
+from puckbench.core.models import Model
 
 UNITS = 1023.0
 """Units along the longest side of a cloud."""
@@ -70,8 +67,3 @@ class PrimitiveSettings(Model):
         length_names = ("min_leaf_size", "column_size", "plane_step")
         scaled = {name: factor * getattr(self, name) for name in length_names}
         return self.model_copy(update={**scaled, "lmbda": factor**2 * self.lmbda})
-
-
-def parse_settings(parameters: Mapping[str, Any]) -> PrimitiveSettings:
-    """Return validated settings; raise InputError for unknown names or invalid values."""
-    return parsed(PrimitiveSettings, parameters, "codec primitives: rate")

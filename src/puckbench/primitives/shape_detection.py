@@ -63,8 +63,7 @@ def detect_revolutions(
     loose_tolerance = max(tolerance, _MIN_TOLERANCE * spacing)
     hypotheses = make_hypotheses(xyz, normals, np.concatenate(seeds), spacing, loose_tolerance)
     scored = subsample(xyz, _MAX_SCORED), subsample(normals, _MAX_SCORED)
-    inliers = np.empty((len(hypotheses), len(scored[0])), np.bool_)
-    _find_inliers_of_all(hypotheses, *scored, loose_tolerance, inliers)
+    inliers = _inliers_of_all(hypotheses, *scored, loose_tolerance)
     return _select(hypotheses, inliers, xyz, normals, spacing, (loose_tolerance, tolerance))
 
 
@@ -132,20 +131,12 @@ def _squared_distance(xyz: Floats, i: int, j: int) -> float:
     return float(x * x + y * y + z * z)
 
 
-def _inliers(surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float) -> Mask:
-    inliers = np.empty(len(xyz), np.bool_)
-    _find_inliers(surface, xyz, normals, tolerance, inliers)
-    return inliers
-
-
 @compiled
-def _find_inliers(
-    surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float, inliers: Mask
-) -> None:
+def _inliers(surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float) -> Mask:
+    inliers = np.zeros(len(xyz), np.bool_)
     sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
     for i in range(len(xyz)):
         distance, height, radius = distance_to(surface, sine, cosine, xyz[i])
-        inliers[i] = False
         if abs(distance) < tolerance:
             axial = radial = 0.0
             for a in range(3):
@@ -157,14 +148,15 @@ def _find_inliers(
                 perpendicular = (radial - height * axial) / max(radius, 1e-9)
                 product = perpendicular * cosine - axial * sine
             inliers[i] = abs(product) > _MIN_INLIER_COSINE
+    return inliers
 
 
 @compiled
-def _find_inliers_of_all(
-    hypotheses: Floats, xyz: Floats, normals: Floats, tolerance: float, inliers: Mask
-) -> None:
+def _inliers_of_all(hypotheses: Floats, xyz: Floats, normals: Floats, tolerance: float) -> Mask:
+    inliers = np.empty((len(hypotheses), len(xyz)), np.bool_)
     for k in range(len(hypotheses)):
-        _find_inliers(surface_of_hypothesis(hypotheses[k]), xyz, normals, tolerance, inliers[k])
+        inliers[k] = _inliers(surface_of_hypothesis(hypotheses[k]), xyz, normals, tolerance)
+    return inliers
 
 
 def _select(
@@ -215,21 +207,13 @@ def _refine(
         if len(rows) < 12:
             return surface
         samples = xyz[subsample(rows, _MAX_FITTED)]
-        start = surface._replace(origin=_axis_point(surface, samples))
-        start = start._replace(radius=_radius_at(surface, start.origin))
+        origin = surface.origin
+        if surface.kind != SPHERE:
+            origin = origin + _height(surface, samples.mean(axis=0)) * surface.axis
+        radius = surface.radius + _height(surface, origin) * tan(surface.angle)
+        start = surface._replace(origin=origin, radius=radius)
         surface = fit_revolution(start, samples, tolerance / 2)
     return surface
-
-
-def _axis_point(surface: RevolutionSurface, samples: Floats) -> Floats:
-    if surface.kind == SPHERE:
-        return surface.origin
-    height = _height(surface, samples.mean(axis=0))
-    return np.asarray(surface.origin + height * surface.axis)
-
-
-def _radius_at(surface: RevolutionSurface, origin: Floats) -> float:
-    return surface.radius + _height(surface, origin) * tan(surface.angle)
 
 
 def _height(surface: RevolutionSurface, point: Floats) -> float:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.coding.byte_io import Reader
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.primitives.manhattan_frame import (
@@ -156,27 +157,30 @@ def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, b
     if len(stream) < _START.size + _CHECKSUM.size or not stream.startswith(MAGIC):
         raise InputError("not a stream of primitives, or truncated")
     body, checksum = stream[: -_CHECKSUM.size], _CHECKSUM.unpack(stream[-_CHECKSUM.size :])[0]
-    _, version, kind = _START.unpack_from(body)
+    reader = Reader(body)
+    _, version, kind = _START.unpack(reader.take(_START.size))
     if version != (HYBRID_VERSION if kind == HYBRID else VERSION):
         known_versions = f"{VERSION} and {HYBRID_VERSION}"
         raise InputError(f"the stream has version {version}, this codec reads {known_versions}")
-    field_struct = {VOXELS: _VOXELS, HYBRID: _HYBRID}.get(kind, _SURFACE)
-    is_known_kind = kind in (VOXELS, HYBRID) or kind & ~(ROTATED | WITH_REVOLUTIONS) == SURFACE
-    if not is_known_kind or len(body) < _START.size + field_struct.size:
-        raise InputError("the stream is truncated or of an unknown kind")
+    if kind not in (VOXELS, HYBRID) and kind & ~(ROTATED | WITH_REVOLUTIONS) != SURFACE:
+        raise InputError("the stream is of an unknown kind")
     if zlib.crc32(body) & 0xFFFF != checksum:
         raise InputError("the stream is damaged or truncated")
-    fields = field_struct.unpack_from(body, _START.size)
-    payload = body[_START.size + field_struct.size :]
+    field_struct = {VOXELS: _VOXELS, HYBRID: _HYBRID}.get(kind, _SURFACE)
+    fields = field_struct.unpack(reader.take(field_struct.size))
     if kind == HYBRID:
-        return _hybrid_header(fields[0], fields[1], payload), b""
+        return _read_hybrid(fields[0], fields[1], reader), b""
     grid = _voxel_grid(fields[:4])
     if kind == VOXELS:
-        return _voxel_header(grid, fields[4], payload)
+        return VoxelHeader(grid, _read_displacements(fields[4], reader)), reader.rest()
     header = SurfaceHeader(*grid, fields[4:7], *fields[7:])
     if not is_decodable(header):
         raise InputError("the stream is damaged (its header is invalid)")
-    return _with_options(header, kind, payload)
+    if kind & ROTATED:
+        header = header._replace(rotation=_ROTATION.unpack(reader.take(_ROTATION.size)))
+    if kind & WITH_REVOLUTIONS:
+        header = header._replace(revolutions=reader.take(REVOLUTION_BYTES * reader.take(1)[0]))
+    return header, reader.rest()
 
 
 def unpack_surface(stream: bytes) -> tuple[SurfaceHeader, bytes]:
@@ -199,36 +203,20 @@ def _voxel_grid(fields: tuple[float, ...]) -> VoxelGrid:
     return VoxelGrid(values[:3], float(values[3]))
 
 
-def _with_options(header: SurfaceHeader, kind: int, payload: bytes) -> tuple[SurfaceHeader, bytes]:
-    if kind & ROTATED:
-        if len(payload) < _ROTATION.size:
-            raise InputError("the stream is truncated")
-        header = header._replace(rotation=_ROTATION.unpack_from(payload))
-        payload = payload[_ROTATION.size :]
-    if kind & WITH_REVOLUTIONS:
-        end = 1 + REVOLUTION_BYTES * payload[0] if payload else 1
-        if len(payload) < end:
-            raise InputError("the stream is truncated")
-        header = header._replace(revolutions=payload[1:end])
-        payload = payload[end:]
-    return header, payload
-
-
-def _hybrid_header(keep_distance: int, surface_bytes: int, body: bytes) -> HybridHeader:
-    end = CLASSES + surface_bytes
-    if keep_distance > MAX_KEEP_DISTANCE or len(body) < end:
+def _read_hybrid(keep_distance: int, surface_bytes: int, reader: Reader) -> HybridHeader:
+    rest = len(reader.body) - reader.at
+    if keep_distance > MAX_KEEP_DISTANCE or rest < CLASSES + surface_bytes:
         raise InputError("the stream is damaged (its parts are invalid)")
-    factors = np.frombuffer(body[:CLASSES], np.int8)
-    return HybridHeader(keep_distance, factors, body[CLASSES:end], body[end:])
+    factors = np.frombuffer(reader.take(CLASSES), np.int8)
+    return HybridHeader(keep_distance, factors, reader.take(surface_bytes), reader.rest())
 
 
-def _voxel_header(grid: VoxelGrid, block_size: int, payload: bytes) -> tuple[VoxelHeader, bytes]:
-    if block_size == 0:
-        return VoxelHeader(grid, None), payload
-    if block_size not in BLOCK_SIZES or len(payload) < CLASSES:
+def _read_displacements(block_size: int, reader: Reader) -> DisplacementTable | None:
+    if block_size not in (0, *BLOCK_SIZES):
         raise InputError("the stream is damaged (its displacement table is invalid)")
-    factors = np.frombuffer(payload[:CLASSES], np.int8)
-    return VoxelHeader(grid, DisplacementTable(block_size, factors)), payload[CLASSES:]
+    if block_size == 0:
+        return None
+    return DisplacementTable(block_size, np.frombuffer(reader.take(CLASSES), np.int8))
 
 
 def is_decodable(header: SurfaceHeader) -> bool:

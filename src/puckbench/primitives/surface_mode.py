@@ -130,14 +130,22 @@ def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | No
     Return None if the stream exceeds a decoder's limits, or decodes to no points or more than the
     input has.
     """
-    surface, corner = _rotate_surface(cloud, mode.rotation)
+    surface, matrix = cloud.surface, rotation_matrix(mode.rotation)
+    xyz = rotate(surface.xyz, matrix)
+    corner = xyz.min(axis=0)
+    surface = surface._replace(xyz=xyz - corner, normals=rotate(surface.normals, matrix))
     column_side = column_size(surface, cloud.settings)
-    surface = _to_columns(surface, column_side, mode.grid_offset)
+    xyz = np.maximum(surface.xyz / column_side + mode.grid_offset, 0.0)
+    surface = surface._replace(xyz=xyz, spacing=surface.spacing / column_side)
     maps, surface = _fit_revolutions(surface, cloud, mode, corner, column_side)
     header, levels = _plan_octree(surface, cloud.settings, column_side)
-    header = _with_placement(header, cloud, mode, corner, column_side)
-    revolutions = b"".join(pack_parameters(unrolled.surface) for unrolled in maps)
-    header = header._replace(revolutions=revolutions)
+    start = corner - np.array(mode.grid_offset) * column_side
+    header = header._replace(
+        origin=rotate(cloud.corner[None], matrix)[0] + cloud.unit * start,
+        cell_size=column_side * cloud.unit,
+        rotation=mode.rotation,
+        revolutions=b"".join(pack_parameters(unrolled.surface) for unrolled in maps),
+    )
     if not is_decodable(header):
         return None
     coded = _code_patches(header, levels, surface, maps, cloud, column_side)
@@ -197,22 +205,6 @@ def _omission_error(column_side: float) -> float:
     return max(_OMISSION_ERROR / column_side**2, _MIN_OMISSION_ERROR)
 
 
-def _rotate_surface(
-    cloud: PreparedCloud, rotation: RotationVector
-) -> tuple[SurfaceSamples, Floats]:
-    surface, matrix = cloud.surface, rotation_matrix(rotation)
-    xyz = rotate(surface.xyz, matrix)
-    corner = xyz.min(axis=0)
-    return surface._replace(xyz=xyz - corner, normals=rotate(surface.normals, matrix)), corner
-
-
-def _to_columns(
-    surface: SurfaceSamples, column_side: float, grid_offset: tuple[float, float, float]
-) -> SurfaceSamples:
-    xyz = surface.xyz / column_side + grid_offset
-    return surface._replace(xyz=np.maximum(xyz, 0.0), spacing=surface.spacing / column_side)
-
-
 def _fit_revolutions(
     surface: SurfaceSamples,
     cloud: PreparedCloud,
@@ -262,21 +254,6 @@ def _plan_octree(
         leaf_capacity=len(levels[finest].cells) + 8,
     )
     return header, levels
-
-
-def _with_placement(
-    header: SurfaceHeader,
-    cloud: PreparedCloud,
-    mode: SurfaceMode,
-    corner: Floats,
-    column_side: float,
-) -> SurfaceHeader:
-    start = corner - np.array(mode.grid_offset) * column_side
-    rotated_corner = rotate(cloud.corner[None], rotation_matrix(mode.rotation))[0]
-    origin = rotated_corner + cloud.unit * start
-    return header._replace(
-        origin=origin, cell_size=column_side * cloud.unit, rotation=mode.rotation
-    )
 
 
 def _encoder_nodes(

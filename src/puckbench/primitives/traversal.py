@@ -90,26 +90,40 @@ def _code_leaves(
 
 @compiled_in_place
 def _code_splits(
-    coder: ContextCoder,
-    geometry: OctreeGeometry,
-    level: int,
-    level_nodes: Ints,
-    level_states: tuple[Bytes, Bytes],
-    nodes: EncoderNodes,
-    children: Ints,
-) -> int:
+    coder: ContextCoder, geometry: OctreeGeometry, level: int, level_nodes: Ints,
+    level_states: tuple[Bytes, Bytes], nodes: EncoderNodes, children: Ints,
+) -> int:  # fmt: skip
     """Encode or decode the occupied children of split nodes.
 
     Return their number, or -1 if they are too many or the stream ends early.
     """
-    count = 0
+    count, side_log2, is_writer = 0, geometry.depth - level - 1, is_writing(coder)
     for i in range(len(level_nodes)):
-        if level_nodes[i, 3] >= 0:
-            if count + 8 > len(children) or exhausted(coder.bits):
-                return -1
-            count = _code_children(
-                coder, geometry, level, level_nodes[i], level_states, nodes, children, count
-            )
+        node = level_nodes[i]
+        if node[3] < 0:
+            continue
+        if count + 8 > len(children) or exhausted(coder.bits):
+            return -1
+        child = end = pattern = 0
+        if is_writer:
+            child, end = nodes.first_child[node[3]], nodes.first_child[node[3] + 1]
+        for octant in range(8):
+            x = 2 * node[0] + (octant >> 2)
+            y = 2 * node[1] + ((octant >> 1) & 1)
+            z = 2 * node[2] + (octant & 1)
+            if x << side_log2 >= geometry.shape[0] or y << side_log2 >= geometry.shape[1]:
+                continue
+            if z << side_log2 >= geometry.shape[2]:
+                continue
+            bit = 1 if child < end and nodes.octant[child] == octant else 0
+            bit = _code_occupancy(coder, bit, (x, y, z), (octant, pattern, side_log2), level_states)
+            pattern |= bit << octant
+            level_states[1][x + 1, y + 1, z + 1] = _OCCUPIED if bit else _EMPTY
+            if bit:
+                children[count, 0], children[count, 1] = x, y
+                children[count, 2], children[count, 3] = z, child
+                count += 1
+                child += 1
     return count
 
 
@@ -159,42 +173,6 @@ def _code_is_leaf(
     side_log2 = min(geometry.depth - level, 15)
     contexts = (_LEAF + 7 * occupied + split, _LEAF + 49 + side_log2, _LEAF + 65 + side_log2)
     return bool(code_bit(coder, is_leaf, _LEAF_MIXER, contexts) == 1)
-
-
-@compiled_in_place
-def _code_children(
-    coder: ContextCoder,
-    geometry: OctreeGeometry,
-    level: int,
-    node: Ints,
-    level_states: tuple[Bytes, Bytes],
-    nodes: EncoderNodes,
-    children: Ints,
-    count: int,
-) -> int:
-    child = end = 0
-    if is_writing(coder):
-        child, end = nodes.first_child[node[3]], nodes.first_child[node[3] + 1]
-    side_log2 = geometry.depth - level - 1
-    pattern = 0
-    for octant in range(8):
-        x = 2 * node[0] + (octant >> 2)
-        y = 2 * node[1] + ((octant >> 1) & 1)
-        z = 2 * node[2] + (octant & 1)
-        if x << side_log2 >= geometry.shape[0] or y << side_log2 >= geometry.shape[1]:
-            continue
-        if z << side_log2 >= geometry.shape[2]:
-            continue
-        bit = 1 if child < end and nodes.octant[child] == octant else 0
-        bit = _code_occupancy(coder, bit, (x, y, z), (octant, pattern, side_log2), level_states)
-        pattern |= bit << octant
-        level_states[1][x + 1, y + 1, z + 1] = _OCCUPIED if bit else _EMPTY
-        if bit:
-            children[count, 0], children[count, 1] = x, y
-            children[count, 2], children[count, 3] = z, child
-            count += 1
-            child += 1
-    return count
 
 
 @compiled_in_place

@@ -12,7 +12,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, bounds
 from puckbench.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.primitives.cells import CellGroups, group_by_cell
-from puckbench.primitives.displacements import FittedTable, displace, fit_displacements
+from puckbench.primitives.displacements import displace, fit_displacements
 from puckbench.primitives.octree_arrays import Ints
 from puckbench.primitives.settings import UNITS
 from puckbench.primitives.stream import (
@@ -45,36 +45,40 @@ class Trial(NamedTuple):
 class CodedVoxels(NamedTuple):
     grid: VoxelGrid
     groups: CellGroups  # the cloud's points by voxel
-    displacements: DisplacementTable | None
-    points: Floats  # (m, 3) decoded, in the order of the groups
     payload: bytes  # G-PCC octree
+    points: Floats  # (m, 3) decoded, in the order of the groups
+    displacements: DisplacementTable | None = None
+
+    @classmethod
+    def of(cls, points: Floats, voxel_size: float) -> CodedVoxels:
+        """Encode points as voxels without displacements."""
+        grid = VoxelGrid(bounds(points)[0], voxel_size).rounded()
+        groups = voxelise(points, grid)
+        return cls(grid, groups, encode_voxels(groups.cells), _to_cloud(groups.cells, grid))
 
     @property
     def stream(self) -> bytes:
         return pack_voxels(self.grid, self.displacements, self.payload)
 
-    def undisplaced(self) -> CodedVoxels:
-        return self._replace(displacements=None, points=_to_cloud(self.groups.cells, self.grid))
-
-
-class _CodedOctree(NamedTuple):
-    grid: VoxelGrid
-    groups: CellGroups
-    payload: bytes
-
-    @classmethod
-    def of(cls, points: Floats, voxel_size: float) -> _CodedOctree:
-        grid = VoxelGrid(bounds(points)[0], voxel_size).rounded()
-        groups = voxelise(points, grid)
-        return cls(grid, groups, encode_voxels(groups.cells))
-
-    def byte_count(self) -> int:
+    def most_bytes(self) -> int:
+        """Return the length of the stream with displacements."""
         return VOXEL_HEADER_BYTES + CLASSES + len(self.payload)
 
     def displaced(self) -> CodedVoxels:
-        fitted = _fit_displacements(self.groups, len(self.payload))
-        table, xyz = (fitted.table, fitted.displaced) if fitted else (None, self.groups.cells)
-        return CodedVoxels(self.grid, self.groups, table, _to_cloud(xyz, self.grid), self.payload)
+        """Return the voxels with displacements, if these reduce the error enough for their cost."""
+        groups = self.groups
+        if len(groups.cells) > MAX_DISPLACED:
+            return self
+        weights = voxel_weights(groups)
+        error = (weights[:, None] * (groups.cells - groups.means) ** 2).sum()
+        fitted = fit_displacements(groups.cells, groups.means, weights)
+        if fitted.gain <= _MIN_ERROR_PER_BYTE * CLASSES / len(self.payload) * error:
+            return self
+        points = _to_cloud(fitted.displaced, self.grid)
+        return self._replace(points=points, displacements=fitted.table)
+
+    def undisplaced(self) -> CodedVoxels:
+        return self._replace(displacements=None, points=_to_cloud(self.groups.cells, self.grid))
 
 
 def voxelise(points: Floats, grid: VoxelGrid) -> CellGroups:
@@ -82,7 +86,7 @@ def voxelise(points: Floats, grid: VoxelGrid) -> CellGroups:
 
 
 def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
-    return _CodedOctree.of(points, voxel_size).displaced().stream
+    return CodedVoxels.of(points, voxel_size).displaced().stream
 
 
 class VoxelSearch:
@@ -94,7 +98,7 @@ class VoxelSearch:
 
     def byte_count_at(self, voxel_size: float) -> int:
         """Return the largest possible byte count of a stream of a given voxel size."""
-        trial = Trial(voxel_size, _CodedOctree.of(self.points, voxel_size).byte_count())
+        trial = Trial(voxel_size, CodedVoxels.of(self.points, voxel_size).most_bytes())
         self.trials.append(trial)
         return trial.byte_count
 
@@ -106,25 +110,25 @@ class VoxelSearch:
         low, high = bounds(self.points)
         extent = float((high - low).max())
         if extent == 0:
-            return _CodedOctree.of(self.points, 1.0).displaced()
+            return CodedVoxels.of(self.points, 1.0).displaced()
         max_bytes = max(max_bytes, 1)
         smallest, largest = extent / UNITS * _MIN_VOXEL_SIZE, extent / UNITS * max_voxel_size
         voxel_size = _clamp(self._first_voxel_size(max_bytes, extent), smallest, largest)
         if voxel_size in self._coded:
             return self._coded[voxel_size]
-        best: _CodedOctree | None = None
+        best: CodedVoxels | None = None
         sizes: set[float] = set()
         while len(sizes) < _MAX_TRIALS_PER_BUDGET and voxel_size not in sizes:
-            octree = _CodedOctree.of(self.points, voxel_size)
-            byte_count = octree.byte_count()
-            if byte_count <= max_bytes and (best is None or byte_count > best.byte_count()):
-                best = octree
+            voxels = CodedVoxels.of(self.points, voxel_size)
+            byte_count = voxels.most_bytes()
+            if byte_count <= max_bytes and (best is None or byte_count > best.most_bytes()):
+                best = voxels
             sizes.add(voxel_size)
             self.trials.append(Trial(voxel_size, byte_count))
             if _fills(byte_count, max_bytes):
                 break
             voxel_size = _clamp(_next_voxel_size(self.trials, max_bytes), smallest, largest)
-        coded = (best or octree).displaced()
+        coded = (best or voxels).displaced()
         self._coded[coded.grid.cell_size] = coded
         return coded
 
@@ -189,16 +193,6 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 def voxel_weights(groups: CellGroups) -> Floats:
     """Return voxel weights (m,): half in proportion to numbers of points, half equal."""
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
-
-
-def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | None:
-    if len(groups.cells) > MAX_DISPLACED:
-        return None
-    weights = voxel_weights(groups)
-    error = (weights[:, None] * (groups.cells - groups.means) ** 2).sum()
-    fitted = fit_displacements(groups.cells, groups.means, weights)
-    min_gain = _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error
-    return fitted if fitted.gain > min_gain else None
 
 
 def _initial_voxel_size(points: Floats, extent: float, max_bytes: int) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from puckbench.coding.binary_coder import BitCoder, exhausted
 from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
-from puckbench.puck.experts import FINE, Experts, begin, learn, new_experts
+from puckbench.puck.experts import FINE, Experts, begin, first_scales, learn, new_experts
 from puckbench.puck.gains import Gains, estimated, learn_estimate, new_gains
 from puckbench.puck.least_squares import (
     LeastSquares,
@@ -25,9 +25,10 @@ from puckbench.puck.least_squares import (
 )
 from puckbench.puck.numbers import (
     NODES,
+    activity,
     code_number,
     halves,
-    level_of,
+    level_of_value,
 )
 from puckbench.puck.options import Effort
 from puckbench.puck.ranges import PAD
@@ -72,20 +73,18 @@ def new_channel_model(
     sizes = np.array([_LEVELS * 4, 100, 100, lasers, _SIZES * 10, _SIZES * _LEVELS]) * NODES
     features = _FEATURES_OF_THOROUGH if effort == "thorough" else _FEATURES_OF_NORMAL
     zeros = np.zeros(lasers, np.int64)
-    level = np.arange(_LEVELS) + 4
-    usual = (1 << level // 2) * (2 + level % 2) * 128
     return ChannelModel(
         new_mixer(bits, MixerOptions(
-            experts=0, contexts=_ZERO_CONTEXTS, counters=1024 + lasers * 32 + 512, rows=8,
-            weights=[0.4] * _ZERO_CONTEXTS, learning_rate=14, final_learning_rate=3, memory=160,
+            contexts=_ZERO_CONTEXTS, counters=1024 + lasers * 32 + 512, rows=8,
+            weights=[0.4] * _ZERO_CONTEXTS,
         )),
         new_mixer(bits, MixerOptions(
             experts=_EXPERTS, contexts=_CONTEXTS, counters=int(sizes.sum()),
             rows=NODES * (_LEVELS + _SIZES), weights=[0.2] * (_EXPERTS + _CONTEXTS),
-            learning_rate=24, final_learning_rate=4, memory=160, sets=2,
+            learning_rate=24, final_learning_rate=4, sets=2,
         )),
         np.cumsum(sizes) - sizes,
-        new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
+        new_experts(np.tile(first_scales(_LEVELS, 4), (_EXPERTS, 1)), _EXPERTS),
         new_least_squares(1, features),
         zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(1, np.int64),
         new_gains(lasers, farthest), int(has_signals), farthest,
@@ -161,7 +160,8 @@ def _code_value(
     first = predicted(model.linear, 0)
     mean = base + ((first + (int(model.bias[laser]) >> 8)) << shift)
     mean = min(max(mean, FINE), FINE * model.farthest)
-    level = _activity(model, image, before, c, laser, t)
+    error = int(model.error[laser])
+    level = activity(error, image.errors, before.errors, c, laser, t, _LEVELS)
     unit = max(int(scales[0, level] >> 8) * 4 // 64, 1)
     centre = (mean + FINE // 2) // FINE
     value = int(values[c, laser])
@@ -216,38 +216,19 @@ def _write_contexts(
     begin(model.experts, level)
     centre = (mean + FINE // 2) // FINE
     size = min(halves(mean), _SIZES - 1)
-    near_west = _level(west // FINE, centre, unit)
+    near_west = level_of_value(west // FINE, centre, unit)
     available = (1 if then > 0 else 0) + (2 if estimate > 0 else 0)
     at[0] = starts[0] + (level * 4 + available) * NODES
     at[1] = starts[1]
-    at[1] += (_level(below // FINE, centre, unit) * 10 + _level(above, centre, unit)) * NODES
-    at[2] = starts[2] + (_level(then, centre, unit) * 10 + near_west) * NODES
+    at[1] += (
+        level_of_value(below // FINE, centre, unit) * 10 + level_of_value(above, centre, unit)
+    ) * NODES
+    at[2] = starts[2] + (level_of_value(then, centre, unit) * 10 + near_west) * NODES
     at[3] = starts[3] + laser * NODES
     at[4] = starts[4] + (size * 10 + near_west) * NODES
     at[5] = starts[5] + (size * _LEVELS + level) * NODES
     model.value.rows[0] = level * NODES
     model.value.rows[1] = (_LEVELS + size) * NODES
-
-
-@inlined
-def _level(value: int, centre: int, unit: int) -> int:
-    return level_of(value - centre, unit) if value > 0 else 9
-
-
-@inlined
-def _activity(
-    model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int
-) -> int:
-    laser_error, errors = int(model.error[laser]), image.errors
-    total = 2 * laser_error
-    total += errors[c, laser - 1] if laser > 0 else laser_error
-    total += errors[c - 1, laser + 1] if laser + 1 < errors.shape[1] else laser_error
-    if t > 0:
-        then = before.errors
-        total += 2 * then[t, laser] + then[t + 1, laser] + then[t - 1, laser]
-    else:
-        total += 4 * laser_error
-    return min(max(halves(total >> 3) - 6, 0), _LEVELS - 1)
 
 
 @inlined
@@ -268,20 +249,14 @@ def _write_features(
     if laser + 1 < image.values.shape[1]:
         x[7] = _change(model, image, c, laser, c - 1, laser + 1, base, shift)
     if t > 0:
-        _write_earlier_features(x, before.values, laser, t, base, shift)
+        then = before.values
+        for k in range(3):
+            x[8 + k] = _difference(then[t - 1 + k, laser], base, shift)
+        if laser > 0:
+            x[11] = _difference(then[t, laser - 1], base, shift)
     x[12] = 2 * FINE
     if len(model.linear.every) > _FEATURES_OF_NORMAL:
         _write_more_features(model, image, c, laser, base, shift)
-
-
-@inlined
-def _write_earlier_features(
-    x: Words, then: Words, laser: int, t: int, base: int, shift: int
-) -> None:
-    for k in range(3):
-        x[8 + k] = _difference(then[t - 1 + k, laser], base, shift)
-    if laser > 0:
-        x[11] = _difference(then[t, laser - 1], base, shift)
 
 
 @inlined

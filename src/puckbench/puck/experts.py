@@ -52,6 +52,12 @@ def new_experts(scales: Words, count: int) -> Experts:
     return Experts(means, inverse, lower, upper, edge, scales, *_tables(), (0,) * count)
 
 
+def first_scales(levels: int, first: int) -> Words:
+    """Return scales (levels,) that double every two levels, from level `first` of `halves` on."""
+    level = np.arange(levels) + first
+    return np.asarray((1 << level // 2) * (2 + level % 2) * 128, np.int32)
+
+
 @cache
 def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """Return tables: a cumulative distribution (Gaussian with wide tails), and 256 ln(k + 2)."""

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.binary_coder import BitCoder
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.coding.context_mixing import Ints, Words
 from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
-from puckbench.lidar.recordings.ouster_packets import HEAD_BYTES, Channel, OusterKind, Rest
+from puckbench.lidar.recordings.ouster_packets import HEAD_BYTES, OusterKind, Rest
 from puckbench.lidar.turns import Turn, by_elevation, by_laser
 from puckbench.puck.channels import (
     ChannelContext,
@@ -24,6 +23,7 @@ from puckbench.puck.gaps import decode_gaps, encode_gaps
 from puckbench.puck.options import EFFORTS, Effort
 from puckbench.puck.quick_images import ImageCoder, ImageJob, framed
 from puckbench.puck.ranges import PAD
+from puckbench.puck.records import DAMAGED, check
 from puckbench.puck.turns import (
     PartReader,
     Parts,
@@ -40,7 +40,6 @@ _ROW_BYTES, _MORE_BYTES = 10, 64
 """Limits of the bytes that state the lengths of rows of bytes, for each row and in all."""
 _WIDTHS = (0, 8, 16)
 """Bits of an image's values; 0 if all are 0."""
-_DAMAGED = "the stream is damaged (fields of a turn)"
 
 Image = NDArray[np.uint16] | Words
 
@@ -51,16 +50,6 @@ class _State:
     coded: dict[int, ChannelContext] = field(default_factory=dict)
     azimuths: Ints | None = None
     images: ImageCoder = field(default_factory=ImageCoder)
-
-
-@dataclass
-class _Job:
-    number: int
-    channel: Channel
-    values: Words
-    width: int
-    bits: BitCoder
-    is_complete: bool = False
 
 
 class FieldsEncoder:
@@ -98,7 +87,7 @@ class FieldsDecoder:
         flags, *widths = reader.take(1 + len(kind.channels))
         unit = reader.number()
         if state is None or flags >> 1 >= len(EFFORTS) or not set(widths) <= set(_WIDTHS):
-            raise InputError(_DAMAGED)
+            raise InputError(DAMAGED)
         shape, parts = (columns, kind.layout.lasers), PartReader(reader)
         images: list[Image] = [np.zeros(shape, np.uint16) for _ in widths]
         images = _code_images(kind, state, turn, images, widths, parts, EFFORTS[flags >> 1])
@@ -115,14 +104,8 @@ def _decode_rows(
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], bytes]:
     sizes = [outside_bytes] * packets + [HEAD_BYTES] * columns + [2 * columns]
     most = sum(sizes) + _ROW_BYTES * len(sizes) + _MORE_BYTES
-
-    def admit(size: int) -> None:
-        if size > most:
-            raise InputError(_DAMAGED)
-
-    rows = decode_gaps(reader, len(sizes), admit)
-    if [len(row) for row in rows] != sizes:
-        raise InputError(_DAMAGED)
+    rows = decode_gaps(reader, len(sizes), lambda size: check(size <= most))
+    check([len(row) for row in rows] == sizes)
     outsides = np.frombuffer(b"".join(rows[:packets]), np.uint8).reshape(packets, outside_bytes)
     heads = np.frombuffer(b"".join(rows[packets:-1]), np.uint8).reshape(columns, HEAD_BYTES)
     return outsides, heads, rows[-1]
@@ -151,42 +134,38 @@ def _code_mixed(
 ) -> list[Image]:  # fmt: skip
     lasers = kind.layout.lasers
     ranges, images = list(map(padded, turn_ranges)), list(map(padded, sources))
-    jobs = [
-        _Job(number, kind.channels[number], image, width, parts.open(image.size * _DECISIONS))
-        for number, (image, width) in enumerate(zip(images, widths, strict=True))
-        if width
-    ]
+    bits = {k: parts.open(images[k].size * _DECISIONS) for k, width in enumerate(widths) if width}
 
-    def code(job: _Job) -> None:
-        signal = job.values if job.channel.signal is None else images[job.channel.signal]
-        context = ChannelContext(
-            job.values, np.zeros_like(job.values), np.zeros_like(job.values),
-            ranges[job.channel.kind], signal,
-        )  # fmt: skip
-        farthest, model = (1 << job.width) - 1, state.models.get(job.number)
+    def code(number: int) -> bool:
+        channel, values, farthest = kind.channels[number], images[number], (1 << widths[number]) - 1
+        signal = values if channel.signal is None else images[channel.signal]
+        errors, estimates = np.zeros_like(values), np.zeros_like(values)
+        context = ChannelContext(values, errors, estimates, ranges[channel.kind], signal)
+        model = state.models.get(number)
         if model is None or model.farthest != farthest:
+            has_signals = channel.signal is not None
             model = new_channel_model(
-                job.bits, lasers, effort, farthest,
-                has_signals=job.channel.signal is not None,
-            )  # fmt: skip
-        model = state.models[job.number] = with_coder(model, job.bits)
-        nothing = np.zeros((1, lasers), np.int32)
-        before = ChannelContext(nothing, nothing, nothing, nothing, nothing)
-        rows = np.zeros_like(nearest)
-        coded = state.coded.get(job.number)
+                bits[number], lasers, effort, farthest, has_signals=has_signals
+            )
+        model = state.models[number] = with_coder(model, bits[number])
+        before, rows = ChannelContext(*[np.zeros((1, lasers), np.int32)] * 5), 0 * nearest
+        coded = state.coded.get(number)
         if coded is not None:
-            for values, earlier in zip(context[:3], coded[:3], strict=True):
-                values[:PAD] = earlier[-PAD:]
+            for array, earlier in zip(context[:3], coded[:3], strict=True):
+                array[:PAD] = earlier[-PAD:]
             before = before._replace(values=extended(coded.values), errors=extended(coded.errors))
             rows = nearest
-        job.is_complete = code_channel(model, context, before, rows)
-        state.coded[job.number] = context
+        is_complete = code_channel(model, context, before, rows)
+        state.coded[number] = context
+        return is_complete
 
-    state.coded = {job.number: state.coded[job.number] for job in jobs if job.number in state.coded}
-    in_threads(code, [job for job in jobs if job.channel.signal is None])
-    in_threads(code, [job for job in jobs if job.channel.signal is not None])
-    for job in jobs:
-        parts.close(job.bits, job.is_complete)
+    state.coded = {number: state.coded[number] for number in bits if number in state.coded}
+    is_complete: dict[int, bool] = {}
+    for is_dependent in (False, True):
+        numbers = [k for k in bits if (kind.channels[k].signal is not None) == is_dependent]
+        is_complete |= zip(numbers, in_threads(code, numbers), strict=True)
+    for number, coder in bits.items():
+        parts.close(coder, is_complete[number])
     return [image[PAD:] for image in images]
 
 

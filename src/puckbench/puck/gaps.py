@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError
+from puckbench.puck.records import DAMAGED, check
 
 Bytes = NDArray[np.uint8]
 
@@ -25,7 +26,6 @@ _HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
 output is no larger than by the preset, in a fifth of the time."""
 _CHUNK = 1 << 16
 """Limit of the bytes of an LZMA2 chunk that is stored uncompressed."""
-_DAMAGED = "the stream is damaged"
 
 
 def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
@@ -48,11 +48,9 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
     body = Reader(decompress_bytes(reader, admit))
     size = len(body.body)
     runs = [(body.number(), body.number()) for _ in range(min(body.number(), size))]
-    if sum(repeats for _, repeats in runs) != count:
-        raise InputError(_DAMAGED)
+    check(sum(repeats for _, repeats in runs) == count)
     lengths = np.repeat([length for length, _ in runs], [repeats for _, repeats in runs])
-    if sum(length * repeats for length, repeats in runs) > size:
-        raise InputError(_DAMAGED)
+    check(sum(length * repeats for length, repeats in runs) <= size)
     groups: dict[int, Iterator[bytes]] = {}
     for length in _frequent(lengths):
         rows = int(np.count_nonzero(lengths == length))
@@ -62,8 +60,7 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
         next(groups[length]) if length in groups else body.take(length)
         for length in lengths.tolist()
     ]
-    if body.rest():
-        raise InputError(_DAMAGED)
+    check(not body.rest())
     return gaps
 
 
@@ -75,16 +72,14 @@ def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
 def decompress_bytes(reader: Reader, admit: Callable[[int], None]) -> bytes:
     """Decompress the output of `compress_bytes`, after a call of `admit` (see `decode_gaps`)."""
     size = reader.number()
-    if size > MOST_RAW_BYTES:
-        raise InputError(_DAMAGED)
+    check(size <= MOST_RAW_BYTES)
     admit(size)
     decompressor = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=[_filter(size)])
     try:
         raw = decompressor.decompress(reader.rest(), size + 1)
     except lzma.LZMAError as error:
-        raise InputError(_DAMAGED) from error
-    if len(raw) != size:
-        raise InputError(_DAMAGED)
+        raise InputError(DAMAGED) from error
+    check(len(raw) == size)
     return raw
 
 

@@ -14,6 +14,7 @@ from puckbench.coding.context_mixing import (
     COUNT_BITS,
     PROBABILITY_BITS,
     Mixer,
+    Words,
     code_bit,
     learn_bit,
 )
@@ -29,31 +30,16 @@ _LATER_HALVINGS = 62
 
 @inlined
 def code_number(
-    mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int, farthest: int
-) -> int:
-    """Encode or decode a number from 0 to (farthest + step) // step by context mixing; return it.
+    mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int, farthest: int,
+    start: int = 0,
+) -> int:  # fmt: skip
+    """Encode or decode a number from 0 to (farthest + step) // step; return it.
 
     The experts estimate `step` * `number`. `centre`, at least 1, is the expected number, `unit` the
-    distance of the first decisions from it.
+    distance of the first decisions from it. Without experts, a counter for each kind of decision,
+    from `start` on, replaces context mixing.
     """
-    return _traverse(mixer, experts, False, 0, number, centre, unit, step, farthest)
-
-
-@inlined
-def code_unmixed_number(
-    mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int,
-    farthest: int,
-) -> int:  # fmt: skip
-    """Code a number like `code_number`, with one counter per kind of decision, from `start` on."""
-    return _traverse(mixer, experts, True, start, number, centre, unit, step, farthest)
-
-
-@inlined
-def _traverse(
-    mixer: Mixer, experts: Experts, is_unmixed: bool, start: int, number: int, centre: int,
-    unit: int, step: int, farthest: int,
-) -> int:  # fmt: skip
-    # `is_unmixed` is a constant in both callers, so that the compiler removes the other branch.
+    is_unmixed = len(experts.every) == 0  # a constant: the compiler removes the other branch
     low, high = 0, in_steps(farthest, step) + 2
     side, steps, reach = 0, 0, 0
     if centre < high:
@@ -120,6 +106,31 @@ def halves(value: int) -> int:
     value += 1
     k: int = 63 - leading_zeros(value)
     return 2 * k + ((value >> (k - 1)) & 1 if k > 0 else 0)
+
+
+@inlined
+def level_of_value(value: int, centre: int, unit: int) -> int:
+    """Return the level (`level_of`) of a value relative to `centre`, or 9 if the value is 0."""
+    return level_of(value - centre, unit) if value > 0 else 9
+
+
+@inlined
+def activity(
+    error: int, errors: Words, then: Words, c: int, laser: int, t: int, levels: int
+) -> int:
+    """Return the level, from 0 to `levels` - 1, of the prediction errors around a pixel.
+
+    `error` is the laser's mean error, in 1 / FINE; `errors` and `then` are those of this turn and
+    the previous one.
+    """
+    total = 2 * error
+    total += errors[c, laser - 1] if laser > 0 else error
+    total += errors[c - 1, laser + 1] if laser + 1 < errors.shape[1] else error
+    if t > 0:
+        total += 2 * then[t, laser] + then[t + 1, laser] + then[t - 1, laser]
+    else:
+        total += 4 * error
+    return min(max(halves(total >> 3) - 6, 0), levels - 1)
 
 
 @inlined

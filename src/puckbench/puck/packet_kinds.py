@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from io import BytesIO
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,11 +31,11 @@ from puckbench.lidar.recordings.packet_turns import (
 )
 from puckbench.lidar.recordings.packets import PACKET_BYTES
 from puckbench.lidar.returns_header import decode_layout, encode_layout
-from puckbench.lidar.turns import Turn
+from puckbench.lidar.turns import Layout, Turn
 from puckbench.puck.fields import FieldsDecoder, FieldsEncoder
 from puckbench.puck.gaps import compress_bytes, decompress_bytes
 from puckbench.puck.options import CodingOptions
-from puckbench.puck.records import DAMAGED, Record, RecordKind, read_records
+from puckbench.puck.records import DAMAGED, Record, RecordKind, check, read_records
 from puckbench.puck.stream import check_ranges, count_ranges
 from puckbench.puck.turns import TurnDecoder, TurnEncoder, is_key
 
@@ -93,8 +94,7 @@ def decode_kind(body: bytes) -> Kind:
         raise InputError("the stream holds turns, but no packets")
     kind = packet_kind(*code)
     # The stream has its own order and shifts of lasers, as the tables of sensors may change.
-    if layout != replace(kind.layout, order=layout.order, shifts=layout.shifts):
-        raise InputError(DAMAGED)
+    check(layout == replace(kind.layout, order=layout.order, shifts=layout.shifts))
     return replace(kind, layout=layout)
 
 
@@ -105,20 +105,15 @@ def count_values(kind: Kind, body: bytes) -> int:
 
 
 class _CodedTurn(NamedTuple):
-    layout: bytes
+    layout: Layout
+    kind: OusterKind | None  # if reflectivities are coded with the fields
     body: bytes
     fields: bytes | None = None
 
     def ranges(self) -> int:
-        layout, _ = decode_layout(self.layout)
-        kind = self.kind_with_signals()
-        return count_ranges(layout, self.body) if kind is None else count_values(kind, self.body)
-
-    def kind_with_signals(self) -> OusterKind | None:
-        """Return an Ouster's kind if reflectivities are coded with the fields, else None."""
-        layout, code = decode_layout(self.layout)
-        kind = OusterKind.decode(layout, code) if len(code) == _OUSTER_CODE_BYTES else None
-        return kind if kind and PROFILES[kind.profile].signals else None
+        if self.kind is None:
+            return count_ranges(self.layout, self.body)
+        return count_values(self.kind, self.body)
 
 
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
@@ -127,15 +122,17 @@ def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[
     Decoding starts at the last key turn up to `first`. Turns lack an Ouster's signals and ambient
     light, which `decompress` restores.
     """
-    layout: bytes | None = None
+    layout: Layout | None = None
     turns: list[_CodedTurn] = []
     for record in read_records(BytesIO(stream)):
         if record.kind == RecordKind.LAYOUT:
-            layout = record.body
+            layout, code = decode_layout(record.body)
+            kind = OusterKind.decode(layout, code) if len(code) == _OUSTER_CODE_BYTES else None
+            kind = kind if kind and PROFILES[kind.profile].signals else None
         elif record.kind == RecordKind.TURN:
             if layout is None:
                 raise InputError(DAMAGED)
-            turns.append(_CodedTurn(layout, record.body))
+            turns.append(_CodedTurn(layout, kind, record.body))
         elif record.kind == RecordKind.FIELDS and turns:
             turns[-1] = turns[-1]._replace(fields=record.body)
     turns = turns[: None if end is None else max(end, 0)]
@@ -147,11 +144,12 @@ def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[
 
 
 def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
-    turns, layout = [], b""
+    turns: list[Turn] = []
+    format_of_turn: tuple[Layout, OusterKind | None] | None = None
     for each in coded:
-        if each.layout != layout:
-            layout, kind = each.layout, each.kind_with_signals()
-            decoder = TurnDecoder(decode_layout(layout)[0])
+        kind = each.kind
+        if (each.layout, kind) != format_of_turn:
+            format_of_turn, decoder = (each.layout, kind), TurnDecoder(each.layout)
             fields = FieldsDecoder(kind) if kind else None
         turn = decoder.decode(each.body)
         if kind and fields:
@@ -197,54 +195,64 @@ class PacketsEncoder:
 
 
 class PacketsDecoder:
-    """Decodes records of turns, and of their fields, to packets."""
+    """Decodes records of layouts, turns and their fields to pieces of packets.
 
-    def __init__(self, layout: bytes) -> None:
-        self._kind = decode_kind(layout)
-        self._turns = TurnDecoder(self._kind.layout)
-        self._fields = FieldsDecoder(self._kind) if isinstance(self._kind, OusterKind) else None
-        self._turn: Turn | None = None
+    Raises InputError if pieces that are not yet taken exceed `most_bytes`.
+    """
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most_bytes, self._bytes, self._count = most_bytes, 0, 0
+        self._pieces: list[bytes] = []
+        self._kind: Kind | None = None
+        self._turn: Turn | None = None  # whose fields must follow
         self._is_key = False
 
-    @property
-    def pieces(self) -> list[int]:
-        return self._kind.pieces if isinstance(self._kind, OusterKind) else VELODYNE.pieces
+    def start_layout(self, body: bytes) -> None:
+        check(self._turn is None)
+        self._kind = kind = decode_kind(body)
+        self._turns = TurnDecoder(kind.layout)
+        self._fields = FieldsDecoder(kind) if isinstance(kind, OusterKind) else None
 
-    @property
-    def is_waiting(self) -> bool:
-        """Whether the last turn's fields must follow."""
-        return self._turn is not None
-
-    def add_turn(self, body: bytes) -> tuple[int, Payloads | None]:
-        """Decode a turn; return its point count, and its packets if no fields belong to it."""
-        if self.is_waiting:
+    def add_turn(self, body: bytes) -> int:
+        """Decode a turn; return its number of returns."""
+        kind = self._kind
+        if kind is None or self._turn is not None:
             raise InputError(DAMAGED)
         turn = self._turns.decode(body)
-        if isinstance(self._kind, PacketKind) and not self._kind.has_rest:
-            return turn.returns, packets_of(self._kind, turn)
-        self._turn, self._is_key = turn, is_key(body)
-        return turn.returns, None
+        if isinstance(kind, PacketKind) and not kind.has_rest:
+            self._keep(packets_of(kind, turn), VELODYNE.pieces)
+        else:
+            self._turn, self._is_key = turn, is_key(body)
+        return turn.returns
 
-    def add_fields(self, body: bytes) -> Payloads:
+    def add_fields(self, body: bytes) -> None:
         kind, turn, self._turn = self._kind, self._turn, None
-        if turn is None:
+        if kind is None or turn is None:
             raise InputError(DAMAGED)
         if isinstance(kind, PacketKind):
-            return packets_of(kind, turn, _decode_rest(kind, turn, body))
-        if self._fields is None:
-            raise InputError(DAMAGED)
-        return kind.packets_of(turn, self._fields.decode(body, turn, is_key=self._is_key))
+            self._keep(packets_of(kind, turn, _decode_rest(kind, turn, body)), VELODYNE.pieces)
+        elif self._fields:
+            fields = self._fields.decode(body, turn, is_key=self._is_key)
+            self._keep(kind.packets_of(turn, fields), kind.pieces)
+
+    def _keep(self, payloads: Payloads, pieces: list[int]) -> None:
+        self._count, self._bytes = self._count + len(payloads), self._bytes + payloads.size
+        check(self._bytes <= self._most_bytes)
+        edges = list(pairwise(accumulate(pieces, initial=0)))
+        self._pieces += [row[at:end].tobytes() for row in payloads for at, end in edges]
+
+    def take(self) -> tuple[int, list[bytes]]:
+        """Return the number of packets since the last call, and their pieces."""
+        check(self._turn is None)
+        count, pieces = self._count, self._pieces
+        self._count, self._bytes, self._pieces = 0, 0, []
+        return count, pieces
 
 
 def _decode_rest(kind: PacketKind, turn: Turn, body: bytes) -> Payloads:
     packets, uneven = divmod(len(turn.azimuths), kind.layout.blocks_per_time)
-    if uneven:
-        raise InputError(DAMAGED)
+    check(not uneven)
     expected = packets * (kind.rest.stop - kind.rest.start)
-
-    def admit(size: int) -> None:
-        if size != expected:
-            raise InputError(DAMAGED)
-
-    rest = np.frombuffer(decompress_bytes(Reader(body), admit), np.uint8)
+    raw = decompress_bytes(Reader(body), lambda size: check(size == expected))
+    rest = np.frombuffer(raw, np.uint8)
     return rest.reshape(-1, packets).T

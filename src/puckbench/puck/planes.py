@@ -80,30 +80,28 @@ def fitted_planes(
     their mean squared distance, beyond the part due to noise, is at most `tolerance` noise
     variances.
     """
-    ranges, rows = image
-    variance = std * std
+    ranges, variance = image.ranges, std * std
     labels = np.full(ranges.shape, -1, np.int32)
     scratch = np.zeros((2, _SUMS)), np.zeros(3)
     sums = np.zeros((np.count_nonzero(ranges > 0), _SUMS))
     places = np.zeros(_LONGEST_PIECE, np.int64)
-    pieces = _cut(ranges, rows, column, std, labels, sums, scratch, places)
+    pieces = _cut(image, column, std, labels, sums, scratch, places)
     sums = sums[:pieces]
     within = np.zeros((pieces + len(ranges), 2), np.int32)
     across = np.zeros((2 * pieces + 1, 2), np.int32)
     counts = _pairs(labels, closes, within, across)
     within, across = within[: counts[0]], across[: counts[1]]
     parents, squares = np.arange(pieces, dtype=np.int32), np.zeros(pieces)
-    gains = np.array(_GAINS)
     _measure(sums, squares, variance, scratch[1])
-    _merge(within, parents, sums, squares, variance, min(tolerance, 0.5), gains, scratch)
+    _merge(within, parents, sums, squares, variance, min(tolerance, 0.5), scratch)
     both = np.concatenate([across, within])
-    _merge(both, parents, sums, squares, variance, tolerance, gains, scratch)
+    _merge(both, parents, sums, squares, variance, tolerance, scratch)
     count = _number_sets(labels, parents)
     planes, sums = np.zeros((count, 3)), np.zeros((count, _SUMS))
     for weighted in (False, True):
-        _fit(ranges, rows, labels, planes, sums, variance, weighted)
-    _move_borders(ranges, rows, labels, planes, variance)
-    _fit(ranges, rows, labels, planes, sums, variance, True)
+        _fit(image, labels, planes, sums, variance, weighted)
+    _move_borders(image, labels, planes, variance)
+    _fit(image, labels, planes, sums, variance, True)
     return LabelledPlanes(labels, planes)
 
 
@@ -154,19 +152,14 @@ def range_error(row: Floats, target: float, plane: Floats) -> float:
 
 @_loop
 def _cut(
-    ranges: Floats,
-    rows: Floats,
-    column: float,
-    std: float,
-    labels: Labels,
-    sums: Floats,
-    scratch: tuple[Floats, Floats],
-    places: Places,
-) -> int:
+    image: RangeRows, column: float, std: float, labels: Labels, sums: Floats,
+    scratch: tuple[Floats, Floats], places: Places,
+) -> int:  # fmt: skip
     """Cut rows into pieces, write each return's piece to `labels`, and return the number of pieces.
 
     A piece ends at a jump or gap, or where two lines fit far better than one.
     """
+    ranges, rows = image
     count = 0
     for laser in range(ranges.shape[0]):
         start = 0
@@ -175,7 +168,7 @@ def _cut(
                 start += 1
                 continue
             length = _reached(ranges[laser], start, column, std, places)
-            length = _first_part(ranges[laser], rows[laser], length, std * std, scratch, places)
+            length = _first_part(image, laser, length, std * std, scratch, places)
             for i in range(length):
                 labels[laser, places[i]] = count
                 _add(sums[count], rows[laser, places[i]], ranges[laser, places[i]], 1.0)
@@ -202,14 +195,11 @@ def _reached(ranges: Floats, start: int, column: float, std: float, places: Plac
 
 @inlined
 def _first_part(
-    ranges: Floats,
-    rows: Floats,
-    length: int,
-    variance: float,
-    scratch: tuple[Floats, Floats],
+    image: RangeRows, laser: int, length: int, variance: float, scratch: tuple[Floats, Floats],
     places: Places,
-) -> int:
+) -> int:  # fmt: skip
     """Return the length of the first line if two lines fit far better than one, else `length`."""
+    ranges, rows = image.ranges[laser], image.rows[laser]
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0
@@ -276,18 +266,12 @@ def _root(parents: Labels, piece: int) -> int:
 
 @_loop
 def _merge(
-    pairs: Labels,
-    parents: Labels,
-    sums: Floats,
-    squares: Floats,
-    variance: float,
-    tolerance: float,
-    gains: Floats,
-    scratch: tuple[Floats, Floats],
-) -> None:
+    pairs: Labels, parents: Labels, sums: Floats, squares: Floats, variance: float,
+    tolerance: float, scratch: tuple[Floats, Floats],
+) -> None:  # fmt: skip
     both, plane = scratch
     total = both[0]
-    for gain in gains:
+    for gain in _GAINS:
         for _ in range(_ROUNDS):
             merged, low, high = False, -1, -1
             for pair in range(len(pairs)):
@@ -330,15 +314,10 @@ def _number_sets(labels: Labels, parents: Labels) -> int:
 
 @_loop
 def _fit(
-    ranges: Floats,
-    rows: Floats,
-    labels: Labels,
-    planes: Floats,
-    sums: Floats,
-    variance: float,
-    weighted: bool,
+    image: RangeRows, labels: Labels, planes: Floats, sums: Floats, variance: float, weighted: bool
 ) -> None:
     """Fit a plane to each set; if `weighted`, returns far from the current plane count less."""
+    ranges, rows = image
     sums[:] = 0
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
@@ -357,9 +336,7 @@ def _fit(
 
 
 @_loop
-def _move_borders(
-    ranges: Floats, rows: Floats, labels: Labels, planes: Floats, variance: float
-) -> None:
+def _move_borders(image: RangeRows, labels: Labels, planes: Floats, variance: float) -> None:
     for laser in range(len(labels)):
         row, before = labels[laser], -1
         for column in range(len(row)):
@@ -368,9 +345,7 @@ def _move_borders(
             if before >= 0 and row[before] != row[column] and column - before <= _GAP:
                 left, right = row[before], row[column]
                 low, high = _last_of(row, before, -1), _last_of(row, column, 1)
-                border = _border(
-                    ranges[laser], rows[laser], planes[left], planes[right], low, high, variance
-                )
+                border = _border(image, laser, planes[left], planes[right], low, high, variance)
                 for at in range(low, high + 1):
                     if row[at] >= 0:
                         row[at] = left if at < border else right
@@ -391,14 +366,9 @@ def _last_of(labels: Labels, start: int, step: int) -> int:
 
 @inlined
 def _border(
-    ranges: Floats,
-    rows: Floats,
-    left: Floats,
-    right: Floats,
-    low: int,
-    high: int,
-    variance: float,
+    image: RangeRows, laser: int, left: Floats, right: Floats, low: int, high: int, variance: float
 ) -> int:
+    ranges, rows = image.ranges[laser], image.rows[laser]
     cost, best, border = 0.0, 0.0, low
     for at in range(low, high + 1):
         if ranges[at] > 0:

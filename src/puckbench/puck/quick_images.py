@@ -18,13 +18,13 @@ from puckbench.coding.byte_io import Reader
 from puckbench.coding.context_mixing import Ints, Words
 from puckbench.coding.intrinsics import leading_zeros
 from puckbench.core.compiling import compiled_in_place, inlined
-from puckbench.core.errors import InputError
 from puckbench.core.threads import in_threads
 from puckbench.puck.experts import FINE
 from puckbench.puck.gains import Gains, estimated, estimated_only, learn_estimate, new_gains
 from puckbench.puck.gaps import compress_bytes, decompress_bytes
 from puckbench.puck.numbers import halves
 from puckbench.puck.ranges import PAD
+from puckbench.puck.records import check
 
 _SCALE = 12
 _SLOTS = 1 << _SCALE
@@ -58,7 +58,6 @@ _FEW = 32
 """Values above 0 are listed if at most 1 / 32 of an image has them."""
 _CODED, _LISTED = b"\0", b"\1"
 """First byte of a part."""
-_DAMAGED = "the stream is damaged (an image of a turn)"
 
 
 class _Coder(NamedTuple):
@@ -539,8 +538,7 @@ class ImageCoder:
         self._coded[job.number] = image
         if not part:
             return image.values, _CODED + _written(coder)
-        if not is_complete or coder.registers.tolist() != [len(coder.words) - 1, _LOW, _LOW]:
-            raise InputError(_DAMAGED)
+        check(is_complete and coder.registers.tolist() == [len(coder.words) - 1, _LOW, _LOW])
         return image.values, part
 
 
@@ -556,14 +554,13 @@ def _listed(image: NDArray[Any]) -> bytes:
 
 def _write_listed(image: Words, body: bytes, farthest: int) -> None:
     def admit(size: int) -> None:
-        if size % 8 or _FEW * size > 8 * image.size:
-            raise InputError(_DAMAGED)
+        check(size % 8 == 0 and _FEW * size <= 8 * image.size)
 
     raw = np.frombuffer(decompress_bytes(Reader(body), admit), np.uint8)
     listed = np.ascontiguousarray(raw.reshape(4, -1).T).view("<u4").reshape(2, -1)
     places = np.cumsum(listed[0], dtype=np.int64)
-    if (len(places) and places[-1] >= image.size) or listed[1].max(initial=0) > farthest:
-        raise InputError(_DAMAGED)
+    check(not len(places) or places[-1] < image.size)
+    check(listed[1].max(initial=0) <= farthest)
     image[np.unravel_index(places, image.shape)] = listed[1]
 
 
@@ -574,8 +571,7 @@ def _writer(values: int) -> _Coder:
 
 def _reader(part: bytes) -> _Coder:
     words = np.frombuffer(part, "<u4") if len(part) % _WORD_BYTES == 0 else np.zeros(0, "<u4")
-    if len(words) < _STATE_WORDS:
-        raise InputError(_DAMAGED)
+    check(len(words) >= _STATE_WORDS)
     registers = np.append(np.zeros(1, np.uint64), words[:_STATE_WORDS].view("<u8"))
     words = np.append(words[_STATE_WORDS:], np.zeros(1, "<u4"))
     return _Coder(registers.astype(np.uint64), words.astype(np.uint32), np.zeros(0, np.uint64))

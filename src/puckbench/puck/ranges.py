@@ -23,6 +23,7 @@ from puckbench.puck.experts import (
     FINE,
     Experts,
     begin,
+    first_scales,
     learn,
     new_experts,
 )
@@ -35,12 +36,13 @@ from puckbench.puck.least_squares import (
 )
 from puckbench.puck.numbers import (
     NODES,
+    activity,
     code_number,
     code_unmixed_bit,
-    code_unmixed_number,
     halves,
     in_steps,
     level_of,
+    level_of_value,
 )
 from puckbench.puck.options import Effort
 
@@ -115,14 +117,14 @@ def new_range_model(
     zeros = np.zeros(lasers, np.int64)
     return RangeModel(
         new_mixer(bits, MixerOptions(
-            experts=0, contexts=size.mask_contexts, counters=int(mask_sizes.sum()),
-            rows=64 + lasers, weights=_MASK_WEIGHTS[: size.mask_contexts], learning_rate=24,
-            final_learning_rate=5, memory=160, sets=min(size.sets, 2),
+            contexts=size.mask_contexts, counters=int(mask_sizes.sum()), rows=64 + lasers,
+            weights=_MASK_WEIGHTS[: size.mask_contexts], learning_rate=24, final_learning_rate=5,
+            sets=min(size.sets, 2),
         )),
         new_mixer(bits, MixerOptions(
             experts=size.experts, contexts=size.contexts, counters=int(sizes.sum()),
             rows=NODES * (1 + _LEVELS + 4), weights=first_weights, learning_rate=24,
-            final_learning_rate=4, memory=160, sets=size.sets,
+            final_learning_rate=4, sets=size.sets,
         )),
         np.cumsum(sizes) - sizes,
         np.cumsum(mask_sizes) - mask_sizes,
@@ -135,10 +137,8 @@ def new_range_model(
 
 
 def _first_scales(experts: int) -> Words:
-    level = np.arange(_LEVELS) + 6
-    usual = (1 << level // 2) * (2 + level % 2) * 128
     times = np.array([1, 1.2, 1.4, 6, 6, 6, 1.4, 1.4, 1])[: max(experts, 1), None]
-    scales: Words = np.rint(np.repeat(usual, 4) * times).astype(np.int32)
+    scales: Words = np.rint(np.repeat(first_scales(_LEVELS, 6), 4) * times).astype(np.int32)
     return scales
 
 
@@ -152,17 +152,14 @@ def code_ranges(
     fill the rows of `image` from PAD on. `before` is the previous turn followed by PAD empty rows.
     `nearest` (columns,) is the row in `before` of the column with the nearest azimuth, or 0.
     """
-    is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
         t = nearest[column - PAD]
         for laser in range(image.ranges.shape[1]):
-            if is_unmixed:
+            if len(model.experts.every) == 0:
                 exists = _code_mask_unmixed(model, image, before, column, laser, t, source)
             else:
                 exists = _code_mask(model, image, before, column, laser, t, source)
-            if exists == 1 and is_unmixed:
-                _code_range_unmixed(model, image, before, column, laser, t, source)
-            elif exists == 1:
+            if exists == 1:
                 _code_range(model, image, before, column, laser, t, source)
             else:
                 image.ranges[column, laser] = 0
@@ -236,18 +233,26 @@ def _code_range(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> None:  # fmt: skip
-    base, first, activity, has_previous, situation = _predict(model, image, before, c, laser, t)
-    mean = FINE * base + 4 * first
-    group = 0
-    if model.parameters[2] > 1:
-        group = 1 + 2 * min(max(activity - 2, 0) // 3, 3) + has_previous
-    _write_experts(model, image, before, c, laser, t, base, mean, group)
-    begin(model.experts, situation)
-    _write_contexts(model, image, before, c, laser, t, base, situation, mean)
-    index, centre, unit = _quantise(model, source[c, laser], mean, situation)
+    base, first, level, has_previous, situation = _predict(model, image, before, c, laser, t)
+    mean, group, start = FINE * base + 4 * first, 0, 0
     step, farthest = model.parameters[0], model.parameters[4]
-    index = code_number(model.value, model.experts, index, centre, unit, step, farthest)
+    index, centre, unit = _quantise(model, source[c, laser], mean, situation)
+    if len(model.experts.every) == 0:
+        then = 9
+        if has_previous == 1:
+            then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
+        start = (then * _LEVELS + level) * NODES
+    else:
+        if model.parameters[2] > 1:
+            group = 1 + 2 * min(max(level - 2, 0) // 3, 3) + has_previous
+        _write_experts(model, image, before, c, laser, t, base, mean, group)
+        begin(model.experts, situation)
+        _write_contexts(model, image, before, c, laser, t, base, situation, mean)
+    index = code_number(model.value, model.experts, index, centre, unit, step, farthest, start)
     value = min(max(index * step, 1), farthest)
+    if len(model.experts.every) == 0:
+        wrong = min(abs(FINE * value - mean), 4000) * 256
+        model.experts.scales[0, situation] += (wrong - model.experts.scales[0, situation]) >> 6
     _learn_range(model, image, c, laser, value, base, first, group, situation)
 
 
@@ -271,27 +276,6 @@ def _code_mask_unmixed(
 
 
 @inlined
-def _code_range_unmixed(
-    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
-    source: Words,
-) -> None:  # fmt: skip
-    base, first, activity, has_previous, situation = _predict(model, image, before, c, laser, t)
-    mean = FINE * base + 4 * first
-    index, centre, unit = _quantise(model, source[c, laser], mean, situation)
-    step, farthest, then = model.parameters[0], model.parameters[4], 9
-    if has_previous == 1:
-        then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
-    start = (then * _LEVELS + activity) * NODES
-    index = code_unmixed_number(
-        model.value, model.experts, start, index, centre, unit, step, farthest
-    )
-    value = min(max(index * step, 1), farthest)
-    wrong = min(abs(FINE * value - mean), 4000) * 256
-    model.experts.scales[0, situation] += (wrong - model.experts.scales[0, situation]) >> 6
-    _learn_range(model, image, c, laser, value, base, first, 0, situation)
-
-
-@inlined
 def _predict(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
@@ -303,11 +287,12 @@ def _predict(
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
-    activity = _activity(model, image, before, c, laser, t)
+    error = model.error[laser]
+    level = activity(error, image.errors, before.errors, c, laser, t, _LEVELS)
     has_previous = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
-    situation = activity * 4 + has_previous * 2 + 1 - _is(image.ranges, c - 1, laser)
+    situation = level * 4 + has_previous * 2 + 1 - _is(image.ranges, c - 1, laser)
     first = predicted(model.linear, 0)
-    return base, first, activity, has_previous, situation
+    return base, first, level, has_previous, situation
 
 
 @inlined
@@ -365,46 +350,24 @@ def _write_features(
     base: int,
 ) -> None:  # fmt: skip
     x, held, ranges = model.linear.features, image.held, image.ranges
-    if len(model.linear.every) < _COMMON_FEATURES:
-        _write_few_features(x, image, before, c, laser, t, base)
-        return
-    for k in range(3):
+    columns = 2 if len(model.linear.every) < _COMMON_FEATURES else 3
+    first = columns + 2  # feature of the previous turn
+    for k in range(columns):
         x[k] = _change(held[c - 2 - k, laser], base)
-    x[3], x[4] = 0, 0
-    if laser > 0:
-        x[3] = _change(ranges[c, laser - 1], held[c - 1, laser - 1])
-        x[4] = _change(held[c - 2, laser - 1], held[c - 1, laser - 1])
-    for k in range(5, 10):
+    for k in range(columns, first + columns + 2):
         x[k] = 0
+    if laser > 0:
+        x[columns] = _change(ranges[c, laser - 1], held[c - 1, laser - 1])
+        x[columns + 1] = _change(held[c - 2, laser - 1], held[c - 1, laser - 1])
     if t > 0:
         then = before.ranges
-        for k in range(3):
-            x[5 + k] = _change(then[t - 1 + k, laser], base)
+        for k in range(columns):
+            x[first + k] = _change(then[t + 2 - columns + k, laser], base)
         if laser > 0:
-            x[8] = _change(ranges[c, laser - 1], then[t, laser - 1])
-        x[9] = _fine_change(before.smooth[t, laser], base)
+            x[first + columns] = _change(ranges[c, laser - 1], then[t, laser - 1])
+        x[first + columns + 1] = _fine_change(before.smooth[t, laser], base)
     if len(model.linear.every) > _COMMON_FEATURES:
         _write_more_features(x, image, before, c, laser, t, base)
-
-
-@inlined
-def _write_few_features(
-    x: Words, image: RangeContext, before: RangeContext, c: int, laser: int, t: int, base: int
-) -> None:
-    held = image.held
-    x[0], x[1] = _change(held[c - 2, laser], base), _change(held[c - 3, laser], base)
-    x[2], x[3] = 0, 0
-    if laser > 0:
-        x[2] = _change(image.ranges[c, laser - 1], held[c - 1, laser - 1])
-        x[3] = _change(held[c - 2, laser - 1], held[c - 1, laser - 1])
-    for k in range(4, 8):
-        x[k] = 0
-    if t > 0:
-        for k in range(2):
-            x[4 + k] = _change(before.ranges[t + k, laser], base)
-        if laser > 0:
-            x[6] = _change(image.ranges[c, laser - 1], before.ranges[t, laser - 1])
-        x[7] = _fine_change(before.smooth[t, laser], base)
 
 
 @inlined
@@ -463,22 +426,6 @@ def _write_experts(
 
 
 @inlined
-def _activity(
-    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
-) -> int:
-    laser_error = model.error[laser]
-    total = 2 * laser_error
-    total += image.errors[c, laser - 1] if laser > 0 else laser_error
-    total += image.errors[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else laser_error
-    if t > 0:
-        errors = before.errors
-        total += 2 * errors[t, laser] + errors[t + 1, laser] + errors[t - 1, laser]
-    else:
-        total += 4 * laser_error
-    return min(max(halves(total >> 3) - 6, 0), _LEVELS - 1)
-
-
-@inlined
 def _write_contexts(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     base: int, situation: int, mean: int,
@@ -488,11 +435,11 @@ def _write_contexts(
     centre = mean // FINE
     then, lower, upper = 9, 9, 9
     if t > 0:
-        then = _level(before.smooth[t, laser] // FINE, centre, unit)
+        then = level_of_value(before.smooth[t, laser] // FINE, centre, unit)
     if laser > 0:
-        lower = _level(image.ranges[c, laser - 1], centre, unit)
+        lower = level_of_value(image.ranges[c, laser - 1], centre, unit)
     if laser + 1 < image.ranges.shape[1]:
-        upper = _level(image.ranges[c - 1, laser + 1], centre, unit)
+        upper = level_of_value(image.ranges[c - 1, laser + 1], centre, unit)
     m.contexts[0] = starts[0] + (lower * 10 + upper) * NODES
     m.contexts[1] = starts[1] + situation * NODES
     m.contexts[2] = starts[2] + (then * 9 + level_of(base - centre, unit)) * NODES
@@ -504,12 +451,6 @@ def _write_contexts(
 
 
 @inlined
-def _level(value: int, centre: int, unit: int) -> int:
-    """Return the level (`level_of`) of a range relative to `centre`, or 9 if there is no return."""
-    return level_of(value - centre, unit) if value > 0 else 9
-
-
-@inlined
 def _write_more_contexts(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     centre: int, unit: int, then: int,
@@ -517,11 +458,11 @@ def _write_more_contexts(
     at, starts, means = model.value.contexts, model.starts, model.experts.means
     east, back = 9, 9
     if t > 0:
-        east = _level(before.ranges[t + 1, laser], centre, unit)
-        back = _level(before.ranges[t - 1, laser], centre, unit)
-    below = _level(means[6] // FINE, centre, unit)
+        east = level_of_value(before.ranges[t + 1, laser], centre, unit)
+        back = level_of_value(before.ranges[t - 1, laser], centre, unit)
+    below = level_of_value(means[6] // FINE, centre, unit)
     slope = level_of(image.held[c - 1, laser] - image.held[c - 2, laser], unit)
-    other = _level(model.other[laser], centre, unit)
+    other = level_of_value(model.other[laser], centre, unit)
     apart = level_of(means[8] // FINE - centre, max(unit // 4, 1))
     at[3] = starts[3] + (below * 9 + level_of(model.memory[0], unit)) * NODES
     at[4] = starts[4] + (east * 10 + back) * NODES

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
+from itertools import chain, zip_longest
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -38,7 +38,7 @@ from puckbench.puck.packet_kinds import (
     decode_kind,
     formats_of,
 )
-from puckbench.puck.records import Record, RecordKind, read_records, start
+from puckbench.puck.records import DAMAGED, Record, RecordKind, check, read_records, start
 from puckbench.puck.sqlite_pages import (
     LARGEST_PAGE,
     LINK_BYTES,
@@ -56,7 +56,6 @@ _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of the bytes of a recording: a constant, and more for each byte of the stream."""
 _FRAME_BYTES = 16
 """Limit of the bytes that state the length of a single gap; a decoder counts them too."""
-_DAMAGED = "the stream is damaged"
 
 Report = Callable[[int, int], None]
 """Called with the numbers of bytes that are done and of all bytes."""
@@ -139,16 +138,14 @@ def compress(
     with written_whole(out) as temporary, temporary.open("wb") as stream:
         summary.compressed = stream.write(start())
         formats = formats_of(recording)
-        for record in _records(data, formats, options, summary, report or _ignore):
+        for record in _records(
+            data, formats, options, summary, report or (lambda done, size: None)
+        ):
             size = stream.write(record.packed())
             name = record.kind.name.lower()
             summary.parts[name] = summary.parts.get(name, 0) + size
             summary.compressed += size
     return summary
-
-
-def _ignore(done: int, size: int) -> None:
-    pass
 
 
 def decompress(
@@ -166,7 +163,7 @@ def decompress(
     except OSError as error:
         raise unreadable(path, error) from error
     with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
-        return _restore(source, stream, _Limits(size, trusted), report or _ignore)
+        return _restore(source, stream, _Limits(size, trusted), report or (lambda done, size: None))
 
 
 def _check_different(source: Path, out: Path) -> None:
@@ -327,12 +324,10 @@ class _RecordingWriter:
     def start_pages(self, body: bytes) -> None:
         reader = Reader(body)
         page = reader.number()
-        if self._at or self._page or not SMALLEST_PAGE <= page <= LARGEST_PAGE:
-            raise InputError(_DAMAGED)
+        check(not self._at and not self._page and SMALLEST_PAGE <= page <= LARGEST_PAGE)
         content = page - LINK_BYTES
         links = decompress_bytes(reader, lambda size: self.admit(size // LINK_BYTES * content))
-        if len(links) % LINK_BYTES:
-            raise InputError(_DAMAGED)
+        check(len(links) % LINK_BYTES == 0)
         self._page, self._links = content, decode_links(links)
 
     def write(self, data: bytes) -> None:
@@ -340,8 +335,7 @@ class _RecordingWriter:
         while self._links is not None and remaining:
             number, within = divmod(self._at, self._page)
             if within == 0:
-                if number >= len(self._links):
-                    raise InputError(_DAMAGED)
+                check(number < len(self._links))
                 self._put(self._links[number].tobytes())
             part = remaining[: self._page - within]
             self._put(part)
@@ -359,7 +353,7 @@ class _RecordingWriter:
 def _restore(
     source: IO[bytes], stream: IO[bytes], limits: _Limits, report: Report
 ) -> RecordingSummary:
-    summary, packets = RecordingSummary(compressed=limits.size), _PacketDecoder()
+    summary, packets = RecordingSummary(compressed=limits.size), PacketsDecoder(2 * _WINDOW)
     writer = _RecordingWriter(stream, limits)
     summary.ranges = _all_ranges(source)
     limits.check(summary.ranges, limits.ranges, "ranges")
@@ -377,7 +371,12 @@ def _restore(
         elif record.kind == RecordKind.FIELDS:
             packets.add_fields(record.body)
         elif record.kind == RecordKind.GAPS:
-            summary.packets += packets.write(record.body, writer)
+            count, pieces = packets.take()
+            summary.packets += count
+            reader = Reader(record.body)
+            check(reader.number() == len(pieces))
+            gaps = decode_gaps(reader, len(pieces) + 1, writer.admit)
+            writer.write(b"".join(chain(*zip_longest(gaps, pieces, fillvalue=b""))))
         elif record.body != _end(writer):
             raise InputError("the stream is damaged, or holds no recording")
     report(limits.size, limits.size)
@@ -396,58 +395,6 @@ def _all_ranges(source: IO[bytes]) -> int:
             kind = decode_kind(record.body)
         elif record.kind == RecordKind.TURN:
             if kind is None:
-                raise InputError(_DAMAGED)
+                raise InputError(DAMAGED)
             ranges += count_values(kind, record.body)
     return ranges
-
-
-class _PacketDecoder:
-    def __init__(self) -> None:
-        self._packets: PacketsDecoder | None = None
-        self._waiting: list[tuple[Payloads, list[int]]] = []
-        self._bytes = 0
-
-    def start_layout(self, body: bytes) -> None:
-        self._check(is_whole=self._packets is None or not self._packets.is_waiting)
-        self._packets = PacketsDecoder(body)
-
-    def add_turn(self, body: bytes) -> int:
-        if self._packets is None:
-            raise InputError(_DAMAGED)
-        returns, payloads = self._packets.add_turn(body)
-        if payloads is not None:
-            self._keep(payloads, self._packets.pieces)
-        return returns
-
-    def add_fields(self, body: bytes) -> None:
-        if self._packets is None:
-            raise InputError(_DAMAGED)
-        self._keep(self._packets.add_fields(body), self._packets.pieces)
-
-    def _keep(self, payloads: Payloads, pieces: list[int]) -> None:
-        self._waiting.append((payloads, pieces))
-        self._bytes += payloads.size
-        self._check(is_whole=self._bytes <= 2 * _WINDOW)
-
-    def _check(self, *, is_whole: bool) -> None:
-        if not is_whole:
-            raise InputError(_DAMAGED)
-
-    def write(self, body: bytes, writer: _RecordingWriter) -> int:
-        self._check(is_whole=self._packets is None or not self._packets.is_waiting)
-        count, pieces = sum(len(payloads) for payloads, _ in self._waiting), list(self._pieces())
-        self._waiting, self._bytes = [], 0
-        reader = Reader(body)
-        if reader.number() != len(pieces):
-            raise InputError(_DAMAGED)
-        gaps = decode_gaps(reader, len(pieces) + 1, writer.admit)
-        writer.write(b"".join(part for pair in zip(gaps, pieces, strict=False) for part in pair))
-        writer.write(gaps[-1])
-        return count
-
-    def _pieces(self) -> Iterator[bytes]:
-        for payloads, sizes in self._waiting:
-            edges = np.cumsum([0, *sizes]).tolist()
-            for row in payloads:
-                packet = row.tobytes()
-                yield from (packet[first:end] for first, end in pairwise(edges))

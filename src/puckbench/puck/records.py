@@ -22,6 +22,12 @@ _PORTION = 1 << 20
 DAMAGED = "the stream is damaged or truncated"
 
 
+def check(is_valid: bool) -> None:
+    """Raise InputError, that a stream is damaged, if something is not valid."""
+    if not is_valid:
+        raise InputError(DAMAGED)
+
+
 class RecordKind(IntEnum):
     """Content of a record: end, layout, turn, bytes between packets, page links, beams, or further
     fields of the last turn's packets.
@@ -63,26 +69,22 @@ def read_records(stream: IO[bytes]) -> Iterator[Record]:
         record = _read_record(stream)
         yield record
         if record.kind == RecordKind.END:
-            if stream.read(1):
-                raise InputError(DAMAGED)
+            check(not stream.read(1))
             return
 
 
 def _read_record(stream: IO[bytes]) -> Record:
     kind = stream.read(1)
-    if not kind or kind[0] not in list(RecordKind):
-        raise InputError(DAMAGED)
+    check(bool(kind) and kind[0] in list(RecordKind))
     length, shift, more = 0, 0, True
     while more:
         byte = stream.read(1)
-        if not byte or shift > 28:
-            raise InputError(DAMAGED)
+        check(bool(byte) and shift <= 28)
         length |= (byte[0] & 127) << shift
         shift, more = shift + 7, byte[0] >= 128
     content = _read(stream, length + _CHECKSUM_BYTES if length else 0)
     body = content[_CHECKSUM_BYTES:]
-    if len(body) != length or content != _with_checksum(kind[0], body):
-        raise InputError(DAMAGED)
+    check(len(body) == length and content == _with_checksum(kind[0], body))
     return Record(RecordKind(kind[0]), body)
 
 

@@ -14,7 +14,16 @@ import numpy as np
 from puckbench.coding.binary_coder import BitCoder, exhausted
 from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
-from puckbench.puck.experts import FINE, Experts, begin, learn, narrow, new_experts, write_logits
+from puckbench.puck.experts import (
+    FINE,
+    Experts,
+    begin,
+    first_scales,
+    learn,
+    narrow,
+    new_experts,
+    write_logits,
+)
 from puckbench.puck.least_squares import (
     LeastSquares,
     learn_target,
@@ -59,24 +68,21 @@ class ReflectivityContext(NamedTuple):
 
 def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> ReflectivityModel:
     """Return a new model; a `lean` one has few contexts and takes a quarter of the time."""
-    sizes = np.array([lasers * 2, 257, 257, 257, 32 * 33, 32 * 33, 256 * 5, 32 * 32, 16 * 33])
+    sizes = np.array([lasers * 2, 257, 257, 32 * 33, 32 * 32, 257, 32 * 33, 256 * 5, 16 * 33])
     sizes *= _TREE
     zeros = np.zeros(lasers, np.int64)
-    level = np.arange(_LEVELS) + 4
-    usual = (1 << level // 2) * (2 + level % 2) * 128
     experts, contexts, sets = (0, _LEAN_CONTEXTS, 1) if lean else (_EXPERTS, _CONTEXTS, 2)
     return ReflectivityModel(
         new_mixer(bits, MixerOptions(
-            experts=0, contexts=3, counters=lasers * 32 + lasers * 16 + 1024, rows=16,
-            weights=[0.4] * 3, learning_rate=14, final_learning_rate=3, memory=160,
+            contexts=3, counters=lasers * 32 + lasers * 16 + 1024, rows=16, weights=[0.4] * 3,
         )),
         new_mixer(bits, MixerOptions(
             experts=experts, contexts=contexts, counters=int(sizes.sum()),
             rows=_TREE + 9 * _LEVELS, weights=[0.3 if lean else 0.2] * (experts + contexts),
-            learning_rate=14, final_learning_rate=2, memory=160, sets=sets,
+            final_learning_rate=2, sets=sets,
         )),
         np.cumsum(sizes) - sizes,
-        new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
+        new_experts(np.tile(first_scales(_LEVELS, 4), (_EXPERTS, 1)), _EXPERTS),
         new_least_squares(1, _FEATURES),
         zeros, zeros + 8 * FINE, zeros.copy(),
         np.zeros(1, np.int64),
@@ -139,33 +145,26 @@ def _code_byte(
     if t > 0 and turn.then_ranges[t, laser] > 0:
         then = int(turn.then[t, laser]) + 1
     returned = 1 if turn.ranges[c, laser] > 0 else 0
+    at, west_value = mixer.contexts, max(west - 1, 0)
+    at[0] = starts[0] + (laser * 2 + returned) * _TREE
+    at[1] = starts[1] + west * _TREE
+    at[2] = starts[2] + then * _TREE
+    at[3] = starts[3] + ((west_value >> 3) * 33 + ((then + 7) >> 3)) * _TREE
+    at[4] = starts[4] + ((west_value >> 3) * 32 + (max(west2 - 1, 0) >> 3)) * _TREE
     if len(mixer.sizes.contexts) < _CONTEXTS:
-        at = mixer.contexts
-        at[0] = starts[0] + (laser * 2 + returned) * _TREE
-        at[1] = starts[1] + west * _TREE
-        at[2] = starts[2] + then * _TREE
-        at[3] = starts[4] + (max(west - 1, 0) >> 3) * 33 * _TREE + ((then + 7) >> 3) * _TREE
-        at[4] = starts[7] + ((max(west - 1, 0) >> 3) * 32 + (max(west2 - 1, 0) >> 3)) * _TREE
         return _code_lean(mixer, int(turn.values[c, laser]))
     _write_features(model, turn, c, laser, t, west)
     means = model.experts.means
     first = predicted(model.linear, 0)
-    means[0] = max(FINE * max(west - 1, 0) + first, 1) if west > 0 else 0
+    means[0] = max(FINE * west_value + first, 1) if west > 0 else 0
     means[1] = FINE * (then - 1) + 1 if then > 0 else 0
     means[2] = FINE * (west - 1) + 1 if west > 0 else 0
     means[3] = FINE * (guess - 1) + 1 if guess > 0 else 0
     level = min(max(halves(model.error[laser]) - 4, 0), _LEVELS - 1)
     begin(model.experts, level)
-    change = _change(turn, c, laser)
-    at = mixer.contexts
-    at[0] = starts[0] + (laser * 2 + returned) * _TREE
-    at[1] = starts[1] + west * _TREE
-    at[2] = starts[2] + then * _TREE
-    at[3] = starts[3] + below * _TREE
-    at[4] = starts[4] + (max(west - 1, 0) >> 3) * 33 * _TREE + ((then + 7) >> 3) * _TREE
-    at[5] = starts[5] + (max(west - 1, 0) >> 3) * 33 * _TREE + ((below + 7) >> 3) * _TREE
-    at[6] = starts[6] + (max(west - 1, 0) * 5 + change) * _TREE
-    at[7] = starts[7] + ((max(west - 1, 0) >> 3) * 32 + (max(west2 - 1, 0) >> 3)) * _TREE
+    at[5] = starts[5] + below * _TREE
+    at[6] = starts[6] + ((west_value >> 3) * 33 + ((below + 7) >> 3)) * _TREE
+    at[7] = starts[7] + (west_value * 5 + _change(turn, c, laser)) * _TREE
     at[8] = starts[8] + (level * 33 + min(max(means[0] // (8 * FINE), 0), 32)) * _TREE
     node, low, high, depth = 1, 0, 256, 0
     while high - low > 1:

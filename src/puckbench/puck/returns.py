@@ -9,7 +9,7 @@ from puckbench.lidar.returns import Returns
 from puckbench.lidar.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
 from puckbench.puck import turns
 from puckbench.puck.options import CodingOptions
-from puckbench.puck.records import DAMAGED, Record, RecordKind, join_records, read_records
+from puckbench.puck.records import Record, RecordKind, check, join_records, read_records
 from puckbench.puck.stream import check_ranges, count_ranges
 from puckbench.puck.turns import TurnDecoder, TurnEncoder, turn_step
 
@@ -51,7 +51,9 @@ def _read(stream: bytes) -> tuple[Returns, list[bytes]]:
     records = read_records(BytesIO(stream))
     layout = decode_layout(_body(records, RecordKind.LAYOUT))[0]
     without_turns = decode_beams(_body(records, RecordKind.BEAMS), layout)
-    bodies = [_turn_body(record) for record in records if record.kind != RecordKind.END]
+    *turns, _ = records
+    check(all(record.kind == RecordKind.TURN for record in turns))
+    bodies = [record.body for record in turns]
     check_ranges(sum(count_ranges(layout, body) for body in bodies), len(stream))
     return without_turns, bodies
 
@@ -60,10 +62,4 @@ def _body(records: Iterator[Record], kind: RecordKind) -> bytes:
     record = next(records)
     if record.kind != kind:
         raise InputError("not a stream of returns; decompress a compressed recording first")
-    return record.body
-
-
-def _turn_body(record: Record) -> bytes:
-    if record.kind != RecordKind.TURN:
-        raise InputError(DAMAGED)
     return record.body

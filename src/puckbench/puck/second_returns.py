@@ -30,12 +30,11 @@ def new_second_return_model(
     bits: BitCoder, lasers: int, step: int, farthest: int
 ) -> SecondReturnModel:
     same = MixerOptions(
-        experts=0, contexts=3, counters=1024 + lasers * 8 + 640, rows=_SAME_ROWS,
-        weights=[0.4] * 3, learning_rate=14, final_learning_rate=3, memory=160,
-    )  # fmt: skip
+        contexts=3, counters=1024 + lasers * 8 + 640, rows=_SAME_ROWS, weights=[0.4] * 3
+    )
     value = MixerOptions(
         experts=4, contexts=2, counters=65 * NODES, rows=NODES, weights=[0.3] * 4 + [0.2] * 2,
-        learning_rate=16, final_learning_rate=4, memory=160,
+        learning_rate=16, final_learning_rate=4,
     )  # fmt: skip
     scales = np.full((4, 1), _FIRST_SCALE, np.int32)
     return SecondReturnModel(
@@ -123,13 +122,10 @@ def _code_other(
         means[3] = FINE * (ranges[c, laser - 1] + step)
     begin(model.experts, 0)
     m = model.value
-    available = (
-        int(means[1] > 0) + 2 * int(means[2] > 0) + 4 * int(means[3] > 0) + 8 * int(means[0] > 0)
-    )
+    available = (means[1] > 0) + 2 * (means[2] > 0) + 4 * (means[3] > 0) + 8 * (means[0] > 0)
     m.contexts[0], m.contexts[1], m.rows[0] = 0, (1 + available) * NODES, 0
-    centre = 1
     unit = max(16 // step, 1)
-    coded = code_number(m, model.experts, number, centre, unit, step, model.farthest)
+    coded = code_number(m, model.experts, number, 1, unit, step, model.farthest)
     if coded > 0:
         learn(model.experts, 0, FINE * step * coded, 4)
     return coded

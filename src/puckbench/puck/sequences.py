@@ -28,10 +28,8 @@ class SequenceModel(NamedTuple):
 
 def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
     counters = _NODES * (16 + 81 + 9 * 16 + 81 + 243)
-    options = MixerOptions(
-        experts=0, contexts=_CONTEXTS, counters=counters, rows=_NODES, weights=[0.3] * _CONTEXTS,
-        learning_rate=14, final_learning_rate=3, memory=160,
-    )  # fmt: skip
+    weights = [0.3] * _CONTEXTS
+    options = MixerOptions(contexts=_CONTEXTS, counters=counters, rows=_NODES, weights=weights)
     mixer = new_mixer(bits, options)
     return SequenceModel(mixer, np.zeros(10, np.int64), np.zeros(4, np.int64), modulus)
 

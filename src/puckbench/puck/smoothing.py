@@ -14,7 +14,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import compiled_in_place, inlined
+from puckbench.core.compiling import compiled_in_place
+from puckbench.geometry.cholesky import factorise, solve, substitute
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.turns import Turn
@@ -164,52 +165,20 @@ def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
     labels, vectors = planes
     lasers, most = len(labels), 3 * std
     counts = np.zeros(len(vectors), np.int64)
-    _count(image.ranges, image.rows, labels, vectors, most, counts)
+    _count(image, labels, vectors, most, counts)
     large = np.flatnonzero(counts >= _BIAS_SUPPORT)
     places = np.full(len(vectors), -1, np.int64)
     places[large] = np.arange(len(large))
     products, mixed = np.zeros((len(large), 3, 4)), np.zeros((len(large), lasers, 3))
     numbers, targets = np.zeros(lasers), np.zeros(lasers)
-    _sum_by_laser(
-        image.ranges, image.rows, labels, vectors, most, places, products, mixed, numbers, targets
-    )
+    _sum_by_laser(image, labels, vectors, most, places, products, mixed, numbers, targets)
     matrix, right = np.diag(numbers), targets
     _eliminate(products, mixed, matrix, right)
     weight = 1 / (std * std * _CORRELATED)
     solution = weight * right
-    _solve(weight * matrix + np.eye(lasers) / _BIAS_M**2, solution)
+    solve(weight * matrix + np.eye(lasers) / _BIAS_M**2, solution)
     biases: Floats = np.asarray(solution.mean() - solution)
     return biases if np.isfinite(biases).all() else np.zeros(lasers)
-
-
-@inlined
-def _factorise(matrix: Floats) -> None:
-    # Unlike these loops, linear algebra libraries round differently on other processors.
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            residual = matrix[i, j]
-            for k in range(j):
-                residual -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(residual) if i == j else residual / matrix[j, j]
-
-
-@inlined
-def _substitute(factor: Floats, right: Floats) -> None:
-    """Solve factor . x = right in place; the factor is lower triangular."""
-    for i in range(len(right)):
-        for k in range(i):
-            right[i] -= factor[i, k] * right[k]
-        right[i] /= factor[i, i]
-
-
-@_loop
-def _solve(matrix: Floats, right: Floats) -> None:
-    _factorise(matrix)
-    _substitute(matrix, right)
-    for i in range(len(right) - 1, -1, -1):
-        for k in range(i + 1, len(right)):
-            right[i] -= matrix[k, i] * right[k]
-        right[i] /= matrix[i, i]
 
 
 @_loop
@@ -219,10 +188,10 @@ def _eliminate(products: Floats, mixed: Floats, matrix: Floats, right: Floats) -
         ridge = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])
         for i in range(3):
             normal[i, i] += ridge
-        _factorise(normal)
-        _substitute(normal, target)
+        factorise(normal, -np.inf)
+        substitute(normal, target)
         for laser in range(len(right)):
-            _substitute(normal, slopes[laser])
+            substitute(normal, slopes[laser])
             for i in range(3):
                 right[laser] -= slopes[laser, i] * target[i]
                 for other in range(laser + 1):
@@ -230,14 +199,8 @@ def _eliminate(products: Floats, mixed: Floats, matrix: Floats, right: Floats) -
 
 
 @_loop
-def _count(
-    ranges: Floats,
-    rows: Floats,
-    labels: Labels,
-    planes: Floats,
-    most: float,
-    counts: Places,
-) -> None:
+def _count(image: RangeRows, labels: Labels, planes: Floats, most: float, counts: Places) -> None:
+    ranges, rows = image
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             plane = labels[laser, column]
@@ -249,17 +212,10 @@ def _count(
 
 @_loop
 def _sum_by_laser(
-    ranges: Floats,
-    rows: Floats,
-    labels: Labels,
-    planes: Floats,
-    most: float,
-    places: Places,
-    products: Floats,
-    mixed: Floats,
-    numbers: Floats,
-    targets: Floats,
-) -> None:
+    image: RangeRows, labels: Labels, planes: Floats, most: float, places: Places,
+    products: Floats, mixed: Floats, numbers: Floats, targets: Floats,
+) -> None:  # fmt: skip
+    ranges, rows = image
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             plane = labels[laser, column]
@@ -281,16 +237,9 @@ def _sum_by_laser(
 
 @_loop
 def _estimate(
-    ranges: Floats,
-    directions: Floats,
-    origins: Floats,
-    labels: Labels,
-    planes: Floats,
-    std: float,
-    limit: float,
-    spread: Floats,
-    smoothed: Floats,
-) -> None:
+    ranges: Floats, directions: Floats, origins: Floats, labels: Labels, planes: Floats, std: float,
+    limit: float, spread: Floats, smoothed: Floats,
+) -> None:  # fmt: skip
     """Move the ranges in `smoothed` towards their planes by at most `limit`.
 
     `spread` (planes, 2) gets each plane's number of returns and sum of squared errors.

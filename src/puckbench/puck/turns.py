@@ -5,6 +5,7 @@ A key turn can be decoded alone; other turns continue with the previous turn's a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -307,9 +308,16 @@ def _code_turn(
 
 
 def _code_numbers(model: SequenceModel, numbers: Ints, parts: Parts) -> SequenceModel:
-    bits = parts.open(64 * len(numbers))
+    return _code_part(parts, model, 64 * len(numbers), code_sequence, numbers)
+
+
+def _code_part(
+    parts: Parts, model: _Model, most_decisions: int, code: Callable[..., bool], *arguments: Any
+) -> _Model:
+    """Encode or decode a part of a turn by ``code(model, *arguments)``; return the model."""
+    bits = parts.open(most_decisions)
     model = with_coder(model, bits)
-    parts.close(bits, code_sequence(model, numbers))
+    parts.close(bits, code(model, *arguments))
     return model
 
 
@@ -369,22 +377,19 @@ def _code_kinds(
         for rows, earlier in zip(image, previous.strongest, strict=True):
             rows[:PAD] = earlier[-PAD:]
         before = RangeContext(*map(extended, previous.strongest))
-    bits = parts.open(decisions)
-    state.ranges = with_coder(state.ranges, bits)
-    parts.close(bits, code_ranges(state.ranges, image, before, nearest, sources[0]))
+    state.ranges = _code_part(
+        parts, state.ranges, decisions, code_ranges, image, before, nearest, sources[0]
+    )
     ranges = [image.ranges]
     if layout.kinds == 2:
         second, before_kinds = np.zeros_like(sources[1]), [before.ranges, before.ranges]
         if previous is not None:
             second[:PAD] = previous.ranges[1][-PAD:]
             before_kinds = list(map(extended, previous.ranges))
-        bits = parts.open(decisions)
-        state.second = with_coder(state.second, bits)
-        is_complete = code_second_returns(
-            state.second, second, image.ranges, before_kinds[1], before_kinds[0], nearest,
-            sources[1], sources[0],
+        state.second = _code_part(
+            parts, state.second, decisions, code_second_returns,
+            second, image.ranges, *before_kinds[::-1], nearest, *sources[::-1],
         )  # fmt: skip
-        parts.close(bits, is_complete)
         ranges.append(second)
     return _CodedTurn(azimuths, image, ranges)
 
@@ -412,24 +417,21 @@ def _code_all_reflectivities(
         if kind == 1:
             is_same = ranges == coded.ranges[0]
             guesses = np.where(is_same, coded.reflectivities[0] + 1, 0).astype(np.int32)
-        bits = parts.open(len(kind_values) * layout.lasers * 9)
-        model = state.reflectivities[kind] = with_coder(state.reflectivities[kind], bits)
         context = ReflectivityContext(kind_values, held, ranges, before, before_ranges, guesses)
-        parts.close(bits, code_reflectivities(model, context, nearest))
+        state.reflectivities[kind] = _code_part(
+            parts, state.reflectivities[kind], 9 * kind_values.size, code_reflectivities,
+            context, nearest,
+        )  # fmt: skip
         coded.reflectivities.append(kind_values)
         coded.held.append(held)
 
 
 def padded(values: Values) -> Words:
-    padded = np.zeros((PAD + len(values), values.shape[1]), np.int32)
-    padded[PAD:] = values
-    return padded
+    return np.pad(values.astype(np.int32, "C"), ((PAD, 0), (0, 0)))
 
 
 def extended(values: Words) -> Words:
-    extended = np.zeros((len(values) + PAD, values.shape[1]), np.int32)
-    extended[: len(values)] = values
-    return extended
+    return np.pad(values, ((0, PAD), (0, 0)))
 
 
 def nearest_columns(azimuths: Ints, previous: Ints | None, layout: Layout) -> Ints:
