@@ -1,15 +1,15 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import exhausted, read_to_its_end, written
+from puckbench.coding.context_mixing import Mixer
 from puckbench.core.errors import InputError
 from puckbench.gpcc.lossless import decode_voxels, encode_voxels
 from puckbench.learned.device import device_of
@@ -40,7 +40,6 @@ from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.learned.sparse.voxels import (
     AXIS_BITS,
     Keys,
-    VoxelSet,
     children_voxels,
     keys_of_slots,
     morton_keys,
@@ -50,18 +49,8 @@ from puckbench.learned.sparse.voxels import (
     unique_keys,
 )
 
-F = TypeVar("F")
 _MAX_TOP = 64
 """Maximum voxels of the top level, where the network begins; coarser levels take few bits."""
-
-Code = Callable[[LevelState, int, bool, Rows, Frequencies], Symbols]
-"""Function that codes and returns the first or second symbols of some rows of a group."""
-
-
-class DecodingLimits(NamedTuple):
-    voxels: int  # of a level
-    nodes: int  # of all levels except the finest
-    has_more: Callable[[], bool]  # whether the stream has not ended yet
 
 
 @dataclass(frozen=True)
@@ -72,56 +61,57 @@ class OctreeNetCoder:
     threads: int | None = None
 
     def encode(self, keys: Keys) -> CodedPart:
-        sets = [keys]
-        while len(sets[-1]) > _MAX_TOP:
-            sets.append(parents_of(sets[-1])[0])
-        nodes = sum(map(len, sets[1:]))
+        levels = [keys]
+        while len(levels[-1]) > _MAX_TOP:
+            levels.append(parents_of(levels[-1])[0])
+        *finer, top = levels
+        nodes = sum(map(len, levels[1:]))
         mixer = writer(nodes)
-        symbol_chunks = chain.from_iterable(map(_symbol_chunks, sets[:0:-1], sets[-2::-1]))
-
-        def code(
-            level: LevelState, group: int, second: bool, rows: Rows, predicted: Frequencies
-        ) -> Symbols:
-            symbols = next(symbol_chunks)
-            code_symbols(mixer, level, group, second, rows, symbols, predicted)
-            return symbols
-
-        limits = DecodingLimits(len(keys), nodes, lambda: True)
-        self._traverse(sets[-1], len(sets) - 1, code, limits)
-        top = encode_voxels(morton_voxels(sets[-1]))
-        part = CodedPart(len(keys), len(sets) - 1, top, written(mixer.bits))
+        self._traverse(mixer, top, len(finer), len(keys), nodes, finer)
+        coded_top = encode_voxels(morton_voxels(top))
+        part = CodedPart(len(keys), len(finer), coded_top, written(mixer.bits))
         if nodes > max_nodes(part):
             raise InputError(f"the cloud's octree has {nodes} nodes, too many for its bytes")
         return part
 
     def decode(self, part: CodedPart) -> Keys:
         mixer = reader(part.symbols)
-
-        def code(
-            level: LevelState, group: int, second: bool, rows: Rows, predicted: Frequencies
-        ) -> Symbols:
-            symbols = np.zeros(len(rows), dtype=np.uint8)
-            code_symbols(mixer, level, group, second, rows, symbols, predicted)
-            return symbols
-
-        limits = DecodingLimits(part.count, max_nodes(part), lambda: not exhausted(mixer.bits))
-        keys = self._traverse(_top_keys(part), part.levels, code, limits)
+        keys = self._traverse(mixer, _top_keys(part), part.levels, part.count, max_nodes(part))
         if len(keys) != part.count or not read_to_its_end(mixer.bits):
             raise InputError("the stream is damaged (its number of voxels)")
         return keys
 
-    def _traverse(self, top: Keys, levels: int, code: Code, limits: DecodingLimits) -> Keys:
-        nodes = 0
+    def _traverse(
+        self, mixer: Mixer, keys: Keys, levels: int, max_voxels: int, nodes_left: int,
+        finer: Sequence[Keys] = (),
+    ) -> Keys:  # fmt: skip
+        """Code the levels below the top level, and return the finest level's keys.
+
+        An encoder gives the keys of the coded levels in `finer`, finest first.
+        """
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
-            voxels = pyramid(top, 0)[0][0]
-            level = OctreeLevel(network, pool, voxels, network.root_features(len(top)))
-            for depth in range(levels, 0, -1):
-                nodes += len(level.voxels)
-                if nodes > limits.nodes or not limits.has_more():
+            voxels, features = pyramid(keys, 0)[0][0], network.root_features(len(keys))
+            for depth in range(levels - 1, -1, -1):
+                nodes_left -= len(voxels)
+                if nodes_left < 0 or exhausted(mixer.bits):
                     raise InputError("the stream is damaged (its octree)")
-                level = level.next(code, limits.voxels, last=depth == 1)
-        return level.voxels.keys
+                symbols = np.zeros((2, len(voxels)), dtype=np.uint8)
+                if finer:
+                    symbols[:] = symbols_of(finer[depth])
+                features = network.convolved(features, voxels.neighbours, pool)
+                state = empty_state(voxels.neighbours)
+                for number, rows in enumerate(groups_of(voxels.keys)):
+                    group = network.group(number, rows, features, voxels.neighbours)
+                    _code_group(mixer, state, group, number, rows, symbols, pool)
+                slots = slots_of(*symbols)
+                if len(slots) > max_voxels or not symbols.any(axis=0).all():
+                    raise InputError("the stream is damaged (its number of voxels)")
+                keys = keys_of_slots(voxels.keys, slots)
+                if depth:
+                    features = network.child_features(features, slots, pool)
+                    voxels = children_voxels(voxels, keys, pool)
+        return keys
 
 
 def network_of(model: OctreeNet) -> LevelPredictor[Any]:
@@ -130,73 +120,33 @@ def network_of(model: OctreeNet) -> LevelPredictor[Any]:
     return DevicePredictor(model)
 
 
-@dataclass(frozen=True)
-class OctreeLevel(Generic[F]):
-    network: LevelPredictor[F]
-    pool: ThreadPool
-    voxels: VoxelSet
-    features: F
+def _code_group(
+    mixer: Mixer, state: LevelState, group: VoxelGroup, number: int, rows: Rows, symbols: Symbols,
+    pool: ThreadPool,
+) -> None:  # fmt: skip
+    """Encode a level's symbols (2, n) at the rows of a group, or decode them in place.
 
-    def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Encode or decode the next finer level; if that is the `last`, compute only its keys."""
-        features, slots = self._code_children(code)
-        if len(slots) > max_voxels:
-            raise InputError("the stream is damaged (its number of voxels)")
-        keys = keys_of_slots(self.voxels.keys, slots)
-        if last:
-            return OctreeLevel(self.network, self.pool, _without_neighbours(keys), features)
-        child_features = self.network.child_features(features, slots, self.pool)
-        voxels = children_voxels(self.voxels, keys, self.pool)
-        return OctreeLevel(self.network, self.pool, voxels, child_features)
+    Meanwhile other threads predict the next chunks.
+    """
 
-    def _code_children(self, code: Code) -> tuple[F, Rows]:
-        """Code children; return updated features and children's slots (8 * row + child)."""
-        table = self.voxels.neighbours
-        features = self.network.convolved(self.features, table, self.pool)
-        symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)
-        for number, rows in enumerate(groups_of(self.voxels.keys)):
-            group = self.network.group(number, rows, features, table)
-            self._code_group(group, state, symbols, code)
-        if (symbols == 0).all(axis=0).any():
-            raise InputError("the stream is damaged (a voxel without children)")
-        return features, slots_of(*symbols)
+    def predict_first(chunk: slice) -> Frequencies:
+        find_neighbourhood(state, rows[chunk])
+        return group.predict_first(chunk)
 
-    def _code_group(
-        self, group: VoxelGroup, state: LevelState, symbols: Symbols, code: Code
-    ) -> None:
-        """Encode or decode a group's symbols while other threads predict the next chunks."""
+    def code(half: int, chunk: slice, frequencies: Frequencies) -> Symbols:
+        coded: Symbols = symbols[half, rows[chunk]]
+        code_symbols(mixer, state, number, half == 1, rows[chunk], coded, frequencies)
+        symbols[half, rows[chunk]] = coded
+        return coded
 
-        def predict_first(chunk: slice) -> Frequencies:
-            find_neighbourhood(state, group.rows[chunk])
-            return group.predict_first(chunk)
-
-        chunks, submit = chunks_of(len(group.rows)), self.pool.submit
-        rows = [group.rows[chunk] for chunk in chunks]
-        predictions = [submit(partial(predict_first, chunk)) for chunk in chunks]
+    chunks = chunks_of(len(rows))
+    results: list[Callable[[], Any]] = [pool.submit(partial(predict_first, c)) for c in chunks]
+    for half, following in enumerate((group.predict_second, group.update)):
         for i, chunk in enumerate(chunks):
-            first = symbols[0, rows[i]] = code(
-                state, group.number, False, rows[i], predictions[i]()
-            )
-            predictions[i] = submit(partial(group.predict_second, chunk, first))
-        updates = []
-        for i, chunk in enumerate(chunks):
-            second = symbols[1, rows[i]] = code(
-                state, group.number, True, rows[i], predictions[i]()
-            )
-            updates.append(submit(partial(group.update, chunk, second)))
-        for wait in updates:
-            wait()
-
-
-def _symbol_chunks(keys: Keys, children: Keys) -> Iterator[Symbols]:
-    first, second = symbols_of(children)
-    for rows in groups_of(keys):
-        for symbols in (first, second):
-            yield from (symbols[rows[chunk]] for chunk in chunks_of(len(rows)))
-
-
-def _without_neighbours(keys: Keys) -> VoxelSet:
-    return VoxelSet(keys, np.empty((0, 0), dtype=np.int32))
+            coded = code(half, chunk, results[i]())
+            results[i] = pool.submit(partial(following, chunk, coded))
+    for wait in results:
+        wait()
 
 
 def _top_keys(part: CodedPart) -> Keys:

@@ -6,7 +6,7 @@ Sums are exact (see `fixed_point`): frequencies equal those of the compiled laye
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import torch
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from puckbench.learned.device import device_of
 from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.layers import Rows
-from puckbench.learned.octree_net.model import OctreeNet, SymbolHead, as_index
+from puckbench.learned.octree_net.model import OctreeNet, as_index
 from puckbench.learned.octree_net.symbols import Frequencies, Symbols, powers_of_two
 from puckbench.learned.sparse.convolution import Neighbourhood, neighbourhood_of
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
@@ -23,49 +23,33 @@ from puckbench.learned.sparse.thread_pool import ThreadPool
 from puckbench.learned.sparse.voxels import NeighbourTable
 
 
-@dataclass
-class DeviceFeatures:
-    all: Tensor
-    neighbourhood: Neighbourhood | None = None
-
-
 class DevicePredictor:
+    """Predictor by the layers of a model whose parameters need no gradients."""
+
     def __init__(self, model: OctreeNet) -> None:
         self.model, self._device = model, device_of(model)
         self._powers = torch.from_numpy(powers_of_two()).to(self._device)
+        self._neighbourhood: Neighbourhood  # of the level's voxels
 
-    def root_features(self, count: int) -> DeviceFeatures:
-        return DeviceFeatures(self.model.root_features(count).detach())
+    def root_features(self, count: int) -> Tensor:
+        return self.model.root_features(count)
 
-    @torch.no_grad()
-    def convolved(
-        self, features: DeviceFeatures, table: NeighbourTable, pool: ThreadPool
-    ) -> DeviceFeatures:
-        neighbourhood = neighbourhood_of(table, voxel_kernel_map(), pool, self._device)
-        return DeviceFeatures(self.model.convolved(features.all, neighbourhood), neighbourhood)
+    def convolved(self, features: Tensor, table: NeighbourTable, pool: ThreadPool) -> Tensor:
+        self._neighbourhood = neighbourhood_of(table, voxel_kernel_map(), pool, self._device)
+        return self.model.convolved(features, self._neighbourhood)
 
-    @torch.no_grad()
     def group(
-        self, number: int, rows: Rows, features: DeviceFeatures, table: NeighbourTable
+        self, number: int, rows: Rows, features: Tensor, table: NeighbourTable
     ) -> DeviceGroup:
-        index, neighbourhood = (
-            as_index(rows, features.all),
-            cast(Neighbourhood, features.neighbourhood),
-        )
-        selected = self.model.group_features(number, features.all, index, neighbourhood)
-        return DeviceGroup(self, number, rows, index, features, selected)
+        index = as_index(rows, features)
+        selected = self.model.group_features(number, features, index, self._neighbourhood)
+        return DeviceGroup(self, number, index, features, selected)
 
-    @torch.no_grad()
-    def child_features(
-        self, features: DeviceFeatures, slots: Rows, pool: ThreadPool
-    ) -> DeviceFeatures:
-        return DeviceFeatures(
-            self.model.child_features(features.all, as_index(slots, features.all))
-        )
+    def child_features(self, features: Tensor, slots: Rows, pool: ThreadPool) -> Tensor:
+        return self.model.child_features(features, as_index(slots, features))
 
-    @torch.no_grad()
-    def frequencies(self, heads: nn.ModuleList, number: int, features: Tensor) -> Frequencies:
-        units = cast(SymbolHead, heads[number])(features) * UNITS
+    def frequencies(self, head: nn.Module, features: Tensor) -> Frequencies:
+        units = head(features) * UNITS
         below = (units.amax(dim=1, keepdim=True) - units).clamp_max(len(self._powers) - 1)
         result: NDArray[Any] = self._powers[below.long()].cpu().numpy()
         return result
@@ -75,26 +59,20 @@ class DevicePredictor:
 class DeviceGroup:
     network: DevicePredictor
     number: int
-    rows: Rows
     index: Tensor
-    features: DeviceFeatures
+    features: Tensor
     group_features: Tensor
 
     def predict_first(self, chunk: slice) -> Frequencies:
-        heads = self.network.model.first_heads
-        return self.network.frequencies(heads, self.number, self.group_features[chunk])
+        head = self.network.model.first_heads[self.number]
+        return self.network.frequencies(head, self.group_features[chunk])
 
-    @torch.no_grad()
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        model = self.network.model
-        self.group_features[chunk] = model.with_first(
-            self.group_features[chunk], as_index(first, self.group_features)
-        )
-        return self.network.frequencies(model.second_heads, self.number, self.group_features[chunk])
+        model, features = self.network.model, self.group_features[chunk]
+        features[:] = model.with_first(features, as_index(first, features))
+        return self.network.frequencies(model.second_heads[self.number], features)
 
-    @torch.no_grad()
     def update(self, chunk: slice, second: Symbols) -> None:
-        updated = self.network.model.with_second(
-            self.group_features[chunk], as_index(second, self.group_features)
-        )
-        self.features.all[self.index[chunk]] = updated
+        features = self.group_features[chunk]
+        updated = self.network.model.with_second(features, as_index(second, features))
+        self.features[self.index[chunk]] = updated

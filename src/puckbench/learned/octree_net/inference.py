@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from puckbench.learned.octree_net.fixed_point import (
     MAX_ACTIVATION,
+    MAX_RESIDUAL,
     UNITS,
     WEIGHT_UNITS,
     quantised,
@@ -19,9 +20,7 @@ from puckbench.learned.octree_net.layers import (
     Floats32,
     Rows,
     convolution,
-    embedding,
     head,
-    scattering,
     upsampling,
 )
 from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, SymbolHead
@@ -38,12 +37,6 @@ F = TypeVar("F")
 
 class VoxelGroup(Protocol):
     """Voxels of a level that are coded together, in chunks."""
-
-    @property
-    def number(self) -> int: ...
-
-    @property
-    def rows(self) -> Rows: ...
 
     def predict_first(self, chunk: slice) -> Frequencies: ...
 
@@ -82,8 +75,8 @@ class CompiledPredictor:
     root: Floats32  # features of a voxel of the top level
     convolutions: list[Matrix]  # before the first group
     group_convolutions: list[Matrix]  # before each of the other groups
-    # hidden and last layer for first and second symbols, for each group
-    heads: list[list[tuple[Matrix, Matrix]]]
+    # hidden and last layer (two matrices) for first and second symbols, for each group
+    heads: list[list[tuple[Floats32, ...]]]
     embeddings: list[Floats32]  # of first and of second symbols
     upsampling: Matrix  # from parents to children
 
@@ -103,12 +96,13 @@ class CompiledPredictor:
     ) -> CompiledFeatures:
         rows = np.arange(table.shape[1])
         result = CompiledFeatures(np.empty_like(features.all), np.empty_like(features.all))
-        convolve, scatter = convolution(self.channels), scattering(self.channels)
+        convolve = convolution(self.channels)
 
         def work(chunk: slice, _: Scratch) -> None:
             first, last = chunk.start, chunk.stop
             convolve(table, features.all, features.active, rows, first, last, *layer, result.all)
-            scatter(result.all, first, last, rows, result.all, result.active)
+            span = slice(first * self.channels, last * self.channels)
+            np.clip(result.all[span], 0, MAX_ACTIVATION, out=result.active[span])
 
         pool.map_chunks(len(rows), _CHUNK_ROWS, work)
         return result
@@ -147,11 +141,9 @@ def compiled_network(model: OctreeNet) -> CompiledPredictor:
     )
 
 
-def _heads(heads: nn.ModuleList) -> list[tuple[Matrix, Matrix]]:
-    symbol_heads = [cast(SymbolHead, symbol_head) for symbol_head in heads]
-    return [
-        (_matrix(symbol_head.hidden), _matrix(symbol_head.logits)) for symbol_head in symbol_heads
-    ]
+def _heads(heads: nn.ModuleList) -> list[tuple[Floats32, ...]]:
+    symbol_heads = (cast(SymbolHead, symbol_head) for symbol_head in heads)
+    return [(*_matrix(each.hidden), *_matrix(each.logits)) for each in symbol_heads]
 
 
 def _matrices(layers: nn.ModuleList) -> list[Matrix]:
@@ -184,36 +176,30 @@ class CompiledGroup:
                 *self.network.group_convolutions[self.number - 1], self.group_features,
             )  # fmt: skip
         else:
-            level_features = features.all.reshape(-1, channels)
-            self.group_features.reshape(-1, channels)[chunk] = level_features[self.rows[chunk]]
+            self._rows(self.group_features)[chunk] = self._rows(features.all)[self.rows[chunk]]
         return self._predict(0, chunk)
 
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        self._embed(0, chunk, first)
+        self._embedded(0, chunk, first)
         return self._predict(1, chunk)
 
     def update(self, chunk: slice, second: Symbols) -> None:
-        self._embed(1, chunk, second)
-        scatter, features = scattering(self.network.channels), self.features
-        scatter(
-            self.group_features, chunk.start, chunk.stop, self.rows, features.all, features.active
-        )
+        features, rows = self._embedded(1, chunk, second), self.rows[chunk]
+        self._rows(self.features.all)[rows] = features
+        self._rows(self.features.active)[rows] = features.clip(0, MAX_ACTIVATION)
 
-    def _embed(self, half: int, chunk: slice, symbols: Symbols) -> None:
-        embed = embedding(self.network.channels)
-        embed(self.group_features, chunk.start, chunk.stop, self.network.embeddings[half], symbols)
+    def _rows(self, features: Floats32) -> Floats32:
+        return features.reshape(-1, self.network.channels)
+
+    def _embedded(self, half: int, chunk: slice, symbols: Symbols) -> Floats32:
+        features = self._rows(self.group_features)[chunk]
+        features += self._rows(self.network.embeddings[half])[symbols]
+        return features.clip(-MAX_RESIDUAL, MAX_RESIDUAL, out=features)
 
     def _predict(self, half: int, chunk: slice) -> Frequencies:
-        hidden, logits = self.network.heads[half][self.number]
         predicted = np.empty((chunk.stop - chunk.start, VALUES), np.int32)
-        predict = head(self.network.channels)
-        predict(
-            self.group_features,
-            chunk.start,
-            chunk.stop,
-            *hidden,
-            *logits,
-            powers_of_two(),
-            predicted,
-        )
+        head(self.network.channels)(
+            self.group_features, chunk.start, chunk.stop, *self.network.heads[half][self.number],
+            powers_of_two(), predicted,
+        )  # fmt: skip
         return predicted
