@@ -151,7 +151,7 @@ def test_pytorch_gets_its_threads_back() -> None:
 
 def test_blocks_waste_no_product() -> None:
     kernel_map = block_kernel_map()
-    kernels = np.concatenate([kernels.ravel() for kernels in kernel_map.kernels])
+    kernels = kernel_map.kernel_of_pair
     assert np.bincount(kernels).tolist() == [8] * 27
 
 

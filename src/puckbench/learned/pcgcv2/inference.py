@@ -19,7 +19,6 @@ from puckbench.learned.point_reconstruction import SiblingBlocks, sibling_blocks
 from puckbench.learned.sparse.convolution import (
     Matrices,
     Neighbourhood,
-    accumulate,
     matrices_of,
     neighbourhood_of,
 )
@@ -102,7 +101,7 @@ def _sum_products(
     row_features = features[rows].reshape(rows.stop - rows.start, -1)
     torch.addmm(layer.bias, row_features, layer.centre, out=sums.view(len(row_features), -1))
     channels = layer.matrices[CENTRE].shape[1] // neighbourhood.kernel_map.children
-    accumulate(features, neighbourhood, layer.matrices, rows, scratch, sums[:, :, :channels])
+    neighbourhood.add_products(features, layer.matrices, rows, scratch, sums[:, :, :channels])
 
 
 def residual_block(

@@ -12,11 +12,10 @@ from puckbench.learned.sparse.gather_scatter import (
     CompiledGatherScatter,
     GatherScatter,
     TorchGatherScatter,
-    segments,
 )
 from puckbench.learned.sparse.kernel_map import KernelMap
 from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
-from puckbench.learned.sparse.voxels import CENTRE, OFFSETS, NeighbourTable
+from puckbench.learned.sparse.voxels import CENTRE, NeighbourTable
 
 _CHUNK_FLOATS = 2**20
 """Approximate number of gathered features of a chunk. Larger chunks do not fit the caches of small
@@ -42,6 +41,12 @@ class Neighbourhood:
     def chunk_rows(self, channels: int) -> int:
         rows = self.chunk_floats // (self.kernel_map.typical_read * channels)
         return int(np.clip(rows, _MIN_ROWS, self.max_rows))
+
+    def add_products(
+        self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
+    ) -> None:
+        """Add to the sums of a chunk's rows what a convolution adds for all offsets but zero."""
+        self.gather_scatter.add_products(features, matrices, self.kernel_map, rows, scratch, sums)
 
 
 def neighbourhood_of(
@@ -70,33 +75,6 @@ def convolve(
 
 def matrices_of(kernel: Tensor, kernel_map: KernelMap) -> Matrices:
     return _matrices(kernel[torch.from_numpy(kernel_map.kernel_of_pair)], kernel_map)
-
-
-def accumulate(
-    features: Tensor,
-    neighbourhood: Neighbourhood,
-    matrices: Matrices,
-    rows: slice,
-    scratch: Scratch,
-    sums: Tensor,
-) -> None:
-    width = sums.shape[2]
-    layout = neighbourhood.gather_scatter.layout(neighbourhood.kernel_map, rows)
-    gathered = neighbourhood.gather_scatter.gather(
-        features, neighbourhood.kernel_map, rows, scratch
-    )
-    buffer = _products_buffer(features, scratch, layout.size * width)
-    products = segments(buffer, layout, width)
-    for part, matrix, product in zip(gathered, matrices, products, strict=True):
-        if part is not None and product is not None:
-            torch.mm(part, matrix, out=product)
-    neighbourhood.gather_scatter.scatter_add(products, sums, neighbourhood.kernel_map, rows)
-
-
-def _products_buffer(features: Tensor, scratch: Scratch, size: int) -> Tensor:
-    if features.device.type == "cpu":
-        return scratch.take("products", size)
-    return features.new_empty(size)
 
 
 class _Convolution(torch.autograd.Function):
@@ -155,38 +133,30 @@ def _apply(
         sums = result[chunk]
         row_features = features[chunk].reshape(len(sums), -1)
         torch.addmm(biases, row_features, matrices[CENTRE], out=sums.view(len(sums), -1))
-        accumulate(features, neighbourhood, matrices, chunk, scratch, sums)
+        neighbourhood.add_products(features, matrices, chunk, scratch, sums)
 
     neighbourhood.pool.map_chunks(rows, neighbourhood.chunk_rows(width), work)
     return result
 
 
 def _kernel_gradient(features: Tensor, gradient: Tensor, neighbourhood: Neighbourhood) -> Tensor:
-    kernel_map, widths = neighbourhood.kernel_map, (features.shape[2], gradient.shape[2])
+    kernel_map, gather = neighbourhood.kernel_map, neighbourhood.gather_scatter.gather
+    widths = features.shape[2], gradient.shape[2]
 
     def work(chunk: slice, scratch: Scratch) -> Tensor:
-        inputs = neighbourhood.gather_scatter.gather(features, kernel_map, chunk, scratch)
-        outputs = neighbourhood.gather_scatter.gather(
-            gradient, kernel_map, chunk, scratch, at_output=True
+        inputs = gather(features, kernel_map, chunk, scratch)
+        outputs = gather(gradient, kernel_map, chunk, scratch, at_output=True)
+        inputs[CENTRE], outputs[CENTRE] = features[chunk].flatten(1), gradient[chunk].flatten(1)
+        return torch.cat(
+            [
+                torch.mm(read.T, written)
+                .view(count, widths[0], count, widths[1])
+                .transpose(1, 2)
+                .flatten(0, 1)
+                for read, written, count in zip(inputs, outputs, kernel_map.sizes, strict=True)
+            ]
         )
-        inputs[CENTRE] = features[chunk].reshape(chunk.stop - chunk.start, -1)
-        outputs[CENTRE] = gradient[chunk].reshape(chunk.stop - chunk.start, -1)
-        parts = [
-            _pair_gradient(inputs[offset], outputs[offset], kernel_map.sizes[offset], widths)
-            for offset in range(OFFSETS)
-        ]
-        return torch.cat([part.to(features.device) for part in parts])
 
-    chunks = neighbourhood.pool.map_chunks(
-        len(features), 4 * neighbourhood.chunk_rows(widths[0]), work
-    )
+    chunk_rows = 4 * neighbourhood.chunk_rows(widths[0])
+    chunks = neighbourhood.pool.map_chunks(len(features), chunk_rows, work)
     return torch.stack(chunks).sum(dim=0) if len(chunks) > 1 else chunks[0]
-
-
-def _pair_gradient(
-    inputs: Tensor | None, outputs: Tensor | None, count: int, widths: tuple[int, int]
-) -> Tensor:
-    if inputs is None or outputs is None:
-        return torch.zeros(count * count, *widths)
-    both = torch.mm(inputs.T, outputs).view(count, widths[0], count, widths[1])
-    return both.transpose(1, 2).flatten(0, 1)

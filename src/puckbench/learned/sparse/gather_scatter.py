@@ -5,8 +5,7 @@ Compiled loops for the CPU, and PyTorch's indexing for any device, give equal re
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -21,8 +20,8 @@ from puckbench.learned.sparse.thread_pool import Scratch
 from puckbench.learned.sparse.voxels import CENTRE, OFFSETS
 
 Flat = NDArray[np.float32]
-Segments = list[Tensor | None]
-"""For each offset the features (m, count * channels) of its m pairs of rows; None if m is 0."""
+Segments = list[Tensor]
+"""For each offset the features (m, count * channels) of its m pairs of rows."""
 
 
 class NeighbourPairs(NamedTuple):
@@ -33,20 +32,18 @@ class NeighbourPairs(NamedTuple):
     neighbours: NDArray[np.int32]  # row of the neighbour in each pair
 
 
-@dataclass(frozen=True)
-class PairLayout:
-    """Positions of a chunk's pairs in flat memory, grouped by how many children they connect."""
-
-    counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
-    starts: NDArray[np.int64]  # (27,), first element of each offset, for one channel
-    size: int  # number of elements, for one channel
-    # number of joined children, its offsets, and their numbers of pairs
-    groups: list[tuple[int, list[int], list[int]]]
-
-
 class _Chunk(NamedTuple):
-    firsts: NDArray[np.int64]
-    layout: PairLayout
+    firsts: NDArray[np.int64]  # (27,), first pair of each offset
+    counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
+    starts: NDArray[np.int64]  # (28,), first element of each offset in memory, for one channel
+
+    def segments(self, buffer: Tensor, kernel_map: KernelMap, width: int) -> Segments:
+        """Split flat memory into views, one for the pairs of each offset."""
+        parts = buffer.split_with_sizes((np.diff(self.starts) * width).tolist())
+        return [
+            part.view(-1, children * width)
+            for part, children in zip(parts, kernel_map.sizes, strict=True)
+        ]
 
 
 class CompiledGatherScatter:
@@ -54,17 +51,10 @@ class CompiledGatherScatter:
 
     def __init__(self, table: NDArray[np.int32]) -> None:
         self._pairs = _pairs_of(table)
-        self._chunks: dict[tuple[int, int, int], _Chunk] = {}
 
     def _chunk(self, kernel_map: KernelMap, rows: slice) -> _Chunk:
-        key = (rows.start, rows.stop, kernel_map.children)
-        if key not in self._chunks:
-            firsts, counts = _pairs_of_rows(self._pairs, rows.start, rows.stop)
-            self._chunks[key] = _Chunk(firsts, layout_of(counts, kernel_map))
-        return self._chunks[key]
-
-    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
-        return self._chunk(kernel_map, rows).layout
+        firsts, counts = _pairs_of_rows(self._pairs, rows.start, rows.stop)
+        return _Chunk(firsts, counts, np.append(0, np.cumsum(counts * kernel_map.counts)))
 
     def gather(
         self,
@@ -81,28 +71,39 @@ class CompiledGatherScatter:
         """
         width, name = features.shape[2], "own" if at_output else "read"
         chunk = self._chunk(kernel_map, rows)
-        buffer = scratch.take(name, chunk.layout.size * width)
+        buffer = scratch.take(name, int(chunk.starts[-1]) * width)
         sources = self._pairs.rows if at_output else self._pairs.neighbours
         children = kernel_map.written if at_output else kernel_map.read
         _gatherer(width)(
-            *_flat(features), sources, chunk.firsts, chunk.layout.counts, kernel_map.counts,
-            children, buffer.numpy(), chunk.layout.starts,
+            *_flat(features), sources, chunk.firsts, chunk.counts, kernel_map.counts, children,
+            buffer.numpy(), chunk.starts,
         )  # fmt: skip
-        return segments(buffer, chunk.layout, width)
+        return chunk.segments(buffer, kernel_map, width)
 
-    def scatter_add(
-        self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
+    def add_products(
+        self,
+        features: Tensor,
+        matrices: Sequence[Tensor],
+        kernel_map: KernelMap,
+        rows: slice,
+        scratch: Scratch,
+        sums: Tensor,
     ) -> None:
-        first = next((products[k] for k in kernel_map.order if products[k] is not None), None)
-        if first is not None:
-            chunk = self._chunk(kernel_map, rows)
-            size = chunk.layout.size * sums.shape[2]
-            flat_products = first.as_strided((size,), (1,), first.storage_offset())
-            _adder(sums.shape[2])(
-                flat_products.numpy(), chunk.layout.starts, self._pairs.rows, chunk.firsts,
-                chunk.layout.counts, rows.start, kernel_map.counts, kernel_map.written,
-                *_flat(sums),
-            )  # fmt: skip
+        """Add to sums of a chunk's rows the neighbours' features times each offset's matrix.
+
+        Features are (n, children, c), matrices (count * c, count * d), sums (m, children, d).
+        """
+        width, chunk = sums.shape[2], self._chunk(kernel_map, rows)
+        gathered = self.gather(features, kernel_map, rows, scratch)
+        buffer = scratch.take("products", int(chunk.starts[-1]) * width)
+        products = chunk.segments(buffer, kernel_map, width)
+        for part, matrix, product in zip(gathered, matrices, products, strict=True):
+            if len(part):
+                torch.mm(part, matrix, out=product)
+        _adder(width)(
+            buffer.numpy(), chunk.starts, self._pairs.rows, chunk.firsts, chunk.counts, rows.start,
+            kernel_map.counts, kernel_map.written, *_flat(sums),
+        )  # fmt: skip
 
 
 class TorchGatherScatter:
@@ -127,11 +128,6 @@ class TorchGatherScatter:
             self._chunks[key] = list(zip(*parts, strict=True))
         return self._chunks[key]
 
-    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
-        return layout_of(
-            np.array([len(chunk_rows) for chunk_rows, _ in self._pairs(rows)]), kernel_map
-        )
-
     def gather(
         self,
         features: Tensor,
@@ -142,9 +138,6 @@ class TorchGatherScatter:
     ) -> Segments:
         gathered: Segments = []
         for offset, (chunk_rows, neighbours) in enumerate(self._pairs(rows)):
-            if len(chunk_rows) == 0:
-                gathered.append(None)
-                continue
             children = (kernel_map.written if at_output else kernel_map.read)[
                 offset, : kernel_map.sizes[offset]
             ]
@@ -152,42 +145,24 @@ class TorchGatherScatter:
             gathered.append(row_features[:, children.tolist()].flatten(1))
         return gathered
 
-    def scatter_add(
-        self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
+    def add_products(
+        self,
+        features: Tensor,
+        matrices: Sequence[Tensor],
+        kernel_map: KernelMap,
+        rows: slice,
+        scratch: Scratch,
+        sums: Tensor,
     ) -> None:
-        for offset, product in enumerate(products):
-            if product is not None:
-                chunk_rows, _ = self._pairs(rows)[offset]
-                children = torch.from_numpy(kernel_map.written[offset, : kernel_map.sizes[offset]])
-                target = (chunk_rows[:, None], children.to(chunk_rows.device)[None, :])
-                sums[target] = sums[target] + product.view(len(chunk_rows), len(children), -1)
+        gathered = self.gather(features, kernel_map, rows, scratch)
+        for offset, (chunk_rows, _) in enumerate(self._pairs(rows)):
+            count = kernel_map.sizes[offset]
+            children = torch.from_numpy(kernel_map.written[offset, :count]).to(sums.device)
+            products = (gathered[offset] @ matrices[offset]).view(-1, count, sums.shape[2])
+            sums[chunk_rows[:, None], children] += products
 
 
 GatherScatter = CompiledGatherScatter | TorchGatherScatter
-
-
-def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> PairLayout:
-    sizes = (counts * kernel_map.counts)[kernel_map.order]
-    ends, starts = np.cumsum(sizes), np.empty_like(counts)
-    starts[kernel_map.order] = ends - sizes
-    pairs, groups = counts.tolist(), []
-    for children, offsets in kernel_map.groups:
-        present = [offset for offset in offsets if pairs[offset]]
-        groups.append((children, present, [pairs[offset] for offset in present]))
-    return PairLayout(counts, starts, int(ends[-1]), groups)
-
-
-def segments(buffer: Tensor, layout: PairLayout, width: int) -> Segments:
-    """Split flat memory into views, one for the pairs of each offset."""
-    views: Segments = [None] * OFFSETS
-    at = 0
-    for children, offsets, pairs in layout.groups:
-        end = at + sum(pairs) * children * width
-        parts = buffer[at:end].view(-1, children * width).split_with_sizes(pairs)
-        for offset, part in zip(offsets, parts, strict=True):
-            views[offset] = part
-        at = end
-    return views
 
 
 def _flat(features: Tensor) -> tuple[Any, int, int]:

@@ -24,74 +24,38 @@ class KernelMap:
     counts: NDArray[np.int64]  # (27,), number of children read, and of children written
     read: NDArray[np.int64]  # (27, 8), children read; the first `counts` are in use
     written: NDArray[np.int64]  # (27, 8), children written
-    # for each offset (count, count): kernel matrix from each child read to each child written
-    kernels: tuple[NDArray[np.int64], ...]
+    # number of the kernel matrix from each child read to each child written, offset by offset
+    kernel_of_pair: NDArray[np.int64]
 
     @cached_property
     def sizes(self) -> list[int]:
         sizes: list[int] = self.counts.tolist()
         return sizes
 
-    @cached_property
-    def groups(self) -> list[tuple[int, list[int]]]:
-        return [
-            (size, [offset for offset in range(OFFSETS) if self.sizes[offset] == size])
-            for size in sorted(set(self.sizes))
-        ]
-
-    @cached_property
-    def order(self) -> NDArray[np.int64]:
-        return np.concatenate([offsets for _, offsets in self.groups])
-
-    @cached_property
-    def kernel_of_pair(self) -> NDArray[np.int64]:
-        return np.concatenate([kernels.ravel() for kernels in self.kernels])
-
-    @property
-    def max_read(self) -> int:
-        return sum(self.sizes) - self.children
-
     @property
     def typical_read(self) -> int:
-        return self.max_read // 2 or 1  # on a surface a row has about nine neighbours
+        # on a surface a row has about nine neighbours, half of all features that it could read
+        return (sum(self.sizes) - self.children) // 2 or 1
 
 
 @cache
 def voxel_kernel_map() -> KernelMap:
-    zeros = np.zeros((OFFSETS, 8), dtype=np.int64)
-    kernels = tuple(np.array([[offset]]) for offset in range(OFFSETS))
-    return KernelMap(1, np.ones(OFFSETS, dtype=np.int64), zeros, zeros, kernels)
+    children = np.zeros((OFFSETS, 8), dtype=np.int64)
+    return KernelMap(1, np.ones(OFFSETS, np.int64), children, children, np.arange(OFFSETS))
 
 
 @cache
 def block_kernel_map() -> KernelMap:
     read, written = np.zeros((2, OFFSETS, 8), dtype=np.int64)
     counts, kernels = np.zeros(OFFSETS, dtype=np.int64), []
+    positions = np.arange(8)[:, None] >> np.arange(3) & 1
     for offset in range(OFFSETS):
-        steps = [offset // 3**axis % 3 - 1 for axis in range(3)]
-        read_children = _children([{-1: 1, 0: None, 1: 0}[step] for step in steps])
-        written_children = _children([{-1: 0, 0: None, 1: 1}[step] for step in steps])
-        counts[offset] = len(written_children)
-        read[offset, : len(read_children)], written[offset, : len(written_children)] = (
-            read_children,
-            written_children,
-        )
-        kernels.append(_kernel_between(read_children[:, None], written_children[None, :], steps))
-    return KernelMap(8, counts, read, written, tuple(kernels))
-
-
-def _children(corner: list[int | None]) -> NDArray[np.int64]:
-    children = np.arange(8)
-    fits = [np.ones(8, bool) if at is None else (children >> axis & 1) == at
-            for axis, at in enumerate(corner)]  # fmt: skip
-    return children[np.logical_and.reduce(fits)]
-
-
-def _kernel_between(
-    read_children: NDArray[np.int64], written_children: NDArray[np.int64], steps: list[int]
-) -> NDArray[np.int64]:
-    parts = [
-        (2 * step + (read_children >> axis & 1) - (written_children >> axis & 1) + 1) * 3**axis
-        for axis, step in enumerate(steps)
-    ]
-    return np.asarray(sum(parts))
+        steps = offset // 3 ** np.arange(3) % 3 - 1
+        is_read = ((steps == 0) | (positions == (steps < 0))).all(axis=1)
+        sources = np.flatnonzero(is_read)
+        targets = sources ^ (steps != 0) @ (1, 2, 4)  # on the other side of the common face
+        count = counts[offset] = len(sources)
+        read[offset, :count], written[offset, :count] = sources, targets
+        distances = 2 * steps + positions[sources][:, None] - positions[targets]
+        kernels.append((distances + 1) @ (1, 3, 9))
+    return KernelMap(8, counts, read, written, np.concatenate([*map(np.ravel, kernels)]))
