@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.core.compiling import compiled, inlined
-from puckbench.geometry.box_tree import BoxTree
+from puckbench.geometry.box_tree import BoxTree, push
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import Rows
 
@@ -51,7 +51,7 @@ def _search(
             for child in range(points.first[node], points.first[node] + points.children[node]):
                 gap = _squared_gap(query, points.boxes[child, :3], points.boxes[child, 3:])
                 if gap <= bound:
-                    _push(nodes, gaps, base, size, child, gap)
+                    push(nodes, gaps, base, size, child, gap)
                     size += 1
         squared[i], places[i] = bound, nearest
     return visits
@@ -63,12 +63,3 @@ def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
     dy = max(0.0, low[1] - query[1], query[1] - high[1])
     dz = max(0.0, low[2] - query[2], query[2] - high[2])
     return float(dx * dx + dy * dy + dz * dz)
-
-
-@inlined
-def _push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
-    place = size
-    while place > base and gaps[place - 1] < gap:
-        gaps[place], nodes[place] = gaps[place - 1], nodes[place - 1]
-        place -= 1
-    gaps[place], nodes[place] = gap, node

@@ -11,7 +11,7 @@ import numpy as np
 
 from puckbench.core.compiling import compiled, inlined
 from puckbench.core.threads import in_threads
-from puckbench.geometry.box_tree import BoxTree
+from puckbench.geometry.box_tree import BoxTree, push
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import Rows
 
@@ -42,11 +42,6 @@ class _Block(NamedTuple):
     places: Rows
 
 
-class _Stack(NamedTuple):
-    nodes: Rows
-    gaps: Floats
-
-
 def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
     m = len(queries.rows)
     nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
@@ -60,20 +55,28 @@ def _search(queries: BoxTree, start: int, end: int, points: BoxTree, nearest: Ne
     q = queries.largest
     block = _Block(np.empty(q), np.empty((q, 3)), np.zeros((q, 2), np.int64))
     capacity, distances = 8 * points.depth, np.empty(points.largest)
-    stack = _Stack(np.zeros(capacity, np.int64), np.zeros(capacity))
+    nodes, gaps = np.zeros(capacity, np.int64), np.zeros(capacity)
     for leaf in queries.leaves[start:end]:
         bound = _start_block(queries, leaf, points, block)
         size = 1  # the stack holds the root
         while size > 0:
             size -= 1
-            node = stack.nodes[size]
-            if stack.gaps[size] > bound:
+            node = nodes[size]
+            if gaps[size] > bound:
                 continue
-            if points.children[node] > 0:
-                size = _push_children(queries, leaf, points, node, bound, stack, size)
-            else:
+            if points.children[node] == 0:
                 bound = _compare_leaves(queries, leaf, points, node, block, distances)
-        stack.nodes[0], stack.gaps[0] = 0, 0.0
+            box, base = queries.boxes[leaf], size
+            for child in range(points.first[node], points.first[node] + points.children[node]):
+                other = points.boxes[child]
+                dx = max(0.0, other[0] - box[3], box[0] - other[3])
+                dy = max(0.0, other[1] - box[4], box[1] - other[4])
+                dz = max(0.0, other[2] - box[5], box[2] - other[5])
+                gap = dx * dx + dy * dy + dz * dz
+                if gap <= bound:
+                    push(nodes, gaps, base, size, child, gap)
+                    size += 1
+        nodes[0], gaps[0] = 0, 0.0
         _write_result(queries, leaf, points, block, nearest)
 
 
@@ -94,39 +97,6 @@ def _start_block(queries: BoxTree, leaf: int, points: BoxTree, block: _Block) ->
 
 
 @inlined
-def _push_children(
-    queries: BoxTree,
-    leaf: int,
-    points: BoxTree,
-    node: int,
-    bound: float,
-    stack: _Stack,
-    size: int,
-) -> int:
-    box, base = queries.boxes[leaf], size
-    for child in range(points.first[node], points.first[node] + points.children[node]):
-        other = points.boxes[child]
-        dx = _gap(other[0] - box[3], box[0] - other[3])
-        dy = _gap(other[1] - box[4], box[1] - other[4])
-        dz = _gap(other[2] - box[5], box[2] - other[5])
-        gap = dx * dx + dy * dy + dz * dz
-        if gap <= bound:
-            place = size
-            while place > base and stack.gaps[place - 1] < gap:
-                stack.gaps[place] = stack.gaps[place - 1]
-                stack.nodes[place] = stack.nodes[place - 1]
-                place -= 1
-            stack.gaps[place], stack.nodes[place] = gap, child
-            size += 1
-    return size
-
-
-@inlined
-def _gap(above: float, below: float) -> float:
-    return max(0.0, above, below)
-
-
-@inlined
 def _compare_leaves(
     queries: BoxTree, leaf: int, points: BoxTree, node: int, block: _Block, distances: Floats
 ) -> float:
@@ -137,12 +107,10 @@ def _compare_leaves(
     for i in range(queries.ends[leaf] - queries.starts[leaf]):
         query = queries.starts[leaf] + i
         qx, qy, qz = queries.columns[0, query], queries.columns[1, query], queries.columns[2, query]
-        dx, dy, dz = (
-            _gap(box[0] - qx, qx - box[3]),
-            _gap(box[1] - qy, qy - box[4]),
-            _gap(box[2] - qz, qz - box[5]),
-        )
         limit = block.limits[i]
+        dx = max(0.0, box[0] - qx, qx - box[3])
+        dy = max(0.0, box[1] - qy, qy - box[4])
+        dz = max(0.0, box[2] - qz, qz - box[5])
         if dx * dx + dy * dy + dz * dz <= limit:
             for j in range(len(x)):
                 dx, dy, dz = qx - x[j], qy - y[j], qz - z[j]

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.core.compiling import compiled
+from puckbench.core.compiling import compiled, inlined
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.spatial_order import KEY_BITS, Keys, Rows, morton_keys, sort_keys
 
@@ -133,3 +133,13 @@ def _depth(first: Rows, children: Rows) -> int:
     for node in range(len(first)):
         levels[first[node] : first[node] + children[node]] = levels[node] + 1
     return int(levels.max())
+
+
+@inlined
+def push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
+    """Insert a node into a stack of `size` nodes, sorted from `base` on by descending gap."""
+    place = size
+    while place > base and gaps[place - 1] < gap:
+        gaps[place], nodes[place] = gaps[place - 1], nodes[place - 1]
+        place -= 1
+    gaps[place], nodes[place] = gap, node

@@ -100,21 +100,23 @@ def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> P
 
 
 def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
-    vertices = mesh.vertices / scale + offset
-    if mesh.labels is None:
-        return replace(mesh, vertices=vertices)
-    primitives = tuple(primitive_in_metres(each, scale, offset) for each in mesh.labels.primitives)
-    return replace(mesh, vertices=vertices, labels=replace(mesh.labels, primitives=primitives))
+    labels = _labels_in_metres(mesh.labels, scale, offset)
+    return Mesh(mesh.vertices / scale + offset, mesh.triangles, labels)
 
 
 def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
     """Convert a mesh and its primitives from another unit to metres."""
     labels = mesh.labels
-    if labels is not None and metres_per_unit != 1:
-        scale, origin = 1 / metres_per_unit, np.zeros(3)
-        primitives = tuple(primitive_in_metres(each, scale, origin) for each in labels.primitives)
-        labels = replace(labels, primitives=primitives)
+    if metres_per_unit != 1:
+        labels = _labels_in_metres(labels, 1 / metres_per_unit, np.zeros(3))
     return Mesh(mesh.vertices * metres_per_unit, mesh.triangles, labels)
+
+
+def _labels_in_metres(labels: Labels | None, scale: float, offset: Floats) -> Labels | None:
+    if labels is None:
+        return None
+    primitives = tuple(primitive_in_metres(each, scale, offset) for each in labels.primitives)
+    return replace(labels, primitives=primitives)
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
@@ -126,11 +128,5 @@ def check_mesh(mesh: Mesh, source: str) -> None:
     not_finite = np.asarray(~np.isfinite(mesh.vertices).all(axis=1))
     if not_finite.any() and not_finite[mesh.triangles].any():
         raise InputError(f"{source}: a face has a vertex that is not finite")
-    if not _has_area(mesh):
+    if not (mesh.areas() > 0).any():
         raise InputError(f"{source}: every face of the mesh has zero area")
-
-
-def _has_area(mesh: Mesh) -> bool:
-    starts = range(0, len(mesh.triangles), 4096)
-    blocks = (Mesh(mesh.vertices, mesh.triangles[start : start + 4096]) for start in starts)
-    return any((block.areas() > 0).any() for block in blocks)

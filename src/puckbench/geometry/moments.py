@@ -88,13 +88,8 @@ def _null_vector(
     """
     best = 0.0
     out[0], out[1], out[2] = 0.0, 0.0, 1.0
-    for k in range(3):
-        if k == 0:
-            a, b, c, d, e, f = xx, xy, xz, xy, yy, yz
-        elif k == 1:
-            a, b, c, d, e, f = xx, xy, xz, xz, yz, zz
-        else:
-            a, b, c, d, e, f = xy, yy, yz, xz, yz, zz
+    x, y, z = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+    for (a, b, c), (d, e, f) in ((x, y), (x, z), (y, z)):
         u, v, w = b * f - c * e, c * d - a * f, a * e - b * d
         length = u * u + v * v + w * w
         if length > best:

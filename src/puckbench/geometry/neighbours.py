@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pykdtree.kdtree import KDTree
 
 from puckbench.core.compiling import compiled
-from puckbench.geometry.box_search import SAME_DISTANCE, NearestTwo, nearest_two
+from puckbench.geometry.box_search import SAME_DISTANCE, nearest_two
 from puckbench.geometry.box_tree import box_tree
 from puckbench.geometry.cloud import Floats
 
@@ -39,14 +39,6 @@ class Neighbours:
     index: Rows
 
 
-@dataclass(frozen=True)
-class _Group:
-    rows: Rows
-    index: Indices
-    counts: Rows
-    exact: Rows
-
-
 class SearchablePoints:
     def __init__(self, points: Floats) -> None:
         self._points = points
@@ -58,17 +50,28 @@ class SearchablePoints:
 
     def nearest(self, queries: SearchablePoints) -> Neighbours:
         two = nearest_two(queries._boxes, self._boxes)
-        rows, groups = np.flatnonzero(two.ties > 2), []
+        counts, exact = two.ties, two.exact
+        rows, groups = np.flatnonzero(counts > 2), []
         for k in _neighbour_counts():
             if not len(rows):
                 break
             index, squared = self._sorted_neighbours(queries._points[rows], k)
-            counts, exact = _count_ties(squared)
-            tied = counts == k if k < FIRST_K else exact == k
-            done = ~tied | (k >= len(self._points))
-            groups.append(_Group(rows[done], index[done], counts[done], exact[done]))
+            tied, equal = _count_ties(squared)
+            is_unfinished = tied == k if k < FIRST_K else equal == k
+            done = ~is_unfinished | (k >= len(self._points))
+            counts[rows[done]], exact[rows[done]] = tied[done], equal[done]
+            groups.append((rows[done], index[done]))
             rows = rows[~done]
-        return _concatenate(two, groups)
+        starts = np.append(0, np.cumsum(counts))
+        index = np.empty(starts[-1], np.int64)
+        has_second = counts > 1
+        index[starts[:-1]] = two.rows[:, 0]
+        index[starts[:-1][has_second] + 1] = two.rows[has_second, 1]
+        for group, neighbours in groups:
+            places = np.arange(neighbours.shape[1])
+            is_tied = places < counts[group, None]
+            index[(starts[group, None] + places)[is_tied]] = neighbours[is_tied]
+        return Neighbours(two.squared, starts, exact, index)
 
     def _sorted_neighbours(self, queries: Floats, k: int) -> tuple[Indices, Floats]:
         k = min(k, len(self._points))
@@ -117,30 +120,3 @@ def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
                 break
             counts[i] += 1
     return counts, exact
-
-
-def _concatenate(two: NearestTwo, groups: list[_Group]) -> Neighbours:
-    counts, exact = two.ties, two.exact
-    for group in groups:
-        counts[group.rows], exact[group.rows] = group.counts, group.exact
-    starts = np.concatenate([[0], np.cumsum(counts)])
-    index = _first_two(two.rows, starts)
-    for group in groups:
-        _fill(index, starts, group.rows, group.index, group.counts)
-    return Neighbours(two.squared, starts, exact, index)
-
-
-@compiled
-def _first_two(rows: Rows, starts: Rows) -> Rows:
-    index = np.empty(starts[-1], np.int64)
-    for i in range(len(rows)):
-        for j in range(min(2, starts[i + 1] - starts[i])):
-            index[starts[i] + j] = rows[i, j]
-    return index
-
-
-@compiled
-def _fill(target: Rows, starts: Rows, rows: Rows, index: Indices, counts: Rows) -> None:
-    for i in range(len(rows)):
-        for j in range(counts[i]):
-            target[starts[rows[i]] + j] = index[i, j]
