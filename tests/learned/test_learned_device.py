@@ -20,7 +20,8 @@ from puckbench.learned.octree_net import coder as octree_coder
 from puckbench.learned.octree_net.device_inference import DevicePredictor
 from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
 from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
-from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
+from puckbench.learned.pcgcv2 import codec as pcgcv2_codec
+from puckbench.learned.pcgcv2 import device_inference
 from tests.support.learned_codecs import changes, save_tiny, shell
 
 CODECS = ("pcgcv1", "pcgcv1_plus", "pcgcv2", "pcgcv2_plus", "sparse_octree_net")
@@ -51,7 +52,7 @@ def own_layers(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
     def take() -> None:
         monkeypatch.setattr(octree_coder, "network_of", DevicePredictor)
-        monkeypatch.setattr(Pcgcv2Coder, "_on_cpu", lambda _: False)
+        monkeypatch.setattr(pcgcv2_codec, "transforms_of", lambda _: device_inference)
         monkeypatch.setattr(pcgcv1_weights, "CpuTransforms", DeviceTransforms)
 
     return take

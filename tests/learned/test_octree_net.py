@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
-from puckbench.learned.octree_net.coder import OctreeNetCoder, split
+from puckbench.learned.octree_net.coder import decode_part, encode_part, split
 from puckbench.learned.octree_net.fixed_point import UNITS, WEIGHT_UNITS
 from puckbench.learned.octree_net.mixing import code_symbols
 from puckbench.learned.octree_net.model import OctreeNet, OctreeNetShape
@@ -34,7 +34,7 @@ from puckbench.learned.octree_net.training import bits_per_level
 from puckbench.learned.octree_net.weights import load_weights, save_weights
 from puckbench.learned.sparse.thread_pool import thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels
-from tests.support.learned_codecs import frequencies, octree_network, save_tiny
+from tests.support.learned_codecs import frequencies, octree_network, save_tiny, torch_threads
 
 
 def _shell(points: int = 6000) -> np.ndarray:
@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def codec(folder: Path) -> Codec:
-    return open_codec("sparse_octree_net", {"options": {"weights": str(folder), "threads": 1}})
+    return open_codec("sparse_octree_net", {"options": {"weights": str(folder)}})
 
 
 def test_symbols_hold_the_children() -> None:
@@ -161,14 +161,14 @@ def _coded_frequencies(model: OctreeNet, keys: np.ndarray) -> list[np.ndarray]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("puckbench.learned.octree_net.coder.code_symbols", noted)
-        OctreeNetCoder(model, 2).encode(keys)
+        encode_part(keys, model)
     return runs
 
 
 def test_the_network_is_the_same_in_integers(folder: Path) -> None:
     model = load_weights(folder / "tiny.safetensors").model
     runs = _coded_frequencies(model, KEYS)
-    whole = IntegerNetwork(model).frequencies(KEYS, OctreeNetCoder(model, 1).encode(KEYS).levels)
+    whole = IntegerNetwork(model).frequencies(KEYS, encode_part(KEYS, model).levels)
     assert len(runs) == len(whole) > 16
     for result, expected in zip(runs, whole, strict=True):
         assert np.array_equal(result, expected)
@@ -183,15 +183,17 @@ def test_frequencies_are_rounded_powers_of_two() -> None:
 
 def test_threads_change_neither_bytes_nor_voxels() -> None:
     model = octree_network(OctreeNetShape(channels=32))
-    parts = [OctreeNetCoder(model, threads).encode(KEYS) for threads in (1, 2, 3)]
-    assert parts[0] == parts[1] == parts[2]
+    parts = []
     for threads in (1, 2, 3):
-        assert np.array_equal(OctreeNetCoder(model, threads).decode(parts[0]), KEYS)
+        with torch_threads(threads):
+            parts.append(encode_part(KEYS, model))
+            assert np.array_equal(decode_part(parts[0], model), KEYS)
+    assert parts[0] == parts[1] == parts[2]
 
 
 def test_training_counts_the_bits_that_the_network_predicts() -> None:
     model = octree_network()
-    runs, levels = _coded_frequencies(model, KEYS), OctreeNetCoder(model, 1).encode(KEYS).levels
+    runs, levels = _coded_frequencies(model, KEYS), encode_part(KEYS, model).levels
     sets = [KEYS]
     for _ in range(levels):
         sets.append(np.unique(sets[-1] >> 3))
@@ -210,7 +212,7 @@ def test_training_counts_the_bits_that_the_network_predicts() -> None:
 
 def test_contexts_learn_the_statistics_of_a_cloud() -> None:
     model = octree_network()
-    part = OctreeNetCoder(model, 1).encode(KEYS)
+    part = encode_part(KEYS, model)
     with thread_pool(1) as pool:
         bits = float(sum(bits_per_level(model, KEYS, part.levels, pool)))
     assert 8 * len(part.symbols) < 0.75 * bits
@@ -251,8 +253,8 @@ def test_a_cloud_that_spans_too_much_is_refused(codec: Codec) -> None:
 def test_large_clouds_are_cut_into_parts(codec: Codec) -> None:
     parts = split(KEYS, 1000)
     assert [len(part) for part in parts[:-1]] == [1000] * (len(parts) - 1)
-    coder = OctreeNetCoder(octree_network(), 1)
-    decoded = [coder.decode(coder.encode(part)) for part in parts]
+    model = octree_network()
+    decoded = [decode_part(encode_part(part, model), model) for part in parts]
     assert np.array_equal(np.concatenate(decoded), KEYS)
 
 
@@ -264,7 +266,7 @@ def test_a_stream_decodes_in_a_fresh_process(codec: Codec, folder: Path, tmp_pat
     (tmp_path / "a.bin").write_bytes(codec.encode(_shell(300), "r8"))
     program = (
         "import sys, numpy as np; from puckbench.codecs.registry import open_codec;"
-        "c = open_codec('sparse_octree_net', {'options': {'weights': sys.argv[1], 'threads': 2}});"
+        "c = open_codec('sparse_octree_net', {'options': {'weights': sys.argv[1]}});"
         "np.save(sys.argv[3], c.decode(open(sys.argv[2], 'rb').read()))"
     )
     command = [sys.executable, "-c", program, folder, tmp_path / "a.bin", tmp_path / "a.npy"]
@@ -281,7 +283,7 @@ def test_missing_weights_are_named(tmp_path: Path) -> None:
 def test_weights_come_back_as_they_were_used(folder: Path) -> None:
     model, loaded = octree_network(), load_weights(folder / "tiny.safetensors")
     assert loaded.card == {"data": "none"}
-    assert OctreeNetCoder(model, 1).encode(KEYS) == OctreeNetCoder(loaded.model, 1).encode(KEYS)
+    assert encode_part(KEYS, model) == encode_part(KEYS, loaded.model)
 
 
 def test_weights_whose_sums_might_not_be_exact_are_refused(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_class, codec_of, open_codec
 from puckbench.core.errors import InputError
 from puckbench.learned.pcgcv1 import laplace
-from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder, Pcgcv1Encoder
+from puckbench.learned.pcgcv1.codec import decode, encode
 from puckbench.learned.pcgcv1.cubes import cubes_of, occupancy
 from puckbench.learned.pcgcv1.entropy_coding import decode_counts, encode_counts
 from puckbench.learned.pcgcv1.inference import CpuTransforms
@@ -29,7 +29,15 @@ from puckbench.learned.pcgcv1.stream import (
 )
 from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, load_published, load_weights
 from puckbench.learned.sparse.layers import top_k
-from tests.support.learned_codecs import TINY1, changes, endure_damage, network1, save_tiny, shell
+from tests.support.learned_codecs import (
+    TINY1,
+    changes,
+    endure_damage,
+    network1,
+    save_tiny,
+    shell,
+    torch_threads,
+)
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -376,12 +384,13 @@ def test_points_of_sparse_cubes_are_coded_or_dropped(folder: Path) -> None:
 
 def test_threads_change_neither_the_stream_nor_the_decoded_points(weights: Pcgcv1Weights) -> None:
     points = np.vstack([shell() + shift for shift in ([0, 0, 0], [60, 0, 0], [0, 60, 0])])
-    coded = [
-        Pcgcv1Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2, 3)
-    ]
+    coded, decoded = [], []
+    for threads in (1, 2, 3):
+        with torch_threads(threads):
+            coded.append(encode(points, weights, rate=1))
+            decoded.append(decode(coded[0], weights))
     assert coded[0] == coded[1] == coded[2]
-    assert coded[0].cubes > BATCH
-    decoded = [Pcgcv1Decoder(weights, threads).decode(coded[0]) for threads in (1, 2, 3)]
+    assert read_stream(coded[0]).cubes > BATCH
     assert np.array_equal(decoded[0], decoded[1])
     assert np.array_equal(decoded[0], decoded[2])
 
@@ -390,20 +399,18 @@ def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: Pcgcv1Weights) 
     """The number of cubes coded together changes no cube's points."""
     alone = cubes_of(np.random.default_rng(3).integers(0, 16, (300, 3)), 16).voxels()
     crowd = np.vstack([alone, *(alone // 2 + [16 * k, 0, 0] for k in range(1, 6))])
-    coder, decoder = (
-        Pcgcv1Encoder(weights, rate=1, point_reconstruction=False),
-        Pcgcv1Decoder(weights),
+    item, many = (
+        decode(encode(cubes.astype(float), weights, 1, point_reconstruction=False), weights)
+        for cubes in (alone, crowd)
     )
-    item = decoder.decode(coder.encode(alone.astype(float)))
-    many = decoder.decode(coder.encode(crowd.astype(float)))
     assert np.array_equal(item, many[many[:, 0] < 16])
 
 
 def test_another_machines_tables_end_in_an_error(weights: Pcgcv1Weights) -> None:
-    coded = Pcgcv1Encoder(weights, rate=1).encode(shell())
+    coded = read_stream(encode(shell(), weights, rate=1))
     batch = replace(coded.batches[0], check=coded.batches[0].check ^ 1)
     with pytest.raises(InputError, match="chose other entropy tables"):
-        Pcgcv1Decoder(weights).decode(replace(coded, batches=(batch,)))
+        decode(write_stream(replace(coded, batches=(batch,))), weights)
 
 
 def test_pcc_arenas_rates() -> None:

@@ -9,7 +9,7 @@ from torch.nn.functional import max_pool3d
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder, Pcgcv1Encoder
+from puckbench.learned.pcgcv1.codec import decode, encode
 from puckbench.learned.pcgcv1.cubes import cubes_of
 from puckbench.learned.pcgcv1.inference import CpuTransforms
 from puckbench.learned.pcgcv1.model import coded_blocks
@@ -21,7 +21,14 @@ from puckbench.learned.pcgcv1.occupied_blocks import (
 )
 from puckbench.learned.pcgcv1.training import rate_distortion_loss
 from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, save_weights
-from tests.support.learned_codecs import LMBDAS, TINY1, endure_damage, network1, shell
+from tests.support.learned_codecs import (
+    LMBDAS,
+    TINY1,
+    endure_damage,
+    network1,
+    shell,
+    torch_threads,
+)
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 WITH_BLOCKS = TINY1.model_copy(update={"occupied_blocks": True})
@@ -110,13 +117,13 @@ def test_the_latent_is_coded_in_blocks_with_voxels_alone(weights: Pcgcv1Weights)
 
 def test_threads_change_nothing(weights: Pcgcv1Weights) -> None:
     points = np.vstack([shell(), shell() + np.array([60, 0, 0])])
-    item, two = (
-        Pcgcv1Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2)
-    )
-    assert item == two
-    assert np.array_equal(
-        Pcgcv1Decoder(weights, 1).decode(item), Pcgcv1Decoder(weights, 2).decode(item)
-    )
+    streams, decoded = [], []
+    for threads in (1, 2):
+        with torch_threads(threads):
+            streams.append(encode(points, weights, rate=1))
+            decoded.append(decode(streams[0], weights))
+    assert streams[0] == streams[1]
+    assert np.array_equal(decoded[0], decoded[1])
 
 
 def test_blocks_without_voxels_cost_nothing_in_training() -> None:

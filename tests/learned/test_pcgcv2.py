@@ -18,7 +18,8 @@ from puckbench.learned.entropy_bottleneck import (
     FrequencyTable,
     frequency_tables,
 )
-from puckbench.learned.pcgcv2.coder import Pcgcv2Coder, split
+from puckbench.learned.pcgcv2 import codec as pcgcv2_codec
+from puckbench.learned.pcgcv2.codec import decode, encode, split
 from puckbench.learned.pcgcv2.inference import analyse, synthesise
 from puckbench.learned.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
 from puckbench.learned.pcgcv2.stream import CodedBlock, Pcgcv2Stream, read_stream, write_coded
@@ -48,6 +49,7 @@ from tests.support.learned_codecs import (
     network2,
     save_tiny,
     shell,
+    torch_threads,
 )
 
 
@@ -223,27 +225,32 @@ def test_few_points_come_back_as_they_are(codec: Codec) -> None:
 
 
 def test_threads_change_neither_the_stream_nor_the_decoded_voxels(weights: Pcgcv2Weights) -> None:
-    voxels = _shell().astype(np.int64)
-    coders = [Pcgcv2Coder(weights, rate=1, threads=threads) for threads in (1, 2, 3)]
-    coded = [coder.encode(voxels) for coder in coders]
+    voxels, coded, decoded = _shell(), [], []
+    for threads in (1, 2, 3):
+        with torch_threads(threads):
+            coded.append(encode(voxels, weights, rate=1))
+            decoded.append(decode(coded[0], weights))
     assert coded[0] == coded[1] == coded[2]
-    decoded = [coder.decode(coded[0]) for coder in coders]
     assert np.array_equal(decoded[0], decoded[1])
     assert np.array_equal(decoded[0], decoded[2])
 
 
 def test_rho_is_the_share_of_voxels_kept(weights: Pcgcv2Weights) -> None:
-    voxels = _shell().astype(np.int64)
-    coder = Pcgcv2Coder(weights, rate=0, rho=0.5)
-    assert len(coder.decode(coder.encode(voxels))) == round(0.5 * len(voxels))
+    voxels = _shell()
+    stream = encode(voxels, weights, rate=0, rho=0.5)
+    assert len(decode(stream, weights)) == round(0.5 * len(voxels))
 
 
-def test_large_clouds_are_coded_in_blocks(weights: Pcgcv2Weights) -> None:
-    voxels = _shell().astype(np.int64)
-    coder = Pcgcv2Coder(weights, rate=0, max_voxels=1500)
-    coded = coder.encode(voxels)
+def test_large_clouds_are_coded_in_blocks(
+    weights: Pcgcv2Weights, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pcgcv2_codec, "MAX_VOXELS", 1500)
+    voxels = _shell()
+    stream = encode(voxels, weights, rate=0)
+    coded = read_stream(stream)
+    assert isinstance(coded, Pcgcv2Stream)
     assert len(coded.blocks) == -(-len(voxels) // 1500)
-    decoded = coder.decode(coded)
+    decoded = decode(stream, weights)
     assert len(np.unique(decoded, axis=0)) == len(voxels)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,14 @@ def network2(shape: Pcgcv2Shape = TINY2, seed: int = 0) -> PCGCv2:
     with torch.no_grad():
         model.log_gains[:] = torch.linspace(1, 3, shape.rates)[:, None]
     return model.eval()
+
+
+@contextmanager
+def torch_threads(threads: int) -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    yield
+    torch.set_num_threads(before)
 
 
 def octree_network(shape: OctreeNetShape | None = None, seed: int = 0) -> OctreeNet:

@@ -57,9 +57,6 @@ class GridArguments(TypedDict, total=False):
 
 class LearnedOptions(Model):
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
-    threads: int | None = Field(
-        None, ge=1, description="number of threads of the network; by default PyTorch's"
-    )
     device: DeviceName = Field("cpu", description="device on which the network runs")
 
 

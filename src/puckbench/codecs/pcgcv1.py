@@ -82,18 +82,15 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
             sparse_cubes=self.options.sparse_cubes,
             context_mixing=self.context_mixing,
             point_reconstruction=self.point_reconstruction,
-            threads=self.options.threads,
             **self._grid(parameters),
         )
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder
+        from puckbench.learned.pcgcv1.codec import decode
         from puckbench.learned.pcgcv1.stream import read_stream
 
         coded = read_stream(stream)
-        return Pcgcv1Decoder(self._of_rate(coded.digest, coded.rate), self.options.threads).decode(
-            coded
-        )
+        return decode(stream, self._of_rate(coded.digest, coded.rate))
 
     def _read(self, path: Path) -> Pcgcv1Weights:
         from puckbench.learned.pcgcv1.weights import load_weights

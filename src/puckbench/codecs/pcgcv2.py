@@ -71,19 +71,17 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
             rho=float(parameters.get("rho", 1)),
             tools=self._tools(),
             point_reconstruction=self.point_reconstruction,
-            threads=self.options.threads,
             **self._grid(parameters),
         )
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
+        from puckbench.learned.pcgcv2.codec import decode
         from puckbench.learned.pcgcv2.stream import Pcgcv2Stream, read_stream
 
         coded = read_stream(stream)
         if not isinstance(coded, Pcgcv2Stream):
             return coded
-        weights = self._of_rate(coded.digest, coded.rate)
-        return Pcgcv2Coder(weights, coded.rate, threads=self.options.threads).decode(coded)
+        return decode(stream, self._of_rate(coded.digest, coded.rate))
 
     def _read(self, path: Path) -> Pcgcv2Weights:
         from puckbench.learned.pcgcv2.weights import load_weights

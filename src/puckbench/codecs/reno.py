@@ -84,15 +84,13 @@ class Reno(Learned["RenoWeights"]):
         from puckbench.learned.reno.codec import encode
 
         posq = round(float(parameters["step_m"]) / _MM, 6)
-        return encode(points / _MM, self._weights(parameters), posq, self.options.threads)
+        return encode(points / _MM, self._weights(parameters), posq)
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.reno.codec import decoded_points
+        from puckbench.learned.reno.codec import decode
         from puckbench.learned.reno.stream import read_stream
 
-        content = read_stream(stream)
-        weights = self._made_with(content.digest)
-        return decoded_points(content, weights, self.options.threads) * _MM
+        return decode(stream, self._made_with(read_stream(stream).digest)) * _MM
 
     def _read(self, path: Path) -> RenoWeights:
         from puckbench.learned.reno.weights import load_weights

@@ -62,14 +62,13 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
 
         scale = float(parameters.get("scale", 1.0))
         grid = input_grid(points, float(parameters.get("step_m", self.options.step)), scale)
-        return encode(points, self._weights(parameters), scale, grid, self.options.threads)
+        return encode(points, self._weights(parameters), scale, grid)
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.octree_net.codec import decoded_points
+        from puckbench.learned.octree_net.codec import decode
         from puckbench.learned.octree_net.stream import read_stream
 
-        content = read_stream(stream)
-        return decoded_points(content, self._made_with(content.digest), self.options.threads)
+        return decode(stream, self._made_with(read_stream(stream).digest))
 
     def _read(self, path: Path) -> OctreeNetWeights:
         from puckbench.learned.octree_net.weights import load_weights

@@ -7,7 +7,6 @@ from puckbench.core.lazy import lazy
 if TYPE_CHECKING:
     from puckbench.learned.octree_net.codec import decode as decode
     from puckbench.learned.octree_net.codec import encode as encode
-    from puckbench.learned.octree_net.coder import OctreeNetCoder as OctreeNetCoder
     from puckbench.learned.octree_net.model import OctreeNet as OctreeNet
     from puckbench.learned.octree_net.model import OctreeNetShape as OctreeNetShape
     from puckbench.learned.octree_net.stream import OctreeNetStream as OctreeNetStream
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     codec=("decode", "encode"),
-    coder=("OctreeNetCoder",),
     model=("OctreeNet", "OctreeNetShape"),
     stream=("OctreeNetStream", "read_stream", "write_stream"),
     training_settings=("OctreeNetTraining",),

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -53,65 +52,61 @@ _MAX_TOP = 64
 """Maximum voxels of the top level, where the network begins; coarser levels take few bits."""
 
 
-@dataclass(frozen=True)
-class OctreeNetCoder:
-    """Coder of voxels given as Morton keys; results do not depend on the number of threads."""
+def encode_part(keys: Keys, model: OctreeNet) -> CodedPart:
+    """Encode voxels given as Morton keys; the result does not depend on the number of threads."""
+    levels = [keys]
+    while len(levels[-1]) > _MAX_TOP:
+        levels.append(parents_of(levels[-1])[0])
+    *finer, top = levels
+    nodes = sum(map(len, levels[1:]))
+    mixer = writer(nodes)
+    _traverse(model, mixer, top, len(finer), len(keys), nodes, finer)
+    coded_top = encode_voxels(morton_voxels(top))
+    part = CodedPart(len(keys), len(finer), coded_top, written(mixer.bits))
+    if nodes > max_nodes(part):
+        raise InputError(f"the cloud's octree has {nodes} nodes, too many for its bytes")
+    return part
 
-    model: OctreeNet
-    threads: int | None = None
 
-    def encode(self, keys: Keys) -> CodedPart:
-        levels = [keys]
-        while len(levels[-1]) > _MAX_TOP:
-            levels.append(parents_of(levels[-1])[0])
-        *finer, top = levels
-        nodes = sum(map(len, levels[1:]))
-        mixer = writer(nodes)
-        self._traverse(mixer, top, len(finer), len(keys), nodes, finer)
-        coded_top = encode_voxels(morton_voxels(top))
-        part = CodedPart(len(keys), len(finer), coded_top, written(mixer.bits))
-        if nodes > max_nodes(part):
-            raise InputError(f"the cloud's octree has {nodes} nodes, too many for its bytes")
-        return part
+def decode_part(part: CodedPart, model: OctreeNet) -> Keys:
+    mixer = reader(part.symbols)
+    keys = _traverse(model, mixer, _top_keys(part), part.levels, part.count, max_nodes(part))
+    if len(keys) != part.count or not read_to_its_end(mixer.bits):
+        raise InputError("the stream is damaged (its number of voxels)")
+    return keys
 
-    def decode(self, part: CodedPart) -> Keys:
-        mixer = reader(part.symbols)
-        keys = self._traverse(mixer, _top_keys(part), part.levels, part.count, max_nodes(part))
-        if len(keys) != part.count or not read_to_its_end(mixer.bits):
-            raise InputError("the stream is damaged (its number of voxels)")
-        return keys
 
-    def _traverse(
-        self, mixer: Mixer, keys: Keys, levels: int, max_voxels: int, nodes_left: int,
-        finer: Sequence[Keys] = (),
-    ) -> Keys:  # fmt: skip
-        """Code the levels below the top level, and return the finest level's keys.
+def _traverse(
+    model: OctreeNet, mixer: Mixer, keys: Keys, levels: int, max_voxels: int, nodes_left: int,
+    finer: Sequence[Keys] = (),
+) -> Keys:  # fmt: skip
+    """Code the levels below the top level, and return the finest level's keys.
 
-        An encoder gives the keys of the coded levels in `finer`, finest first.
-        """
-        network = network_of(self.model)
-        with thread_pool(self.threads) as pool:
-            voxels, features = pyramid(keys, 0)[0][0], network.root_features(len(keys))
-            for depth in range(levels - 1, -1, -1):
-                nodes_left -= len(voxels)
-                if nodes_left < 0 or exhausted(mixer.bits):
-                    raise InputError("the stream is damaged (its octree)")
-                symbols = np.zeros((2, len(voxels)), dtype=np.uint8)
-                if finer:
-                    symbols[:] = symbols_of(finer[depth])
-                features = network.convolved(features, voxels.neighbours, pool)
-                state = empty_state(voxels.neighbours)
-                for number, rows in enumerate(groups_of(voxels.keys)):
-                    group = network.group(number, rows, features, voxels.neighbours)
-                    _code_group(mixer, state, group, number, rows, symbols, pool)
-                slots = slots_of(*symbols)
-                if len(slots) > max_voxels or not symbols.any(axis=0).all():
-                    raise InputError("the stream is damaged (its number of voxels)")
-                keys = keys_of_slots(voxels.keys, slots)
-                if depth:
-                    features = network.child_features(features, slots, pool)
-                    voxels = children_voxels(voxels, keys, pool)
-        return keys
+    An encoder gives the keys of the coded levels in `finer`, finest first.
+    """
+    network = network_of(model)
+    with thread_pool() as pool:
+        voxels, features = pyramid(keys, 0)[0][0], network.root_features(len(keys))
+        for depth in range(levels - 1, -1, -1):
+            nodes_left -= len(voxels)
+            if nodes_left < 0 or exhausted(mixer.bits):
+                raise InputError("the stream is damaged (its octree)")
+            symbols = np.zeros((2, len(voxels)), dtype=np.uint8)
+            if finer:
+                symbols[:] = symbols_of(finer[depth])
+            features = network.convolved(features, voxels.neighbours, pool)
+            state = empty_state(voxels.neighbours)
+            for number, rows in enumerate(groups_of(voxels.keys)):
+                group = network.group(number, rows, features, voxels.neighbours)
+                _code_group(mixer, state, group, number, rows, symbols, pool)
+            slots = slots_of(*symbols)
+            if len(slots) > max_voxels or not symbols.any(axis=0).all():
+                raise InputError("the stream is damaged (its number of voxels)")
+            keys = keys_of_slots(voxels.keys, slots)
+            if depth:
+                features = network.child_features(features, slots, pool)
+                voxels = children_voxels(voxels, keys, pool)
+    return keys
 
 
 def network_of(model: OctreeNet) -> LevelPredictor[Any]:

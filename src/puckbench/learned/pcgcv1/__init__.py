@@ -1,7 +1,5 @@
 """PCGCv1: learned point-cloud geometry coding of dense cubes with a hyper-prior.
 
-`Pcgcv1Encoder` and `Pcgcv1Decoder` give access to the parts of a stream.
-
 References
 ----------
 Wang et al.: "Lossy Point Cloud Geometry Compression via End-to-End Learning", IEEE TCSVT 2021.
@@ -14,8 +12,6 @@ from puckbench.core.lazy import lazy
 if TYPE_CHECKING:
     from puckbench.learned.pcgcv1.codec import decode as decode
     from puckbench.learned.pcgcv1.codec import encode as encode
-    from puckbench.learned.pcgcv1.coder import Pcgcv1Decoder as Pcgcv1Decoder
-    from puckbench.learned.pcgcv1.coder import Pcgcv1Encoder as Pcgcv1Encoder
     from puckbench.learned.pcgcv1.model import PCGCv1 as PCGCv1
     from puckbench.learned.pcgcv1.model import Pcgcv1Shape as Pcgcv1Shape
     from puckbench.learned.pcgcv1.stream import Pcgcv1Stream as Pcgcv1Stream
@@ -29,7 +25,6 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     codec=("decode", "encode"),
-    coder=("Pcgcv1Decoder", "Pcgcv1Encoder"),
     model=("PCGCv1", "Pcgcv1Shape"),
     stream=("Pcgcv1Stream", "read_stream", "write_stream"),
     training_settings=("Pcgcv1Training",),

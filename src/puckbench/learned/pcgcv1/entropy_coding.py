@@ -1,9 +1,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,8 @@ from puckbench.learned.sparse.voxels import AXIS_BITS, NeighbourTable, morton_ke
 Integers = NDArray[np.int32]
 _MAX_POSITIONS = 2**20
 """Maximum positions of the latent for context mixing; each takes about 500 bytes of memory."""
+_INCREMENT = 4
+"""Increment of the frequency of a coded bit length, initially 1."""
 
 
 def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> bytes:
@@ -42,24 +43,43 @@ def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...
     return np.ascontiguousarray(np.moveaxis(z_hat, -1, 1))
 
 
-def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
-    """Encode a latent of any shape; `indexes` holds each value's frequency table and centre."""
+class LatentPositions(NamedTuple):
+    """Positions in all cubes at which the latent is coded with context mixing."""
+
+    order: Int64s  # (n,), from the order of cubes to Morton order
+    neighbours: NeighbourTable  # (27, n), in Morton order
+
+
+def encode_conditional(
+    y_hat: Integers, indexes: TableIndexes, positions: LatentPositions | None = None
+) -> bytes:
+    """Encode a latent (n, channels); `indexes` holds each value's frequency table and centre.
+
+    Context mixing codes the latent if `positions` are given; otherwise, y_hat may have any shape.
+    """
+    if positions is not None:
+        prior = _prior(indexes, positions.order)
+        return encode_with_contexts(y_hat[positions.order], positions.neighbours, prior)
     order, sizes = _by_table(indexes)
     values = (y_hat - indexes.centre).ravel()[order]
-    ends = np.cumsum([size for _, size in sizes])
-    parts = np.split(values, ends[:-1])
+    parts = np.split(values, np.cumsum([size for _, size in sizes])[:-1])
     return encode_groups(
         (part, laplace_table(number)) for part, (number, _) in zip(parts, sizes, strict=True)
     )
 
 
-def decode_conditional(data: bytes, indexes: TableIndexes) -> Integers:
+def decode_conditional(
+    data: bytes, indexes: TableIndexes, positions: LatentPositions | None = None
+) -> Integers:
+    y_hat = np.empty(indexes.table.shape, np.int32)
+    if positions is not None:
+        prior = _prior(indexes, positions.order)
+        y_hat[positions.order] = decode_with_contexts(data, positions.neighbours, prior)
+        return y_hat
     order, sizes = _by_table(indexes)
     parts = decode_groups(data, [(size, laplace_table(number)) for number, size in sizes])
-    values = np.empty(len(order), dtype=np.int32)
-    values[order] = np.concatenate(parts)
-    y_hat: Integers = values.reshape(indexes.centre.shape) + indexes.centre
-    return y_hat
+    y_hat.ravel()[order] = np.concatenate(parts)
+    return np.asarray(y_hat + indexes.centre)
 
 
 def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
@@ -67,24 +87,6 @@ def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, 
     sizes = np.bincount(tables, minlength=SCALES * OFFSETS)
     used = np.flatnonzero(sizes)
     return np.argsort(tables, kind="stable"), [(int(k), int(sizes[k])) for k in used]
-
-
-@dataclass(frozen=True)
-class LatentPositions:
-    """Positions in all cubes at which the latent is coded with context mixing."""
-
-    order: Int64s  # (n,), from the order of cubes to Morton order
-    neighbours: NeighbourTable  # (27, n), in Morton order
-
-    def encode(self, y_hat: Integers, indexes: TableIndexes) -> bytes:
-        prior = _prior(indexes, self.order)
-        return encode_with_contexts(y_hat[self.order], self.neighbours, prior)
-
-    def decode(self, data: bytes, indexes: TableIndexes) -> Integers:
-        y_hat = np.empty(indexes.table.shape, np.int32)
-        prior = _prior(indexes, self.order)
-        y_hat[self.order] = decode_with_contexts(data, self.neighbours, prior)
-        return y_hat
 
 
 def latent_positions(support: CodedCubes) -> LatentPositions | None:
@@ -116,44 +118,33 @@ def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()
-    lengths = _LengthStatistics(max_value)
+    frequencies = np.ones(max_value.bit_length())
     for count in counts:
         length = int(count).bit_length()
-        coder.encode(length - 1, lengths.model())
+        coder.encode(length - 1, _adaptive(frequencies))
         if length > 1:
             coder.encode(int(count) - (1 << length - 1), _uniform(length))
-        lengths.update(length - 1)
+        frequencies[length - 1] += _INCREMENT
     return bytes(coder.get_compressed().astype("<u4").tobytes())
 
 
 def decode_counts(data: bytes, number: int, max_value: int) -> list[int]:
+    counts, frequencies = [], np.ones(max_value.bit_length())
     with range_decoder(data, "counts") as coder:
-        counts = list(_counts(coder, number, max_value))
+        for _ in range(number):
+            length = int(coder.decode(_adaptive(frequencies))) + 1
+            low = int(coder.decode(_uniform(length))) if length > 1 else 0
+            frequencies[length - 1] += _INCREMENT
+            counts.append((1 << length - 1) + low)
         if max(counts, default=1) > max_value:
             raise ValueError("a count is too large")
     return counts
 
 
-def _counts(coder: Any, number: int, max_value: int) -> Iterator[int]:
-    lengths = _LengthStatistics(max_value)
-    for _ in range(number):
-        length = int(coder.decode(lengths.model())) + 1
-        low = int(coder.decode(_uniform(length))) if length > 1 else 0
-        lengths.update(length - 1)
-        yield (1 << length - 1) + low
+def _adaptive(frequencies: NDArray[np.float64]) -> Any:
+    import constriction
 
-
-class _LengthStatistics:
-    def __init__(self, max_value: int) -> None:
-        self.frequencies = np.ones(max_value.bit_length(), dtype=np.float64)
-
-    def model(self) -> Any:
-        import constriction
-
-        return constriction.stream.model.Categorical(self.frequencies, perfect=False)
-
-    def update(self, length: int) -> None:
-        self.frequencies[length] += 4
+    return constriction.stream.model.Categorical(frequencies, perfect=False)
 
 
 def _uniform(length: int) -> Any:

@@ -1,7 +1,5 @@
 """PCGCv2: multiscale learned point-cloud geometry coding with sparse convolutions.
 
-`Pcgcv2Coder` gives access to the parts of a stream.
-
 References
 ----------
 Wang et al.: "Multiscale Point Cloud Geometry Compression", DCC 2021.
@@ -14,7 +12,6 @@ from puckbench.core.lazy import lazy
 if TYPE_CHECKING:
     from puckbench.learned.pcgcv2.codec import decode as decode
     from puckbench.learned.pcgcv2.codec import encode as encode
-    from puckbench.learned.pcgcv2.coder import Pcgcv2Coder as Pcgcv2Coder
     from puckbench.learned.pcgcv2.model import PCGCv2 as PCGCv2
     from puckbench.learned.pcgcv2.model import Pcgcv2Shape as Pcgcv2Shape
     from puckbench.learned.pcgcv2.stream import CodingTools as CodingTools
@@ -29,7 +26,6 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     codec=("decode", "encode"),
-    coder=("Pcgcv2Coder",),
     model=("PCGCv2", "Pcgcv2Shape"),
     stream=("CodingTools", "Pcgcv2Stream", "read_stream", "write_coded"),
     training_settings=("Pcgcv2Training",),

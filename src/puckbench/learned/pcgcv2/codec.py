@@ -1,13 +1,27 @@
 from __future__ import annotations
 
+from types import ModuleType
+
 import numpy as np
+import torch
+from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, check_points
-from puckbench.learned.grid_level import choose_grid_level, voxelised
-from puckbench.learned.pcgcv2.coder import Pcgcv2Coder
+from puckbench.gpcc.lossless import decode_voxels, encode_voxels
+from puckbench.learned.adaptive_entropy import (
+    decode_with_contexts,
+    encode_with_contexts,
+    factorised_prior,
+)
+from puckbench.learned.device import device_of
+from puckbench.learned.grid_level import choose_grid_level, voxel_size, voxelised
+from puckbench.learned.pcgcv2 import device_inference, inference
+from puckbench.learned.pcgcv2.model import SCALES, PCGCv2
 from puckbench.learned.pcgcv2.stream import (
     ALL_TOOLS,
+    MAX_VOXELS,
+    CodedBlock,
     CodingTools,
     Pcgcv2Stream,
     read_stream,
@@ -15,8 +29,25 @@ from puckbench.learned.pcgcv2.stream import (
     write_raw,
 )
 from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
+from puckbench.learned.point_reconstruction import (
+    SiblingBlocks,
+    joined_blocks,
+    points_per_voxel,
+    reconstructed_points,
+)
+from puckbench.learned.range_coding import decode_latent, encode_latent
+from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
+from puckbench.learned.sparse.voxels import (
+    AXIS_BITS,
+    Keys,
+    morton_keys,
+    morton_voxels,
+    pyramid,
+    unique_keys,
+)
 from puckbench.learned.weights_file import check_made_with, check_rate
 
+STRIDE = 2**SCALES
 _MAX_RAW_POINTS = 64
 """Clouds of up to this many points are stored uncompressed."""
 
@@ -31,7 +62,6 @@ def encode(
     rho: float = 1.0,
     tools: CodingTools = ALL_TOOLS,
     point_reconstruction: bool = True,
-    threads: int | None = None,
 ) -> bytes:
     """Encode points with PCGCv2.
 
@@ -47,8 +77,6 @@ def encode(
         Decoded voxels per occupied voxel.
     point_reconstruction
         Decode as many points as were encoded, instead of voxel centres.
-    threads
-        Number of threads, by default PyTorch's.
 
     Raises
     ------
@@ -62,21 +90,95 @@ def encode(
     if np.abs(points).max() >= 2**31 - 2**20:
         raise InputError("coordinates exceed 32-bit integers")
     level = choose_grid_level(points, mean_occupied_children, grid_level_offset)
-    coder = Pcgcv2Coder(
-        weights,
-        rate,
-        rho,
-        threads=threads,
-        tools=tools,
-        point_reconstruction=point_reconstruction,
-    )
-    return write_coded(coder.encode(voxelised(points, level), level))
+    voxels = voxelised(points, level)
+    origin = voxels.min(axis=0) // STRIDE * STRIDE
+    if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
+        raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
+    keys = unique_keys(morton_keys(voxels - origin))
+    with thread_pool() as pool, torch.no_grad():
+        parts = split(keys, MAX_VOXELS)
+        blocks = tuple(_encode_block(part, weights, rate, rho, tools, pool) for part in parts)
+    density = points_per_voxel(len(points), len(keys), rho) if point_reconstruction else 0
+    x, y, z = origin.tolist()
+    return write_coded(Pcgcv2Stream(weights.digest, rate, (x, y, z), blocks, level, tools, density))
 
 
-def decode(stream: bytes, weights: Pcgcv2Weights, threads: int | None = None) -> Floats:
+def decode(stream: bytes, weights: Pcgcv2Weights) -> Floats:
     """Return the points (m, 3) of a stream made with these weights."""
     content = read_stream(stream)
     if not isinstance(content, Pcgcv2Stream):
         return content
     check_made_with(weights, content.digest, content.rate)
-    return Pcgcv2Coder(weights, content.rate, threads=threads).decode(content)
+    with thread_pool() as pool, torch.no_grad():
+        parts = [_decode_block(block, weights, content, pool) for block in content.blocks]
+    points = reconstructed_points(joined_blocks(parts), content.points_per_voxel)
+    shifted: Floats = points + np.array(content.origin)
+    return shifted * voxel_size(content.quarter_octaves)
+
+
+def transforms_of(model: PCGCv2) -> ModuleType:
+    """Return the module that has `analyse` and `synthesise` for the model's device."""
+    return inference if device_of(model).type == "cpu" else device_inference
+
+
+def _encode_block(
+    keys: Keys,
+    weights: Pcgcv2Weights,
+    rate: int,
+    rho: float,
+    tools: CodingTools,
+    pool: ThreadPool,
+) -> CodedBlock:
+    analysis = transforms_of(weights.model).analyse(weights.model, keys, pool)
+    y_hat = np.rint(analysis.y * _gain(weights, rate)).astype(np.int32)
+    coarse, (stride_1, stride_2, stride_4) = analysis.coarse, analysis.counts
+    counts = (max(1, round(rho * stride_1)), stride_2, stride_4, len(coarse))
+    tables = weights.tables[rate]
+    if CodingTools.CONTEXT_MIXING in tools:
+        prior = factorised_prior(tables, len(coarse))
+        latent = encode_with_contexts(y_hat, coarse.neighbours, prior)
+    else:
+        latent = encode_latent(y_hat, tables)
+    return CodedBlock(counts, encode_voxels(morton_voxels(coarse.keys)), latent)
+
+
+def _decode_block(
+    block: CodedBlock, weights: Pcgcv2Weights, content: Pcgcv2Stream, pool: ThreadPool
+) -> SiblingBlocks:
+    coarse = pyramid(_coarse_keys(block), 0, pool)[0][0]
+    tables, model = weights.tables[content.rate], weights.model
+    if CodingTools.CONTEXT_MIXING in content.tools:
+        prior = factorised_prior(tables, len(coarse))
+        y_hat = decode_with_contexts(block.latent, coarse.neighbours, prior)
+    else:
+        y_hat = decode_latent(block.latent, len(coarse), tables)
+    y = y_hat.astype(np.float32) / _gain(weights, content.rate)
+    child_per_parent = CodingTools.CHILD_PER_PARENT in content.tools
+    decoded: SiblingBlocks = transforms_of(model).synthesise(
+        model, y, coarse, block.counts[:3], pool, child_per_parent
+    )
+    return decoded
+
+
+def _gain(weights: Pcgcv2Weights, rate: int) -> NDArray[np.float32]:
+    gain: NDArray[np.float32] = weights.model.gain(rate).detach().cpu().numpy()
+    return gain
+
+
+def _coarse_keys(block: CodedBlock) -> Keys:
+    voxels = decode_voxels(block.coordinates, block.counts[3])
+    if len(voxels) != block.counts[3] or voxels.min() < 0 or voxels.max() >= 2**AXIS_BITS // STRIDE:
+        raise InputError("the stream is damaged (coordinates)")
+    keys = unique_keys(morton_keys(voxels))
+    if len(keys) != len(voxels):
+        raise InputError("the stream is damaged (coordinates)")
+    return keys
+
+
+def split(keys: Keys, max_voxels: int) -> list[Keys]:
+    """Split sorted keys into equal parts of about `max_voxels`, between voxels of stride 8."""
+    parts = -(-len(keys) // max_voxels)
+    borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
+    targets = np.arange(1, parts) * len(keys) // parts
+    cuts = borders[np.minimum(np.searchsorted(borders, targets), len(borders) - 1)]
+    return [part for part in np.split(keys, np.unique(cuts)) if len(part)]

@@ -14,7 +14,6 @@ from puckbench.core.lazy import lazy
 if TYPE_CHECKING:
     from puckbench.learned.reno.codec import decode as decode
     from puckbench.learned.reno.codec import encode as encode
-    from puckbench.learned.reno.coder import RenoCoder as RenoCoder
     from puckbench.learned.reno.stream import RenoStream as RenoStream
     from puckbench.learned.reno.stream import read_stream as read_stream
     from puckbench.learned.reno.stream import write_stream as write_stream
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     codec=("decode", "encode"),
-    coder=("RenoCoder",),
     stream=("RenoStream", "read_stream", "write_stream"),
     weights=("RenoWeights", "load_weights"),
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import NARROWER, InputError
 from puckbench.geometry.cloud import Floats, check_points
-from puckbench.learned.reno.coder import RenoCoder
+from puckbench.learned.reno.coder import decode_tree, encode_tree
 from puckbench.learned.reno.stream import RenoStream, read_stream, write_stream
 from puckbench.learned.reno.weights import RenoWeights
 from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys, morton_voxels, unique_keys
@@ -21,7 +21,7 @@ OFFSET = 131072
 """Distance from the corner of the authors' grid to the origin along each axis, in mm."""
 
 
-def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | None = None) -> bytes:
+def encode(points: Floats, weights: RenoWeights, posq: float) -> bytes:
     """Quantise points to a grid of step posQ, and encode the voxels losslessly.
 
     Parameters
@@ -30,8 +30,6 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
         (n, 3), n >= 1, in mm. Points of one voxel are merged.
     posq
         Step of the grid in mm, a number in half precision.
-    threads
-        Number of threads, by default PyTorch's.
 
     Raises
     ------
@@ -46,23 +44,19 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     if voxels.max() >= 2**AXIS_BITS:
         needed = f"more than {AXIS_BITS} bits per coordinate at posQ {posq:g}"
         raise InputError(f"the cloud needs {needed}{NARROWER}")
-    tree = RenoCoder(weights, threads).encode(unique_keys(morton_keys(voxels)))
+    tree = encode_tree(unique_keys(morton_keys(voxels)), weights)
     x, y, z = offsets.tolist()
     return write_stream(RenoStream(weights.digest, posq, (x, y, z), tree))
 
 
-def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
+def decode(stream: bytes, weights: RenoWeights) -> Floats:
     """Return the points (m, 3), in mm, of a stream made with these weights.
 
     Raises InputError if the points are wrong because this machine computes differently.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
-    return decoded_points(content, weights, threads)
-
-
-def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | None = None) -> Floats:
-    keys = RenoCoder(weights, threads).decode(content.tree)
+    keys = decode_tree(content.tree, weights)
     corner = np.array(content.offsets) * float(OFFSET)
     points: Floats = morton_voxels(keys) * content.posq - corner
     return points

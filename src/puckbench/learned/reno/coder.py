@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,67 +37,66 @@ OTHER_RESULT = (
 )
 
 
-@dataclass(frozen=True)
-class RenoCoder:
-    """Coder of voxels given as Morton keys; results do not depend on the number of threads."""
+def encode_tree(keys: Keys, weights: RenoWeights) -> CodedTree:
+    """Encode voxels given as Morton keys; the result does not depend on the number of threads."""
+    levels = list(_levels(keys))
+    base, occupancy = levels[0]
+    symbols: list[bytes] = []
+    level_symbols = [half for _, codes in levels[1:] for half in (codes % VALUES, codes // VALUES)]
 
-    weights: RenoWeights
-    threads: int | None = None
+    def code(number: int, frequencies: Cumulative) -> Symbols:
+        symbols.append(encode_symbols(level_symbols[number], frequencies))
+        return level_symbols[number]
 
-    def encode(self, keys: Keys) -> CodedTree:
-        levels = list(_levels(keys))
-        base, occupancy = levels[0]
-        symbols: list[bytes] = []
-        level_symbols = [
-            half for _, codes in levels[1:] for half in (codes % VALUES, codes // VALUES)
-        ]
+    nodes = [len(level) for level, _ in levels[1:]]
+    if max(nodes, default=0) > MAX_LEVEL:
+        raise InputError(f"the cloud has more than {MAX_LEVEL} voxels")
+    _traverse(weights, base, occupancy, len(nodes), code, sum(nodes))
+    tree = CodedTree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _checksum(keys))
+    check_work(tree, sum(nodes))
+    return tree
 
-        def code(number: int, frequencies: Cumulative) -> Symbols:
-            symbols.append(encode_symbols(level_symbols[number], frequencies))
-            return level_symbols[number]
 
-        nodes = [len(level) for level, _ in levels[1:]]
-        if max(nodes, default=0) > MAX_LEVEL:
-            raise InputError(f"the cloud has more than {MAX_LEVEL} voxels")
-        self._traverse(base, occupancy, len(nodes), code, sum(nodes))
-        tree = CodedTree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _checksum(keys))
-        check_work(tree, sum(nodes))
-        return tree
+def decode_tree(tree: CodedTree, weights: RenoWeights) -> Keys:
+    """Return the keys of a stream's voxels; raise InputError if they are not those encoded."""
 
-    def decode(self, tree: CodedTree) -> Keys:
-        """Return the keys of a stream's voxels; raise InputError if they are not those encoded."""
+    def code(number: int, frequencies: Cumulative) -> Symbols:
+        return decode_symbols(tree.symbols[number], frequencies)
 
-        def code(number: int, frequencies: Cumulative) -> Symbols:
-            return decode_symbols(tree.symbols[number], frequencies)
+    base, levels = morton_keys(tree.base), len(tree.symbols) // 2
+    try:
+        keys = _traverse(weights, base, tree.occupancy, levels, code, max_nodes(tree))
+    except InputError as error:
+        raise InputError(OTHER_RESULT) from error
+    if len(keys) != tree.count or _checksum(keys) != tree.check:
+        raise InputError(OTHER_RESULT)
+    return keys
 
-        base, levels = morton_keys(tree.base), len(tree.symbols) // 2
-        try:
-            keys = self._traverse(base, tree.occupancy, levels, code, max_nodes(tree))
-        except InputError as error:
-            raise InputError(OTHER_RESULT) from error
-        if len(keys) != tree.count or _checksum(keys) != tree.check:
-            raise InputError(OTHER_RESULT)
-        return keys
 
-    def _traverse(
-        self, keys: Keys, occupancy: Occupancy, levels: int, code: Code, max_nodes: int
-    ) -> Keys:
-        with thread_pool(self.threads) as pool:
-            level = pyramid(keys, 0)[0][0]
-            for number in range(levels):
-                slots = _slots(occupancy)
-                max_nodes -= len(slots)
-                if max_nodes < 0 or len(slots) > MAX_LEVEL:
-                    raise InputError("the stream has too many voxels")
-                prior = prior_features(self.weights, occupancy, level.neighbours, pool)
-                level = children_voxels(level, keys_of_slots(level.keys, slots), pool)
-                features = target_features(self.weights, prior, slots, level.neighbours, pool)
-                first = code(2 * number, predicted(self.weights, 0, features, pool))
-                second = code(2 * number + 1, predicted(self.weights, 1, features, pool, first))
-                occupancy = first + VALUES * second
-                if not occupancy.all():
-                    raise InputError("the stream has a voxel without children")
-        return keys_of_slots(level.keys, _slots(occupancy))
+def _traverse(
+    weights: RenoWeights,
+    keys: Keys,
+    occupancy: Occupancy,
+    levels: int,
+    code: Code,
+    max_nodes: int,
+) -> Keys:
+    with thread_pool() as pool:
+        level = pyramid(keys, 0)[0][0]
+        for number in range(levels):
+            slots = _slots(occupancy)
+            max_nodes -= len(slots)
+            if max_nodes < 0 or len(slots) > MAX_LEVEL:
+                raise InputError("the stream has too many voxels")
+            prior = prior_features(weights, occupancy, level.neighbours, pool)
+            level = children_voxels(level, keys_of_slots(level.keys, slots), pool)
+            features = target_features(weights, prior, slots, level.neighbours, pool)
+            first = code(2 * number, predicted(weights, 0, features, pool))
+            second = code(2 * number + 1, predicted(weights, 1, features, pool, first))
+            occupancy = first + VALUES * second
+            if not occupancy.all():
+                raise InputError("the stream has a voxel without children")
+    return keys_of_slots(level.keys, _slots(occupancy))
 
 
 def _levels(keys: Keys) -> Iterator[tuple[Keys, Occupancy]]:
