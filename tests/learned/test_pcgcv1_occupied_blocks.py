@@ -9,6 +9,7 @@ from torch.nn.functional import max_pool3d
 
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
+from puckbench.learned.catalogue import PCGCV1
 from puckbench.learned.pcgcv1.codec import decode, encode
 from puckbench.learned.pcgcv1.cubes import cubes_of
 from puckbench.learned.pcgcv1.inference import CpuTransforms
@@ -20,7 +21,8 @@ from puckbench.learned.pcgcv1.occupied_blocks import (
     pooled,
 )
 from puckbench.learned.pcgcv1.training import rate_distortion_loss
-from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, save_weights
+from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, load_weights
+from puckbench.learned.weights_file import save_multi_rate
 from tests.support.learned_codecs import (
     LMBDAS,
     TINY1,
@@ -41,7 +43,8 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def weights(path: Path) -> Pcgcv1Weights:
-    return save_weights(path, network1(WITH_BLOCKS), LMBDAS, {})
+    save_multi_rate(path, PCGCV1, network1(WITH_BLOCKS), LMBDAS, {})
+    return load_weights(path)
 
 
 @pytest.fixture

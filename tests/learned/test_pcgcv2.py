@@ -13,6 +13,7 @@ import torch
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
+from puckbench.learned.catalogue import PCGCV2
 from puckbench.learned.entropy_bottleneck import (
     EntropyBottleneck,
     FrequencyTable,
@@ -28,7 +29,6 @@ from puckbench.learned.pcgcv2.weights import (
     Pcgcv2Weights,
     load_published,
     load_weights,
-    save_weights,
 )
 from puckbench.learned.range_coding import decode_latent, encode_latent
 from puckbench.learned.sparse.convolution import neighbourhood_of
@@ -41,6 +41,7 @@ from puckbench.learned.sparse.voxels import (
     pyramid,
     selected_children,
 )
+from puckbench.learned.weights_file import save_multi_rate
 from tests.support.learned_codecs import (
     RATES,
     TINY2,
@@ -62,8 +63,12 @@ KEYS = np.sort(morton_keys(_shell()))
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Pcgcv2Weights:
-    path = tmp_path_factory.mktemp("weights") / "tiny.safetensors"
-    return save_weights(path, network2(), (1.0, 4.0), {"data": "none"})
+    return _saved(tmp_path_factory.mktemp("weights") / "tiny.safetensors", "none")
+
+
+def _saved(path: Path, data: str) -> Pcgcv2Weights:
+    save_multi_rate(path, PCGCV2, network2(), (1.0, 4.0), {"data": data})
+    return load_weights(path)
 
 
 @pytest.fixture(scope="module")
@@ -136,10 +141,8 @@ def test_a_set_of_weights_comes_back_from_its_file(weights: Pcgcv2Weights, tmp_p
         result = weights.model.state_dict()[name]
         torch.testing.assert_close(result, value.half().float(), rtol=0, atol=0)
     assert weights.lmbdas == (1.0, 4.0)
-    again = save_weights(tmp_path / "b.safetensors", network2(), (1.0, 4.0), {"data": "none"})
-    assert again.digest == weights.digest
-    other = save_weights(tmp_path / "c.safetensors", network2(), (1.0, 4.0), {"data": "rooms"})
-    assert other.digest != weights.digest
+    assert _saved(tmp_path / "b.safetensors", "none").digest == weights.digest
+    assert _saved(tmp_path / "c.safetensors", "rooms").digest != weights.digest
 
 
 def _their_shape(name: str, value: torch.Tensor) -> torch.Tensor:

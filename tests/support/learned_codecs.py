@@ -15,15 +15,15 @@ import torch
 
 from puckbench.codecs.base import Codec
 from puckbench.core.errors import InputError
+from puckbench.learned.catalogue import PCGCV1, PCGCV2
 from puckbench.learned.octree_net import weights as octree_weights
 from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
 from puckbench.learned.octree_net.symbols import powers_of_two
-from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
 from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
-from puckbench.learned.pcgcv2 import weights as pcgcv2_weights
 from puckbench.learned.pcgcv2.model import PCGCv2, Pcgcv2Shape
 from puckbench.learned.reno.weights import shapes as reno_shapes
+from puckbench.learned.weights_file import save_multi_rate
 
 TINY1 = Pcgcv1Shape(
     cube_size=16, channels=(4, 8, 16), latent_channels=4, hyper_channels=(16, 8), blocks=1, rates=2
@@ -103,9 +103,9 @@ def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
         torch.save(reno_state(seed=seed), path)
         return
     if codec.startswith("pcgcv1"):
-        pcgcv1_weights.save_weights(path, network1(seed=seed), LMBDAS, {"data": "none"})
+        save_multi_rate(path, PCGCV1, network1(seed=seed), LMBDAS, {"data": "none"})
     elif codec.startswith("pcgcv2"):
-        pcgcv2_weights.save_weights(path, network2(seed=seed), LMBDAS, {"data": "none"})
+        save_multi_rate(path, PCGCV2, network2(seed=seed), LMBDAS, {"data": "none"})
     else:
         octree_weights.save_weights(path, octree_network(seed=seed), {"data": "none"})
 

@@ -57,7 +57,6 @@ class GridArguments(TypedDict, total=False):
 
 class LearnedOptions(Model):
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
-    device: DeviceName = Field("cpu", description="device on which the network runs")
 
 
 class Learned(Codec, Generic[W]):
@@ -83,8 +82,6 @@ class Learned(Codec, Generic[W]):
         missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
         if missing:
             return Availability(False, f"{' and '.join(missing)} not installed: {_INSTALL}")
-        if self.options.device != "cpu" and (reason := why_not(self.options.device)):
-            return Availability(False, reason)
         rates = self.rates or self.metric_rates
         try:
             lacking = [name for name, rate in rates.items() if self._path(rate) is None]
@@ -154,6 +151,7 @@ class Learned(Codec, Generic[W]):
 
 class PublishedOptions(LearnedOptions):
     weights: str = Field(PUBLISHED_WEIGHTS, description="a folder with the authors' weights")
+    device: DeviceName = Field("cpu", description="device on which the network runs")
 
 
 class LearnedByLambda(Learned[R]):
@@ -170,6 +168,11 @@ class LearnedByLambda(Learned[R]):
     """Whether context mixing codes the latent, not the fixed probability tables of the weights."""
     point_reconstruction = False
     """Whether to decode as many points as were encoded, not one at each voxel's centre."""
+
+    def available(self) -> Availability:
+        found = super().available()
+        reason = why_not(self.options.device) if found.ok else ""
+        return Availability(False, reason) if reason else found
 
     def _known_files(self) -> Iterator[Path]:
         yield from super()._known_files()

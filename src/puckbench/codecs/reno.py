@@ -33,9 +33,6 @@ class RenoOptions(LearnedOptions):
     weights: str = Field(
         PUBLISHED_WEIGHTS, description="a folder with the authors' weights, or one of their files"
     )
-    device: Literal["cpu"] = Field(
-        "cpu", description="where the network runs; its sums have the order of a CPU's loops"
-    )
     trained_on: Literal["KITTIDetection", "SemanticKITTI", "Ford"] = Field(
         "KITTIDetection", description="which of the folder's files codes"
     )

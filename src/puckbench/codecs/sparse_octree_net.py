@@ -73,4 +73,4 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
     def _read(self, path: Path) -> OctreeNetWeights:
         from puckbench.learned.octree_net.weights import load_weights
 
-        return load_weights(path, self.options.device)
+        return load_weights(path)

@@ -63,15 +63,15 @@ class SearchablePoints:
             groups.append((rows[done], index[done]))
             rows = rows[~done]
         starts = np.append(0, np.cumsum(counts))
-        index = np.empty(starts[-1], np.int64)
+        rows_of_ties = np.empty(starts[-1], np.int64)
         has_second = counts > 1
-        index[starts[:-1]] = two.rows[:, 0]
-        index[starts[:-1][has_second] + 1] = two.rows[has_second, 1]
+        rows_of_ties[starts[:-1]] = two.rows[:, 0]
+        rows_of_ties[starts[:-1][has_second] + 1] = two.rows[has_second, 1]
         for group, neighbours in groups:
             places = np.arange(neighbours.shape[1])
             is_tied = places < counts[group, None]
-            index[(starts[group, None] + places)[is_tied]] = neighbours[is_tied]
-        return Neighbours(two.squared, starts, exact, index)
+            rows_of_ties[(starts[group, None] + places)[is_tied]] = neighbours[is_tied]
+        return Neighbours(two.squared, starts, exact, rows_of_ties)
 
     def _sorted_neighbours(self, queries: Floats, k: int) -> tuple[Indices, Floats]:
         k = min(k, len(self._points))

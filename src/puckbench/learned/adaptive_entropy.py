@@ -7,6 +7,7 @@ sign, and magnitude in unary.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,8 +48,10 @@ _MAX_VALUE_BYTES = 80
 """Maximum bytes of a value: all decisions, of at most log2(65,536 / 32) bits each."""
 
 
-class _Tables(NamedTuple):
-    """Concatenated frequency tables of a prior, without their escape symbols.
+class Prior(NamedTuple):
+    """The distributions that the entropy model gives to values (n, channels).
+
+    Frequency tables are concatenated, without their escape symbols.
 
     Parameters
     ----------
@@ -58,8 +61,10 @@ class _Tables(NamedTuple):
         (tables + 1,), start of each table in `below`.
     below
         For each integer of a table, the sum of the frequencies of smaller integers.
-    number, centre
-        As in `Prior`.
+    number
+        (n, channels), the index of each value's table.
+    centre
+        (n, channels), the value at the table's zero.
     """
 
     lowest: Ints
@@ -91,26 +96,20 @@ class _Neighbourhood(NamedTuple):
     contexts: Ints
 
 
-class Prior(NamedTuple):
-    """The distributions that the entropy model gives to values (n, channels).
-
-    Parameters
-    ----------
-    number
-        (n, channels), the index of each value's table.
-    centre
-        (n, channels), the value at the table's zero.
-    """
-
-    tables: tuple[FrequencyTable, ...]
-    number: NDArray[np.integer[Any]]
-    centre: NDArray[np.integer[Any]]
+def prior_of(
+    tables: Sequence[FrequencyTable], number: NDArray[np.integer[Any]], centre: Integers
+) -> Prior:
+    sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in tables]
+    lowest = np.array([table.lowest for table in tables], np.int64)
+    first = np.cumsum((0, *map(len, sums)))
+    number, centre = (np.ascontiguousarray(a, np.int32) for a in (number, centre))
+    return Prior(lowest, first, np.concatenate(sums), number, centre)
 
 
-def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
+def factorised_prior(tables: Sequence[FrequencyTable], count: int) -> Prior:
     """Return the prior of an entropy bottleneck: one table per channel for all voxels."""
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
-    return Prior(tables, number, np.zeros_like(number))
+    return prior_of(tables, number, np.zeros_like(number))
 
 
 def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Prior) -> bytes:
@@ -153,20 +152,12 @@ def _code(bits: BitCoder, values: Ints, neighbours: NeighbourTable, prior: Prior
         memory=MAX_MEMORY,
     )
     around = _Neighbourhood(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
-    _code_values(new_mixer(bits, options), values, neighbours, _concatenated(prior), around, starts)
-
-
-def _concatenated(prior: Prior) -> _Tables:
-    sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in prior.tables]
-    lowest = np.array([table.lowest for table in prior.tables], np.int64)
-    first = np.cumsum((0, *map(len, sums)))
-    number, centre = (np.ascontiguousarray(a, np.int32) for a in prior[1:])
-    return _Tables(lowest, first, np.concatenate(sums), number, centre)
+    _code_values(new_mixer(bits, options), values, neighbours, prior, around, starts)
 
 
 @compiled_in_place
 def _code_values(
-    mixer: Mixer, values: Ints, neighbours: NeighbourTable, tables: _Tables, around: _Neighbourhood,
+    mixer: Mixer, values: Ints, neighbours: NeighbourTable, prior: Prior, around: _Neighbourhood,
     starts: Ints,
 ) -> None:  # fmt: skip
     for row in range(len(values)):
@@ -176,7 +167,7 @@ def _code_values(
         for channel in range(values.shape[1]):
             _find_contexts(around, values, row, channel)
             values[row, channel] = _code_value(
-                mixer, tables, around, starts, row, channel, values[row, channel]
+                mixer, prior, around, starts, row, channel, values[row, channel]
             )
 
 
@@ -258,7 +249,7 @@ def _clipped_quotient(total: int, count: int, most: int, unknown: int) -> int:
 @compiled_in_place
 def _code_value(
     mixer: Mixer,
-    tables: _Tables,
+    prior: Prior,
     around: _Neighbourhood,
     starts: Ints,
     row: int,
@@ -266,17 +257,17 @@ def _code_value(
     value: int,
 ) -> int:
     decision = _DECISIONS * channel
-    zero = _frequency(tables, row, channel, 0, 0)
+    zero = _frequency(prior, row, channel, 0, 0)
     above, below = (
-        _frequency(tables, row, channel, 1, _MAX_MAGNITUDE),
-        _frequency(tables, row, channel, -_MAX_MAGNITUDE, -1),
+        _frequency(prior, row, channel, 1, _MAX_MAGNITUDE),
+        _frequency(prior, row, channel, -_MAX_MAGNITUDE, -1),
     )
     if _code_decision(mixer, around, starts, decision, zero, above + below, value == 0) == 1:
         return 0
     sign = 2 * _code_decision(mixer, around, starts, decision + 1, above, below, value > 0) - 1
     rest = above if sign == 1 else below
     for size in range(1, _MAX_UNARY + 1):
-        this = _frequency(tables, row, channel, sign * size, sign * size)
+        this = _frequency(prior, row, channel, sign * size, sign * size)
         rest -= this
         node = decision + 1 + min(size, 5) + (5 if sign == 1 else 0)
         if _code_decision(mixer, around, starts, node, this, rest, abs(value) == size) == 1:
@@ -285,13 +276,13 @@ def _code_value(
 
 
 @compiled_in_place
-def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -> int:
-    number = tables.number[row, channel]
-    start, end = tables.first[number], tables.first[number + 1] - 1
-    zero = start - tables.lowest[number] - tables.centre[row, channel]
+def _frequency(prior: Prior, row: int, channel: int, first: int, last: int) -> int:
+    number = prior.number[row, channel]
+    start, end = prior.first[number], prior.first[number + 1] - 1
+    zero = start - prior.lowest[number] - prior.centre[row, channel]
     low = min(max(zero + first, start), end)
     high = min(max(zero + last + 1, start), end)
-    return int(tables.below[high] - tables.below[low])
+    return int(prior.below[high] - prior.below[low])
 
 
 @compiled_in_place

@@ -228,12 +228,3 @@ def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
     if not isinstance(checkpoint, dict):
         raise InputError(f"{path}: {fault}")
     return checkpoint
-
-
-def initialise(
-    model: torch.nn.Module, path: Path, parameters: Callable[[Mapping[str, Any]], Mapping[str, Any]]
-) -> None:
-    try:
-        model.load_state_dict(parameters(read_weights(path).state))
-    except RuntimeError as error:
-        raise InputError(f"{path}: weights of another shape") from error

@@ -6,18 +6,17 @@ mask. A cell is unknown while the cell's parent is occupied but not coded yet.
 
 from __future__ import annotations
 
-import operator
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled_in_place
-from puckbench.learned.sparse.voxels import CENTRE, CHILDREN, FACES, OFFSETS, NeighbourTable
+from puckbench.learned.sparse.voxels import CENTRE, FACES, OFFSETS, NeighbourTable
 
 Ints = NDArray[np.int64]
-_STEPS = (1, 4, 16)
+_STEPS = np.array([1, 4, 16])
+_BITS = np.left_shift(1, np.arange(64))
 
 
 class CellMasks(NamedTuple):
@@ -96,55 +95,28 @@ def _share_outside_layer(outside: int, count: int) -> int:
 
 
 def _cells() -> CellMasks:
-    occupied, whole = np.zeros((OFFSETS, 256), np.int64), np.zeros(OFFSETS, np.int64)
-    for offset in range(OFFSETS):
-        steps = [2 * (offset // 3**axis % 3 - 1) for axis in range(3)]
-        for child in range(CHILDREN):
-            position = [1 + steps[axis] + (child >> axis & 1) for axis in range(3)]
-            if all(0 <= coordinate < 4 for coordinate in position):
-                whole[offset] |= _bit(_cell(position))
-                occupied[offset, (np.arange(256) >> child & 1) == 1] |= _bit(_cell(position))
-    positions = [[1 + (child >> axis & 1) for axis in range(3)] for child in range(CHILDREN)]
-    inner = np.array([_cell(position) for position in positions])
-    outward = np.array(
-        [[(1 if c >> a & 1 else -1) * _STEPS[a] for a in range(3)] for c in range(8)]
-    )
+    children = np.arange(8)[:, None] >> np.arange(3) & 1  # positions (8, 3) in the parent
+    steps = np.arange(OFFSETS)[:, None] // 3 ** np.arange(3) % 3 - 1
+    positions = 1 + 2 * steps[:, None] + children
+    is_inside = ((positions >= 0) & (positions < 4)).all(axis=2)
+    cells = np.where(is_inside, positions @ _STEPS, 0)
+    bits = np.where(is_inside, _BITS[cells], 0)  # of the children of each neighbour, (27, 8)
+    codes = np.arange(256)[:, None] >> np.arange(8) & 1
+    inner, outward = cells[CENTRE], np.where(children == 1, 1, -1) * _STEPS
     sides = [(a, b) for a in range(3) for b in range(3) if a != b]
+    everywhere = np.arange(64)[:, None] // _STEPS % 4
+    distances = np.abs(1 + children[:, None] - everywhere)
+    near = np.where(distances.max(axis=2) < 2, distances.sum(axis=2), -1)
     return CellMasks(
-        occupied,
-        whole,
+        bits @ codes.T,
+        bits.sum(axis=1),
         inner,
         inner[:, None] + outward,
         inner[:, None] - 2 * outward,
         inner[:, None] + outward.sum(axis=1, keepdims=True) - outward,
         np.stack([inner + outward[:, a] - outward[:, b] for a, b in sides], axis=1),
-        _cells_at(positions, 1),
-        _cells_at(positions, 2),
-        _cells_at(positions, 3),
-        _cells_at(positions, None),
+        *((near == distance) @ _BITS for distance in (1, 2, 3, -1)),
     )
-
-
-def _cell(position: list[int]) -> int:
-    return sum(map(operator.mul, _STEPS, position))
-
-
-def _bit(cell: int) -> np.int64:
-    return np.uint64(1 << cell).astype(np.int64)
-
-
-def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of the cells that share a face (1), edge (2) or corner (3) with each child.
-
-    The distance None selects the cells that do not touch the child.
-    """
-    masks = np.zeros(CHILDREN, np.int64)
-    for child, position in enumerate(positions):
-        for cell in product(range(4), repeat=3):
-            steps = [abs(a - b) for a, b in zip(cell, position, strict=True)]
-            if (sum(steps) if max(steps) < 2 else None) == distance:
-                masks[child] |= _bit(_cell(list(cell)))
-    return masks
 
 
 CELLS = _cells()

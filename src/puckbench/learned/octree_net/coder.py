@@ -11,16 +11,13 @@ from puckbench.coding.binary_coder import exhausted, read_to_its_end, written
 from puckbench.coding.context_mixing import Mixer
 from puckbench.core.errors import InputError
 from puckbench.gpcc.lossless import decode_voxels, encode_voxels
-from puckbench.learned.device import device_of
 from puckbench.learned.octree_net.causal_neighbourhood import (
     LevelState,
     empty_state,
     find_neighbourhood,
 )
-from puckbench.learned.octree_net.device_inference import DevicePredictor
 from puckbench.learned.octree_net.inference import (
-    LevelPredictor,
-    VoxelGroup,
+    CompiledGroup,
     chunks_of,
     compiled_network,
 )
@@ -84,7 +81,7 @@ def _traverse(
 
     An encoder gives the keys of the coded levels in `finer`, finest first.
     """
-    network = network_of(model)
+    network = compiled_network(model)
     with thread_pool() as pool:
         voxels, features = pyramid(keys, 0)[0][0], network.root_features(len(keys))
         for depth in range(levels - 1, -1, -1):
@@ -109,15 +106,9 @@ def _traverse(
     return keys
 
 
-def network_of(model: OctreeNet) -> LevelPredictor[Any]:
-    if device_of(model).type == "cpu":
-        return compiled_network(model)
-    return DevicePredictor(model)
-
-
 def _code_group(
-    mixer: Mixer, state: LevelState, group: VoxelGroup, number: int, rows: Rows, symbols: Symbols,
-    pool: ThreadPool,
+    mixer: Mixer, state: LevelState, group: CompiledGroup, number: int, rows: Rows,
+    symbols: Symbols, pool: ThreadPool,
 ) -> None:  # fmt: skip
     """Encode a level's symbols (2, n) at the rows of a group, or decode them in place.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar, cast
+from typing import cast
 
 import numpy as np
 from torch import Tensor, nn
@@ -32,29 +32,6 @@ _CHUNK_ROWS = 2**13
 
 Matrix = tuple[Floats32, Floats32]
 """Flat arrays of a layer's kernel and bias, with integer values."""
-F = TypeVar("F")
-
-
-class VoxelGroup(Protocol):
-    """Voxels of a level that are coded together, in chunks."""
-
-    def predict_first(self, chunk: slice) -> Frequencies: ...
-
-    def predict_second(self, chunk: slice, first: Symbols) -> Frequencies: ...
-
-    def update(self, chunk: slice, second: Symbols) -> None: ...
-
-
-class LevelPredictor(Protocol[F]):
-    def root_features(self, count: int) -> F: ...
-
-    def convolved(self, features: F, table: NeighbourTable, pool: ThreadPool) -> F:
-        """Return features of a level's voxels before any of their children are known."""
-
-    def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> VoxelGroup:
-        """Return a group of the level's voxels; previous groups must have been coded."""
-
-    def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F: ...
 
 
 def chunks_of(count: int) -> list[slice]:

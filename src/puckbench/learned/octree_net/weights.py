@@ -10,7 +10,6 @@ from torch import Tensor
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import parsed
 from puckbench.learned.catalogue import OCTREE_NET, weights_path
-from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
 from puckbench.learned.octree_net.model import OctreeNet, OctreeNetShape
 from puckbench.learned.weights_file import read_weights, write_weights
@@ -39,7 +38,7 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
     write_weights(path, header_fields, state)
 
 
-def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
+def load_weights(where: str | Path) -> OctreeNetWeights:
     """Read trained weights: a shipped set by name, or a file by path.
 
     Raises InputError if they are damaged, of another network, or too large for exact sums.
@@ -53,8 +52,9 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeig
         raise InputError(f"{path}: damaged weights") from error
     with naming(path):
         model.check_exact()
-    model = placed(model.eval().requires_grad_(False), device)
-    return OctreeNetWeights(model, contents.digest, contents.header.card)
+    return OctreeNetWeights(
+        model.eval().requires_grad_(False), contents.digest, contents.header.card
+    )
 
 
 def parameters(integers: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from puckbench.learned.pcgcv1.training_settings import Pcgcv1Training as Pcgcv1Training
     from puckbench.learned.pcgcv1.weights import Pcgcv1Weights as Pcgcv1Weights
     from puckbench.learned.pcgcv1.weights import load_weights as load_weights
-    from puckbench.learned.pcgcv1.weights import save_weights as save_weights
 
 __getattr__, __dir__, __all__ = lazy(
     __name__,
@@ -28,5 +27,5 @@ __getattr__, __dir__, __all__ = lazy(
     model=("PCGCv1", "Pcgcv1Shape"),
     stream=("Pcgcv1Stream", "read_stream", "write_stream"),
     training_settings=("Pcgcv1Training",),
-    weights=("Pcgcv1Weights", "load_weights", "save_weights"),
+    weights=("Pcgcv1Weights", "load_weights"),
 )

@@ -11,6 +11,7 @@ from puckbench.learned.adaptive_entropy import (
     Prior,
     decode_with_contexts,
     encode_with_contexts,
+    prior_of,
 )
 from puckbench.learned.entropy_bottleneck import FrequencyTable
 from puckbench.learned.pcgcv1.cubes import Int64s
@@ -106,7 +107,7 @@ def latent_positions(support: CodedCubes) -> LatentPositions | None:
 def _prior(indexes: TableIndexes, order: Int64s) -> Prior:
     used, number = np.unique(indexes.table[order], return_inverse=True)
     tables = tuple(map(laplace_table, used.tolist()))
-    return Prior(tables, number.reshape(indexes.table.shape), indexes.centre[order])
+    return prior_of(tables, number.reshape(indexes.table.shape), indexes.centre[order])
 
 
 def checksum(indexes: TableIndexes) -> int:

@@ -96,19 +96,13 @@ class CpuTransforms:
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
-        valid = [
-            (
-                (low + _INVALID_MARGIN) // 2 if low else 0,
-                (high - _INVALID_MARGIN if high < side else high) // 2,
-            )
-            for (low, high), side in zip(box, sides, strict=True)
-        ]
         features = self._stride_two_empty(sides).clone(memory_format=torch.channels_last_3d)
-        target = tuple(slice(low, high) for low, high in valid)
-        source = tuple(
-            slice(low - first // 2, high - first // 2)
-            for (low, high), (first, _) in zip(valid, box, strict=True)
-        )
+        target, source = [], []
+        for (low, high), side in zip(box, sides, strict=True):
+            first = (low + _INVALID_MARGIN) // 2 if low else 0
+            last = (high - _INVALID_MARGIN if high < side else high) // 2
+            target.append(slice(first, last))
+            source.append(slice(first - low // 2, last - low // 2))
         features[0][(slice(None), *target)] = part[0][(slice(None), *source)]
         return features
 
@@ -239,9 +233,7 @@ class PolyphaseConv:
     Four small kernels avoid products with zeros. Both parities of z are computed jointly.
     """
 
-    layers: tuple[
-        tuple[ConvolutionKernel, ConvolutionKernel], tuple[ConvolutionKernel, ConvolutionKernel]
-    ]
+    layers: list[list[ConvolutionKernel]]  # by the parity of x, then of y
     out: int
 
     def apply(self, features: Tensor) -> Tensor:
@@ -265,10 +257,8 @@ def _polyphase_conv(layer: TransposedConv) -> PolyphaseConv:
         even, odd = _taps(part, 0, axis=4), pad(_taps(part, 1, axis=4), (1, 0))
         return ConvolutionKernel(_channels_last(torch.cat([even, odd])), bias)
 
-    return PolyphaseConv(
-        ((part_kernel(0, 0), part_kernel(0, 1)), (part_kernel(1, 0), part_kernel(1, 1))),
-        layer.out_channels,
-    )
+    layers = [[part_kernel(x, y) for y in (0, 1)] for x in (0, 1)]
+    return PolyphaseConv(layers, layer.out_channels)
 
 
 def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:

@@ -47,7 +47,7 @@ Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
 
 
 def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
-    return TableIndexes(join([part.table for part in parts]), join([part.centre for part in parts]))
+    return TableIndexes(*map(join, zip(*parts, strict=True)))
 
 
 def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:

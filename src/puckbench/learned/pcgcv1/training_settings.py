@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
+from puckbench.learned.catalogue import PCGCV1
 from puckbench.learned.training.settings import Channels, Lmbdas, MultiRateTraining
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ class Pcgcv1Training(MultiRateTraining):
         from the start, the network learns not to use its latent.
     """
 
+    network = PCGCV1
     batch_size: PositiveInt = 2
     cube_size: Annotated[int, Field(gt=0, multiple_of=8)] = 64
     lmbdas: Lmbdas = (0.75, 2.0, 3.5, 6.0, 10.0)
@@ -47,8 +48,3 @@ class Pcgcv1Training(MultiRateTraining):
         initialise(model, self.cube_size)
         initialise_gains(model, self.lmbdas)
         yield Pcgcv1Trainer(on_device(model), self)
-
-    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
-        from puckbench.learned.pcgcv1.weights import save_weights
-
-        save_weights(path, model, self.lmbdas, card)

@@ -27,7 +27,7 @@ from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
 from puckbench.learned.pcgcv1.inference import CpuTransforms, Transforms
 from puckbench.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
-from puckbench.learned.weights_file import MultiRateWeights, load_multi_rate, save_multi_rate
+from puckbench.learned.weights_file import MultiRateWeights, load_multi_rate
 
 _BLOCK_LAYERS = ("conv1_1", "conv1_2", "conv2_1", "conv2_2", "conv2_3")
 _LAYERS = {
@@ -68,13 +68,6 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
         hyper_synthesis = IntegerHyperSynthesis(model.h_s)
     network = CpuTransforms(model) if device == "cpu" else DeviceTransforms(placed(model, device))
     return Pcgcv1Weights(**vars(weights), network=network, hyper_synthesis=hyper_synthesis)
-
-
-def save_weights(
-    path: Path, model: PCGCv1, lmbdas: tuple[float, ...], card: Mapping[str, Any]
-) -> Pcgcv1Weights:
-    save_multi_rate(path, PCGCV1, model, lmbdas, card)
-    return load_weights(path)
 
 
 def load_published(path: Path) -> PCGCv1:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from puckbench.learned.pcgcv2.training_settings import Pcgcv2Training as Pcgcv2Training
     from puckbench.learned.pcgcv2.weights import Pcgcv2Weights as Pcgcv2Weights
     from puckbench.learned.pcgcv2.weights import load_weights as load_weights
-    from puckbench.learned.pcgcv2.weights import save_weights as save_weights
 
 __getattr__, __dir__, __all__ = lazy(
     __name__,
@@ -29,5 +28,5 @@ __getattr__, __dir__, __all__ = lazy(
     model=("PCGCv2", "Pcgcv2Shape"),
     stream=("CodingTools", "Pcgcv2Stream", "read_stream", "write_coded"),
     training_settings=("Pcgcv2Training",),
-    weights=("Pcgcv2Weights", "load_weights", "save_weights"),
+    weights=("Pcgcv2Weights", "load_weights"),
 )

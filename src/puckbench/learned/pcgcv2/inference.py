@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -137,19 +138,16 @@ def residual_block(
     return out
 
 
-@dataclass(frozen=True)
-class FeatureBuffers:
+class FeatureBuffers(NamedTuple):
     first: Tensor
     second: Tensor
     hidden: Tensor
 
 
 def _buffers(pool: ThreadPool, rows: int, children: int, channels: int) -> FeatureBuffers:
-    sizes = {"first": channels, "second": channels, "hidden": channels // 2}
-    flat = {name: pool.shared.take(name, rows * children * size) for name, size in sizes.items()}
-    return FeatureBuffers(
-        **{name: flat[name].view(rows, children, size) for name, size in sizes.items()}
-    )
+    sizes = zip(FeatureBuffers._fields, (channels, channels, channels // 2), strict=True)
+    flat = (pool.shared.take(name, rows * children * size) for name, size in sizes)
+    return FeatureBuffers(*(buffer.view(rows, children, -1) for buffer in flat))
 
 
 def _residual_blocks(

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from puckbench.learned.catalogue import PCGCV2
 from puckbench.learned.training.settings import Channels, MultiRateTraining
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 class Pcgcv2Training(MultiRateTraining):
     """Settings for training PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
 
+    network = PCGCV2
     channels: tuple[Channels, Channels, Channels, Channels] = (16, 32, 64, 32)
 
     @contextmanager
@@ -31,8 +32,3 @@ class Pcgcv2Training(MultiRateTraining):
         initialise_gains(model, self.lmbdas)
         with thread_pool() as pool:
             yield Pcgcv2Trainer(on_device(model), self, pool)
-
-    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
-        from puckbench.learned.pcgcv2.weights import save_weights
-
-        save_weights(path, model, self.lmbdas, card)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from puckbench.learned.weights_file import (
     MultiRateWeights,
     load_multi_rate,
     read_checkpoint,
-    save_multi_rate,
 )
 
 Pcgcv2Weights = MultiRateWeights[PCGCv2]
@@ -31,13 +29,6 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights
     weights = load_multi_rate(path, PCGCV2, PCGCv2, load_published)
     placed(weights.model, device)
     return weights
-
-
-def save_weights(
-    path: Path, model: PCGCv2, lmbdas: tuple[float, ...], card: Mapping[str, Any]
-) -> Pcgcv2Weights:
-    save_multi_rate(path, PCGCV2, model, lmbdas, card)
-    return load_weights(path)
 
 
 def load_published(path: Path) -> PCGCv2:

@@ -72,14 +72,14 @@ def predicted(
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
     """Return cumulative frequencies (n, 17) of first symbols or, given `first`, of second ones."""
-    layers, predict = weights.heads[half], head(weights.channels)
+    predict = head(weights.channels)
     rows = len(features) // weights.channels
     result = np.empty((rows, VALUES + 1), np.int32)
 
     def work(chunk: slice, _: Scratch) -> None:
         predict(
-            features, chunk.start, chunk.stop, layers.hidden, layers.hidden_bias, layers.logits,
-            layers.logits_bias, weights.symbol_embedding, first, result,
+            features, chunk.start, chunk.stop, *weights.heads[half], weights.symbol_embedding,
+            first, result,
         )  # fmt: skip
 
     pool.map_chunks(rows, _CHUNK_ROWS, work)

@@ -21,17 +21,9 @@ _LAYERS = ("0", "2.conv0", "2.conv1", "3.conv0", "3.conv1")
 _HEADS = ("pred_head_s0", "pred_head_s1")
 
 
-@dataclass(frozen=True)
-class RenoHead:
-    """Weights of two linear layers that map features to the logits of a symbol.
-
-    Matrices are flattened from (inputs, outputs).
-    """
-
-    hidden: Floats32
-    hidden_bias: Floats32
-    logits: Floats32
-    logits_bias: Floats32
+Head = tuple[Floats32, Floats32, Floats32, Floats32]
+"""Weights and biases of two linear layers that map features to the logits of a symbol; matrices are
+flattened from (inputs, outputs)."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +35,7 @@ class RenoWeights:
     symbol_embedding: Floats32  # (16, c), of the first symbol
     prior: tuple[Floats32, ...]  # kernels (27, c, c) of the five convolutions on a level
     target: tuple[Floats32, ...]  # the same on the next finer level
-    heads: tuple[RenoHead, RenoHead]  # of first and of second symbols
+    heads: tuple[Head, Head]  # of first and of second symbols
 
 
 def load_weights(path: Path) -> RenoWeights:
@@ -104,7 +96,7 @@ def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
     )
 
 
-def _head(name: str, arrays: Mapping[str, Floats32]) -> RenoHead:
+def _head(name: str, arrays: Mapping[str, Floats32]) -> Head:
     # transposed, since PyTorch stores matrices as (out, in)
     hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
-    return RenoHead(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])
+    return hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"]

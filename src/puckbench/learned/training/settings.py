@@ -10,11 +10,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt
 
+from puckbench.core.errors import InputError
 from puckbench.core.models import Model
+from puckbench.learned.catalogue import NetworkType
 
 if TYPE_CHECKING:
     from puckbench.geometry.cloud import Floats
@@ -67,9 +69,12 @@ class BaseTraining(Model, ABC):
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
 
     def begin(self, model: Any, weights: Path) -> None:
-        from puckbench.learned.weights_file import initialise
+        from puckbench.learned.weights_file import read_weights
 
-        initialise(model, weights, self.parameters)
+        try:
+            model.load_state_dict(self.parameters(read_weights(weights).state))
+        except RuntimeError as error:
+            raise InputError(f"{weights}: weights of another shape") from error
 
     def parameters(self, tensors: Mapping[str, Any]) -> Mapping[str, Any]:
         """Convert the tensors of a set of weights to the parameters of a model."""
@@ -97,6 +102,8 @@ class MultiRateTraining(BaseTraining):
         grid, coarsened by whole octaves, that reaches it.
     """
 
+    network: ClassVar[NetworkType]
+
     lmbdas: Lmbdas = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
     channels: tuple[Channels, ...]
     min_kept_fraction: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -115,6 +122,11 @@ class MultiRateTraining(BaseTraining):
             self.min_kept_fraction,
             self.seed,
         )
+
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        from puckbench.learned.weights_file import save_multi_rate
+
+        save_multi_rate(path, self.network, model, self.lmbdas, card)
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
         """Return the rates with a trained lambda; if there are none, a rate per trained lambda."""
