@@ -17,6 +17,7 @@ from puckbench.learned.adaptive_entropy import (
     decode_with_contexts,
     encode_with_contexts,
     factorised_prior,
+    prior_of,
 )
 from puckbench.learned.entropy_bottleneck import FrequencyTable
 from puckbench.learned.range_coding import encode_latent
@@ -98,7 +99,7 @@ def test_the_prior_may_differ_from_value_to_value() -> None:
     """Integers far from zero that the network knows cost next to nothing."""
     centre = np.random.default_rng(0).integers(-15, 16, (64**2, 2))
     surely = FrequencyTable(-1, np.array([1, 2**20, 1, 1], np.int32))
-    prior = Prior((LAPLACE, surely), np.ones_like(centre), centre)
+    prior = prior_of((LAPLACE, surely), np.ones_like(centre), centre)
     voxels, latent = _plane(64), centre.astype(np.int32)
     data = encode_with_contexts(latent, voxels.neighbours, prior)
     assert len(data) < 0.06 * latent.size  # half a bit

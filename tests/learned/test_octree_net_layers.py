@@ -14,12 +14,12 @@ from puckbench.learned.octree_net.causal_neighbourhood import (
 )
 from puckbench.learned.octree_net.coder import decode_part, encode_part
 from puckbench.learned.octree_net.fixed_point import UNITS
-from puckbench.learned.octree_net.inference import chunks_of, compiled_network
+from puckbench.learned.octree_net.inference import CHUNK_ROWS, compiled_network
 from puckbench.learned.octree_net.model import OctreeNetShape
 from puckbench.learned.octree_net.symbols import groups_of, slots_of, symbols_of
 from puckbench.learned.sparse.convolution import neighbourhood_of
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
-from puckbench.learned.sparse.thread_pool import thread_pool
+from puckbench.learned.sparse.thread_pool import slices, thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels, pyramid
 from tests.support.learned_codecs import frequencies, octree_network, torch_threads
 
@@ -63,7 +63,7 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
     values = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
     features = network.root_features(len(own))
     features.all[:], features.active[:] = values.ravel(), values.clip(0, 255).ravel()
-    assert len(chunks_of(len(groups_of(own)[0]))) > 1
+    assert len(slices(len(groups_of(own)[0]), CHUNK_ROWS)) > 1
     with thread_pool(2) as pool, torch.no_grad():
         where = neighbourhood_of(table, voxel_kernel_map(), pool)
         mine = model.convolved(torch.from_numpy(values / UNITS), where)
@@ -72,7 +72,7 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
             at = torch.from_numpy(rows)
             expected = model.group_features(number, mine, at, where)
             group = network.group(number, rows, ours, table)
-            chunks = chunks_of(len(rows))
+            chunks = slices(len(rows), CHUNK_ROWS)
             predicted = np.concatenate([group.predict_first(chunk) for chunk in chunks])
             assert np.array_equal(
                 predicted, frequencies(model.first_heads[number](expected).numpy())

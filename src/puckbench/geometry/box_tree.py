@@ -48,22 +48,21 @@ class BoxTree(NamedTuple):
 def box_tree(points: Floats) -> BoxTree:
     keys = morton_keys(points)
     rows = sort_keys(keys)
-    starts, ends, first, children = _nodes(points, rows, keys)
-    columns = _columns(points, rows)
+    starts, ends, first, children, depth = _nodes(points, rows, keys)
+    columns = np.ascontiguousarray(points[rows].T)
     boxes = _boxes(columns, starts, ends, first, children)
     leaves = np.flatnonzero(children == 0)
     leaves = leaves[np.argsort(starts[leaves])]
     largest = int((ends - starts)[leaves].max())
-    depth = _depth(first, children)
     return BoxTree(columns, rows, starts, ends, first, children, boxes, leaves, largest, depth)
 
 
 @compiled
-def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows]:
+def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows, int]:
     capacity = 2 * len(rows)
     starts, ends = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     first, children = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    shifts = np.empty(capacity, np.int64)
+    shifts, levels = np.empty(capacity, np.int64), np.ones(capacity, np.int64)
     starts[0], ends[0], shifts[0], count, node = 0, len(rows), KEY_BITS - 3, 1, 0
     while node < count:
         start, end = starts[node], ends[node]
@@ -78,10 +77,19 @@ def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Ro
                 while start < end:
                     next_start = _end_of_cell(keys, start, end, shift)
                     starts[count], ends[count], shifts[count] = start, next_start, shift - 3
+                    levels[count] = levels[node] + 1
                     count, start = count + 1, next_start
         children[node] = count - first[node]
         node += 1
-    return starts[:count].copy(), ends[:count].copy(), first[:count].copy(), children[:count].copy()
+    used = slice(count)
+    deepest = levels[count - 1]  # the last node
+    return (
+        starts[used].copy(),
+        ends[used].copy(),
+        first[used].copy(),
+        children[used].copy(),
+        deepest,
+    )
 
 
 @compiled
@@ -104,15 +112,6 @@ def _end_of_cell(keys: Keys, start: int, end: int, shift: int) -> int:
 
 
 @compiled
-def _columns(points: Floats, rows: Rows) -> Floats:
-    columns = np.empty((3, len(rows)))
-    for i in range(len(rows)):
-        for axis in range(3):
-            columns[axis, i] = points[rows[i], axis]
-    return columns
-
-
-@compiled
 def _boxes(columns: Floats, starts: Rows, ends: Rows, first: Rows, children: Rows) -> Floats:
     boxes = np.empty((len(starts), 6))
     for node in range(len(starts) - 1, -1, -1):
@@ -125,14 +124,6 @@ def _boxes(columns: Floats, starts: Rows, ends: Rows, first: Rows, children: Row
                 low, high = min(low, boxes[child, axis]), max(high, boxes[child, 3 + axis])
             boxes[node, axis], boxes[node, 3 + axis] = low, high
     return boxes
-
-
-@compiled
-def _depth(first: Rows, children: Rows) -> int:
-    levels = np.ones(len(first), np.int64)
-    for node in range(len(first)):
-        levels[first[node] : first[node] + children[node]] = levels[node] + 1
-    return int(levels.max())
 
 
 @inlined

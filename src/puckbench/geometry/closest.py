@@ -6,7 +6,7 @@ The closest triangle is searched in single, the point on the triangle computed i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,30 +37,22 @@ class SearchableMesh:
     """
 
     def __init__(self, mesh: Mesh) -> None:
+        import open3d as o3d
+
         self._solid = np.flatnonzero(mesh.areas() > 0)
         self._corners = mesh.corners()[self._solid]
         self._normals = mesh.normals()[self._solid]
         self._middle = (self._corners.min(axis=(0, 1)) + self._corners.max(axis=(0, 1))) / 2
-        self._scene = self._ray_casting_scene()
-
-    @classmethod
-    def of(cls, mesh: Mesh | SearchableMesh) -> SearchableMesh:
-        return mesh if isinstance(mesh, cls) else cls(cast(Mesh, mesh))
+        vertices = (self._corners - self._middle).reshape(-1, 3).astype(np.float32)
+        indices = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
+        self._scene: Any = o3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (vertices, indices)))
 
     def closest(self, points: Floats) -> SurfacePoints:
         triangles = self._closest_triangles(points)
         queries = np.ascontiguousarray(points, np.float64)
         closest = _closest_on_triangles(queries, self._corners[triangles])
         return SurfacePoints(closest, self._normals[triangles], self._solid[triangles])
-
-    def _ray_casting_scene(self) -> Any:
-        import open3d as o3d
-
-        vertices = (self._corners - self._middle).reshape(-1, 3).astype(np.float32)
-        indices = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
-        scene = o3d.t.geometry.RaycastingScene()
-        scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (vertices, indices)))
-        return scene
 
     def _closest_triangles(self, points: Floats) -> NDArray[np.int64]:
         import open3d as o3d
@@ -71,7 +63,8 @@ class SearchableMesh:
 
 
 def closest_surface_points(mesh: Mesh | SearchableMesh, points: Floats) -> SurfacePoints:
-    return SearchableMesh.of(mesh).closest(points)
+    searchable = SearchableMesh(mesh) if isinstance(mesh, Mesh) else mesh
+    return searchable.closest(points)
 
 
 @compiled

@@ -33,11 +33,7 @@ def distinct_points(points: Floats) -> tuple[Rows, Floats]:
     order = sort_keys(keys)
     ordered = points.take(order, axis=0)
     first_rows = _first_of_equal_points(ordered, keys)
-    return (
-        (order, ordered)
-        if len(first_rows) == len(order)
-        else (order[first_rows], ordered[first_rows])
-    )
+    return order[first_rows], ordered[first_rows]
 
 
 def morton_order(points: Floats) -> Rows:

@@ -105,12 +105,8 @@ def _block_moments(xyz: Ints, starts: Ints) -> Ints:
     for i in range(len(moments)):
         begin = starts[i]
         for k in range(begin, starts[i + 1]):
-            x, y, z = (
-                xyz[k, 0] - xyz[begin, 0],
-                xyz[k, 1] - xyz[begin, 1],
-                xyz[k, 2] - xyz[begin, 2],
-            )
-            add_point(moments[i], x, y, z, 1)
+            x, y = xyz[k, 0] - xyz[begin, 0], xyz[k, 1] - xyz[begin, 1]
+            add_point(moments[i], x, y, xyz[k, 2] - xyz[begin, 2], 1)
     return moments
 
 

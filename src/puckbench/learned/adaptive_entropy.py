@@ -258,10 +258,8 @@ def _code_value(
 ) -> int:
     decision = _DECISIONS * channel
     zero = _frequency(prior, row, channel, 0, 0)
-    above, below = (
-        _frequency(prior, row, channel, 1, _MAX_MAGNITUDE),
-        _frequency(prior, row, channel, -_MAX_MAGNITUDE, -1),
-    )
+    above = _frequency(prior, row, channel, 1, _MAX_MAGNITUDE)
+    below = _frequency(prior, row, channel, -_MAX_MAGNITUDE, -1)
     if _code_decision(mixer, around, starts, decision, zero, above + below, value == 0) == 1:
         return 0
     sign = 2 * _code_decision(mixer, around, starts, decision + 1, above, below, value > 0) - 1

@@ -58,10 +58,6 @@ def check_digest(weights: bytes, stream: bytes) -> None:
         )
 
 
-def in_half_precision(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    return {name: value.detach().cpu().half().float() for name, value in state.items()}
-
-
 def write_weights(
     path: Path,
     header_fields: Mapping[str, Any],
@@ -133,7 +129,7 @@ def save_multi_rate(
     path: Path, network: NetworkType, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> None:
     rounded = type(model)(model.shape)
-    rounded.load_state_dict(in_half_precision(model.state_dict()))
+    rounded.load_state_dict({name: each.cpu().half() for name, each in model.state_dict().items()})
     header_fields = {
         "network": network.name,
         "shape": model.shape.model_dump(),
@@ -185,11 +181,9 @@ def _tables_of(model: MultiRateNetwork) -> Tables:
 
 def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
     """Pack tables as lowest values and lengths (rates, channels) and joined frequencies (n,)."""
-    all_tables = [table for rate in tables for table in rate]
-    shape = (len(tables), -1)
-    lowest = np.array([table.lowest for table in all_tables], np.int32).reshape(shape)
-    length = np.array([len(table.frequencies) for table in all_tables], np.int32).reshape(shape)
-    frequencies = np.concatenate([table.frequencies for table in all_tables])
+    lowest = np.array([[table.lowest for table in rate] for rate in tables], np.int32)
+    length = np.array([[len(table.frequencies) for table in rate] for rate in tables], np.int32)
+    frequencies = np.concatenate([table.frequencies for rate in tables for table in rate])
     return dict(zip(_TABLES, (lowest, length, frequencies), strict=True))
 
 

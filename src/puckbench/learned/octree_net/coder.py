@@ -17,8 +17,8 @@ from puckbench.learned.octree_net.causal_neighbourhood import (
     find_neighbourhood,
 )
 from puckbench.learned.octree_net.inference import (
+    CHUNK_ROWS,
     CompiledGroup,
-    chunks_of,
     compiled_network,
 )
 from puckbench.learned.octree_net.layers import Rows
@@ -32,7 +32,7 @@ from puckbench.learned.octree_net.symbols import (
     slots_of,
     symbols_of,
 )
-from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
+from puckbench.learned.sparse.thread_pool import ThreadPool, slices, thread_pool
 from puckbench.learned.sparse.voxels import (
     AXIS_BITS,
     Keys,
@@ -125,7 +125,7 @@ def _code_group(
         symbols[half, rows[chunk]] = coded
         return coded
 
-    chunks = chunks_of(len(rows))
+    chunks = slices(len(rows), CHUNK_ROWS)
     results: list[Callable[[], Any]] = [pool.submit(partial(predict_first, c)) for c in chunks]
     for half, following in enumerate((group.predict_second, group.update)):
         for i, chunk in enumerate(chunks):

@@ -28,14 +28,10 @@ from puckbench.learned.octree_net.symbols import VALUES, Frequencies, Symbols, p
 from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import NeighbourTable
 
-_CHUNK_ROWS = 2**13
+CHUNK_ROWS = 2**13
 
 Matrix = tuple[Floats32, Floats32]
 """Flat arrays of a layer's kernel and bias, with integer values."""
-
-
-def chunks_of(count: int) -> list[slice]:
-    return [slice(first, min(count, first + _CHUNK_ROWS)) for first in range(0, count, _CHUNK_ROWS)]
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,7 @@ class CompiledPredictor:
             span = slice(first * self.channels, last * self.channels)
             np.clip(result.all[span], 0, MAX_ACTIVATION, out=result.active[span])
 
-        pool.map_chunks(len(rows), _CHUNK_ROWS, work)
+        pool.map_chunks(len(rows), CHUNK_ROWS, work)
         return result
 
     def group(
@@ -101,7 +97,7 @@ class CompiledPredictor:
             parents, first, last = features.active, chunk.start, chunk.stop
             upsample(parents, slots, first, last, *self.upsampling, result.all, result.active)
 
-        pool.map_chunks(len(slots), _CHUNK_ROWS, work)
+        pool.map_chunks(len(slots), CHUNK_ROWS, work)
         return result
 
 

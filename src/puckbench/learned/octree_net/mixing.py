@@ -184,10 +184,8 @@ def _find_contexts(
     faces, ring = bit_count(occupied & cells.faces[child]), bit_count(occupied & cells.ring[child])
     open_faces = bit_count(unknown & cells.faces[child])
     open_ring = bit_count(unknown & cells.ring[child])
-    corners, far = (
-        bit_count(occupied & cells.corners[child]),
-        bit_count(occupied & cells.far[child]),
-    )
+    corners = bit_count(occupied & cells.corners[child])
+    far = bit_count(occupied & cells.far[child])
     near, at = faces * 4 + open_faces, place * _STATES + beyond
     numbers = (near * 8 + min(ring, 7)) * 8 + min(open_ring, 7)
     mixer.contexts[0], mixer.contexts[1] = starts[0], starts[1]

@@ -26,7 +26,7 @@ from puckbench.learned.octree_net.fixed_point import (
 from puckbench.learned.octree_net.symbols import GROUPS, VALUES, Symbols
 from puckbench.learned.sparse.convolution import Neighbourhood, convolve
 from puckbench.learned.sparse.layers import SparseLayer
-from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS
+from puckbench.learned.sparse.voxels import CHILDREN
 
 
 class OctreeNetShape(Model):
@@ -48,10 +48,8 @@ class SymbolHead(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.hidden, self.logits = (
-            FixedPointLayer(1, channels, channels),
-            FixedPointLayer(1, channels, VALUES),
-        )
+        self.hidden = FixedPointLayer(channels, channels, 1)
+        self.logits = FixedPointLayer(channels, VALUES, 1)
 
     def forward(self, features: Tensor) -> Tensor:
         hidden = residual(self.hidden.pointwise(activation(features)))
@@ -72,7 +70,7 @@ class OctreeNet(nn.Module):
         self.second_heads = nn.ModuleList(SymbolHead(channels) for _ in range(GROUPS))
         self.first_embedding = nn.Parameter(torch.randn(VALUES, channels) / 4)
         self.second_embedding = nn.Parameter(torch.randn(VALUES, channels) / 4)
-        self.upsampling = FixedPointLayer(CHILDREN, channels, channels)
+        self.upsampling = FixedPointLayer(channels, channels, CHILDREN)
 
     def root_features(self, count: int) -> Tensor:
         return quantised(self.root).repeat(count, 1)
@@ -114,7 +112,7 @@ class OctreeNet(nn.Module):
 
 
 def _convolutions(count: int, channels: int) -> nn.ModuleList:
-    return nn.ModuleList(FixedPointLayer(OFFSETS, channels, channels) for _ in range(count))
+    return nn.ModuleList(FixedPointLayer(channels, channels) for _ in range(count))
 
 
 def as_index(symbols: Symbols | NDArray[Any], like: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.learned.octree_net.fixed_point import UNITS
-from puckbench.learned.sparse.voxels import CHILDREN, Keys
+from puckbench.learned.sparse.voxels import Keys, occupancies, slots_of_occupancies
 
 Symbols = NDArray[np.uint8]
 Frequencies = NDArray[np.int32]
@@ -42,9 +42,7 @@ _CODE[_FIRST, _SECOND] = _CODES
 
 
 def symbols_of(keys: Keys) -> tuple[Symbols, Symbols]:
-    starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
-    bits = (1 << (keys & 7)).astype(np.uint8)
-    codes = np.add.reduceat(bits, starts)
+    codes = occupancies(keys)
     return _FIRST[codes], _SECOND[codes]
 
 
@@ -55,9 +53,7 @@ def groups_of(keys: Keys) -> list[NDArray[np.int64]]:
 
 
 def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
-    codes = _CODE[first, second]
-    occupied = (codes[:, None] >> np.arange(CHILDREN, dtype=np.uint8)) & 1
-    return np.flatnonzero(occupied)
+    return slots_of_occupancies(_CODE[first, second])
 
 
 @cache

@@ -58,7 +58,7 @@ from puckbench.learned.point_reconstruction import (
     reconstructed_points,
 )
 from puckbench.learned.sparse.layers import top_k
-from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
+from puckbench.learned.sparse.thread_pool import ThreadPool, slices, thread_pool
 from puckbench.learned.weights_file import check_made_with, check_rate
 
 Voxels = NDArray[np.int64]
@@ -133,7 +133,7 @@ def encode(
         with thread_pool() as pool:
             parts = [
                 _analyse(weights, rate, kept, coded_cubes.blocks[batch], batch.start, pool)
-                for batch in _batches(len(counts))
+                for batch in slices(len(counts), BATCH)
             ]
         batches, y_hats, indexes = zip(*parts, strict=True)
         latent_order = latent_positions(coded_cubes) if context_mixing else None
@@ -213,7 +213,7 @@ def _synthesise(
     pool: ThreadPool,
 ) -> list[SiblingBlocks]:
     blocks, rate, side = coded_cubes.blocks, content.rate, weights.model.shape.cube_size
-    parts = zip(content.batches, _batches(content.cubes), strict=True)
+    parts = zip(content.batches, slices(content.cubes, BATCH), strict=True)
     indexes = [_indexes(weights, rate, batch, blocks[cubes], pool) for batch, cubes in parts]
     latent_order = latent_positions(coded_cubes) if content.context_mixing else None
     if content.context_mixing and latent_order is None:
@@ -251,10 +251,6 @@ def _indexes(
 def _coded_cubes(positions: Voxels, shape: Pcgcv1Shape) -> CodedCubes:
     make = cubes_with_blocks if shape.occupied_blocks else cubes_with_all_blocks
     return make(positions, shape.cube_size)
-
-
-def _batches(cubes: int) -> list[slice]:
-    return [slice(first, min(first + BATCH, cubes)) for first in range(0, cubes, BATCH)]
 
 
 def _map_cubes(cubes: int, work: Callable[[int], T], pool: ThreadPool) -> list[T]:

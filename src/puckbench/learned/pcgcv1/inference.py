@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 import torch
@@ -68,15 +68,9 @@ class CpuTransforms:
             self._conv_in, self._conv_out = _strip_conv(g_a.conv_in), _strip_conv(g_a.conv_out)
             self._downs = [_kernel(cast(StridedConv, down)) for down in g_a.downs]
             self._analysis_blocks = [_residual_blocks(blocks) for blocks in g_a.blocks]
-            self._hyper_layers = (
-                _strip_conv(h_a.conv1),
-                _kernel(h_a.conv2),
-                _strip_conv(h_a.conv3),
-            )
-            self._synthesis_in, self._synthesis_out = (
-                _strip_conv(g_s.conv_in),
-                _tile_kernel(g_s.conv_out),
-            )
+            self._hyper_layers = _strip_conv(h_a.conv1), _kernel(h_a.conv2), _strip_conv(h_a.conv3)
+            self._synthesis_in = _strip_conv(g_s.conv_in)
+            self._synthesis_out = _tile_kernel(g_s.conv_out)
             self._ups = [_polyphase_conv(cast(TransposedConv, up)) for up in g_s.ups]
             self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
@@ -287,8 +281,7 @@ def _matrix_conv(layer: PointwiseConv) -> MatrixConv:
     return MatrixConv(blocks, bias, voxels)
 
 
-@dataclass(frozen=True)
-class InferenceVoxceptionResNet:
+class InferenceVoxceptionResNet(NamedTuple):
     conv1_1: StripConv
     conv1_2: StripConv
     conv2_1: MatrixConv
@@ -297,17 +290,16 @@ class InferenceVoxceptionResNet:
 
 
 def _residual_blocks(blocks: nn.Module) -> list[InferenceVoxceptionResNet]:
-    return [_residual_block(block) for block in cast(Iterable[VoxceptionResNet], blocks)]
-
-
-def _residual_block(block: VoxceptionResNet) -> InferenceVoxceptionResNet:
-    return InferenceVoxceptionResNet(
-        _strip_conv(block.conv1_1),
-        _strip_conv(block.conv1_2),
-        _matrix_conv(block.conv2_1),
-        _strip_conv(block.conv2_2),
-        _matrix_conv(block.conv2_3),
-    )
+    return [
+        InferenceVoxceptionResNet(
+            _strip_conv(block.conv1_1),
+            _strip_conv(block.conv1_2),
+            _matrix_conv(block.conv2_1),
+            _strip_conv(block.conv2_2),
+            _matrix_conv(block.conv2_3),
+        )
+        for block in cast(Iterable[VoxceptionResNet], blocks)
+    ]
 
 
 def _apply_blocks(blocks: list[InferenceVoxceptionResNet], features: Tensor) -> Tensor:

@@ -9,6 +9,7 @@ transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, NamedTuple, cast
 
 import torch
@@ -101,22 +102,15 @@ class Pcgcv1Analysis(nn.Module):
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
-        stride_1, stride_2, stride_4 = shape.channels
-        self.conv_in = Conv(1, stride_1)
+        self.conv_in = Conv(1, shape.channels[0])
         self.blocks = nn.ModuleList(_blocks(channels, shape.blocks) for channels in shape.channels)
         self.downs = nn.ModuleList(
-            [
-                StridedConv(stride_1, stride_2, bias=False),
-                StridedConv(stride_2, stride_4, bias=False),
-            ]
+            StridedConv(*channels, bias=False) for channels in pairwise(shape.channels)
         )
-        self.conv_out = Conv(stride_4, shape.latent_channels)
+        self.conv_out = Conv(shape.channels[-1], shape.latent_channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        features = self.blocks[0](self.conv_in(x).relu())
-        for down, blocks in zip(self.downs, self.blocks[1:], strict=True):
-            features = blocks(down(features).relu())
-        return cast(Tensor, self.conv_out(features))
+        return _transformed(self, x, self.downs)
 
 
 class Pcgcv1Synthesis(nn.Module):
@@ -124,21 +118,23 @@ class Pcgcv1Synthesis(nn.Module):
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
-        stride_1, stride_2, stride_4 = shape.channels
-        self.conv_in = Conv(shape.latent_channels, stride_4)
-        self.blocks = nn.ModuleList(
-            _blocks(channels, shape.blocks) for channels in (stride_4, stride_2, stride_1)
-        )
-        self.ups = nn.ModuleList(
-            [TransposedConv(stride_4, stride_2), TransposedConv(stride_2, stride_1)]
-        )
-        self.conv_out = Conv(stride_1, 1)
+        self.conv_in = Conv(shape.latent_channels, shape.channels[-1])
+        outwards = shape.channels[::-1]
+        self.blocks = nn.ModuleList(_blocks(channels, shape.blocks) for channels in outwards)
+        self.ups = nn.ModuleList(TransposedConv(*channels) for channels in pairwise(outwards))
+        self.conv_out = Conv(shape.channels[0], 1)
 
     def forward(self, y_hat: Tensor) -> Tensor:
-        features = self.blocks[0](self.conv_in(y_hat).relu())
-        for up, blocks in zip(self.ups, self.blocks[1:], strict=True):
-            features = blocks(up(features).relu())
-        return cast(Tensor, self.conv_out(features))
+        return _transformed(self, y_hat, self.ups)
+
+
+def _transformed(
+    network: Pcgcv1Analysis | Pcgcv1Synthesis, features: Tensor, resampling: nn.ModuleList
+) -> Tensor:
+    features = network.blocks[0](network.conv_in(features).relu())
+    for layer, blocks in zip(resampling, network.blocks[1:], strict=True):
+        features = blocks(layer(features).relu())
+    return cast(Tensor, network.conv_out(features))
 
 
 class HyperAnalysis(nn.Module):

@@ -98,11 +98,7 @@ def max_sparse(content: Pcgcv1Stream) -> int:
 
 def read_stream(stream: bytes) -> Pcgcv1Stream:
     """Parse a stream; raise InputError if it is damaged, or of another codec or version."""
-    _, body = _FRAMING.unframed(stream)
-    return _read_body(Reader(body))
-
-
-def _read_body(reader: Reader) -> Pcgcv1Stream:
+    reader = Reader(_FRAMING.unframed(stream)[1])
     digest, rate, scale, context_mixing, points_per_voxel = _HEADER.unpack(
         reader.take(_HEADER.size)
     )

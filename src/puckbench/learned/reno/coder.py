@@ -4,7 +4,6 @@ import zlib
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.learned.reno.inference import (
@@ -19,14 +18,15 @@ from puckbench.learned.reno.stream import MAX_BASE, MAX_LEVEL, CodedTree, check_
 from puckbench.learned.reno.weights import VALUES, RenoWeights
 from puckbench.learned.sparse.thread_pool import thread_pool
 from puckbench.learned.sparse.voxels import (
-    CHILDREN,
     Keys,
     children_voxels,
     keys_of_slots,
     morton_keys,
     morton_voxels,
+    occupancies,
     parents_of,
     pyramid,
+    slots_of_occupancies,
 )
 
 Code = Callable[[int, Cumulative], Symbols]
@@ -84,7 +84,7 @@ def _traverse(
     with thread_pool() as pool:
         level = pyramid(keys, 0)[0][0]
         for number in range(levels):
-            slots = _slots(occupancy)
+            slots = slots_of_occupancies(occupancy)
             max_nodes -= len(slots)
             if max_nodes < 0 or len(slots) > MAX_LEVEL:
                 raise InputError("the stream has too many voxels")
@@ -96,21 +96,16 @@ def _traverse(
             occupancy = first + VALUES * second
             if not occupancy.all():
                 raise InputError("the stream has a voxel without children")
-    return keys_of_slots(level.keys, _slots(occupancy))
+    return keys_of_slots(level.keys, slots_of_occupancies(occupancy))
 
 
 def _levels(keys: Keys) -> Iterator[tuple[Keys, Occupancy]]:
     levels: list[tuple[Keys, Occupancy]] = []
     while not levels or len(levels[-1][0]) >= MAX_BASE:
-        starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
-        occupancy = np.add.reduceat((1 << (keys & 7)).astype(np.uint8), starts, dtype=np.uint8)
+        occupancy = occupancies(keys)
         keys = parents_of(keys)[0]
         levels.append((keys, occupancy))
     return reversed(levels)
-
-
-def _slots(occupancy: Occupancy) -> NDArray[np.int64]:
-    return np.flatnonzero(occupancy[:, None] >> np.arange(CHILDREN, dtype=np.uint8) & 1)
 
 
 def _checksum(keys: Keys) -> int:

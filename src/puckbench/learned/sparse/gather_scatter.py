@@ -74,9 +74,9 @@ class CompiledGatherScatter:
         buffer = scratch.take(name, int(chunk.starts[-1]) * width)
         sources = self._pairs.rows if at_output else self._pairs.neighbours
         children = kernel_map.written if at_output else kernel_map.read
-        _gatherer(width)(
-            *_flat(features), sources, chunk.firsts, chunk.counts, kernel_map.counts, children,
-            buffer.numpy(), chunk.starts,
+        _mover(width, is_gather=True)(
+            *_flat(features), buffer.numpy(), chunk.starts, sources, 0, chunk.firsts, chunk.counts,
+            kernel_map.counts, children,
         )  # fmt: skip
         return chunk.segments(buffer, kernel_map, width)
 
@@ -100,9 +100,9 @@ class CompiledGatherScatter:
         for part, matrix, product in zip(gathered, matrices, products, strict=True):
             if len(part):
                 torch.mm(part, matrix, out=product)
-        _adder(width)(
-            buffer.numpy(), chunk.starts, self._pairs.rows, chunk.firsts, chunk.counts, rows.start,
-            kernel_map.counts, kernel_map.written, *_flat(sums),
+        _mover(width, is_gather=False)(
+            *_flat(sums), buffer.numpy(), chunk.starts, self._pairs.rows, rows.start, chunk.firsts,
+            chunk.counts, kernel_map.counts, kernel_map.written,
         )  # fmt: skip
 
 
@@ -175,60 +175,30 @@ def _elements_after(features: Tensor) -> int:
 
 
 @cache
-def _gatherer(width: int) -> Callable[..., None]:
+def _mover(width: int, is_gather: bool) -> Callable[..., None]:
+    """Compile a loop that copies features of pairs to `packed` memory, or adds packed features."""
+
     @compiled
-    def gather(
-        features: Flat,
-        row_stride: int,
-        child_stride: int,
-        sources: NDArray[np.int32],
-        firsts: NDArray[np.int64],
-        pair_counts: NDArray[np.int64],
-        child_counts: NDArray[np.int64],
-        children: NDArray[np.int64],
-        into: Flat,
-        starts: NDArray[np.int64],
-    ) -> None:
-        for offset in range(OFFSETS):
-            at = starts[offset] * width
-            for pair in range(firsts[offset], firsts[offset] + pair_counts[offset]):
-                start = row_stride * sources[pair]
-                for j in range(child_counts[offset]):
-                    origin = start + children[offset, j] * child_stride
-                    for k in range(width):
-                        into[np.uint64(at + k)] = features[np.uint64(origin + k)]
-                    at += width
-
-    return gather
-
-
-@cache
-def _adder(width: int) -> Callable[..., None]:
-    @compiled
-    def add(
-        products: Flat,
-        starts: NDArray[np.int64],
-        rows: NDArray[np.int32],
-        firsts: NDArray[np.int64],
-        pair_counts: NDArray[np.int64],
-        first_row: int,
-        child_counts: NDArray[np.int64],
-        children: NDArray[np.int64],
-        sums: Flat,
-        row_stride: int,
-        child_stride: int,
-    ) -> None:
+    def move(
+        features: Flat, row_stride: int, child_stride: int, packed: Flat,
+        starts: NDArray[np.int64], rows: NDArray[np.int32], first_row: int,
+        firsts: NDArray[np.int64], pair_counts: NDArray[np.int64],
+        child_counts: NDArray[np.int64], children: NDArray[np.int64],
+    ) -> None:  # fmt: skip
         for offset in range(OFFSETS):
             at = starts[offset] * width
             for pair in range(firsts[offset], firsts[offset] + pair_counts[offset]):
                 start = row_stride * (rows[pair] - first_row)
                 for j in range(child_counts[offset]):
-                    target = start + children[offset, j] * child_stride
+                    place = start + children[offset, j] * child_stride
                     for k in range(width):
-                        sums[np.uint64(target + k)] += products[np.uint64(at + k)]
+                        if is_gather:
+                            packed[np.uint64(at + k)] = features[np.uint64(place + k)]
+                        else:
+                            features[np.uint64(place + k)] += packed[np.uint64(at + k)]
                     at += width
 
-    return add
+    return move
 
 
 @compiled

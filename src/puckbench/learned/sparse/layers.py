@@ -14,8 +14,11 @@ from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS, ChildMap
 class SparseLayer(nn.Module):
     """A layer with a kernel (offsets, c, d), offsets with x fastest, and a bias (d,)."""
 
-    def __init__(self, offsets: int, in_channels: int, out_channels: int) -> None:
+    offsets = OFFSETS
+
+    def __init__(self, in_channels: int, out_channels: int, offsets: int | None = None) -> None:
         super().__init__()
+        offsets = offsets or self.offsets
         spread = 1 / math.sqrt(offsets * in_channels)
         self.kernel = nn.Parameter(
             torch.empty(offsets, in_channels, out_channels).uniform_(-spread, spread)
@@ -26,9 +29,6 @@ class SparseLayer(nn.Module):
 class SparseConvolution(SparseLayer):
     """3x3x3 convolution of features (n, children, c) to (n, children, d) at the same voxels."""
 
-    def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__(OFFSETS, in_channels, out_channels)
-
     def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
         return convolve(features, self.kernel, self.bias, neighbourhood)
 
@@ -36,8 +36,7 @@ class SparseConvolution(SparseLayer):
 class PointwiseConvolution(SparseLayer):
     """1x1x1 convolution of features (n, children, c) to (n, children, d)."""
 
-    def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__(1, in_channels, out_channels)
+    offsets = 1
 
     def forward(self, features: Tensor) -> Tensor:
         return features @ self.kernel[0] + self.bias
@@ -46,8 +45,7 @@ class PointwiseConvolution(SparseLayer):
 class StridedConvolution(SparseLayer):
     """2x2x2 convolution with stride 2, from a set of voxels to the next coarser set."""
 
-    def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__(CHILDREN, in_channels, out_channels)
+    offsets = CHILDREN
 
     def forward(self, features: Tensor, child_map: ChildMap) -> Tensor:
         blocks = features.new_zeros(CHILDREN * (len(child_map.first) - 1), features.shape[2])
@@ -60,8 +58,7 @@ class StridedConvolution(SparseLayer):
 class GenerativeTransposedConvolution(SparseLayer):
     """Transposed 2x2x2 convolution with stride 2, from voxels to all their children."""
 
-    def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__(CHILDREN, in_channels, out_channels)
+    offsets = CHILDREN
 
     def matrix(self) -> Tensor:
         return self.kernel.transpose(0, 1).flatten(1)

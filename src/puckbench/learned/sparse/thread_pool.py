@@ -32,6 +32,10 @@ class Scratch:
         return buffer[:size]
 
 
+def slices(count: int, size: int) -> list[slice]:
+    return [slice(first, min(count, first + size)) for first in range(0, count, size)]
+
+
 class ThreadPool:
     """Threads, each with its working memory; without an executor, only the calling thread."""
 
@@ -42,7 +46,7 @@ class ThreadPool:
         self._local = threading.local()
 
     def map_chunks(self, rows: int, size: int, work: Callable[[slice, Scratch], T]) -> list[T]:
-        chunks = [slice(first, min(rows, first + size)) for first in range(0, rows, size)]
+        chunks = slices(rows, size)
 
         def run_chunk(chunk: slice) -> T:
             if not hasattr(self._local, "scratch"):

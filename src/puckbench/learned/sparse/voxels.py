@@ -114,6 +114,16 @@ def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = Non
     return VoxelSet(keys, table)
 
 
+def occupancies(keys: Keys) -> NDArray[np.uint8]:
+    """Return the parents' occupancies (m,): a bit for each child."""
+    starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
+    return np.add.reduceat((1 << (keys & 7)).astype(np.uint8), starts, dtype=np.uint8)
+
+
+def slots_of_occupancies(occupancy: NDArray[np.uint8]) -> NDArray[np.int64]:
+    return np.flatnonzero(occupancy[:, None] >> np.arange(CHILDREN, dtype=np.uint8) & 1)
+
+
 def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
     keys: Keys = (parents[slots >> 3] << 3) | (slots & 7)
     return keys
