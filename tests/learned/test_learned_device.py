@@ -18,8 +18,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
 from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
-from puckbench.learned.pcgcv2 import codec as pcgcv2_codec
-from puckbench.learned.pcgcv2 import device_inference
+from puckbench.learned.pcgcv2 import inference as pcgcv2_inference
 from tests.support.learned_codecs import changes, save_tiny, shell
 
 CODECS = ("pcgcv1", "pcgcv1_plus", "pcgcv2", "pcgcv2_plus")
@@ -49,7 +48,7 @@ def own_layers(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Take the code of a device for codecs that are opened from then on, on the CPU."""
 
     def take() -> None:
-        monkeypatch.setattr(pcgcv2_codec, "transforms_of", lambda _: device_inference)
+        monkeypatch.setattr(pcgcv2_inference, "is_fused", lambda _: False)
         monkeypatch.setattr(pcgcv1_weights, "CpuTransforms", DeviceTransforms)
 
     return take

@@ -91,7 +91,7 @@ def test_fused_layers_give_what_the_modules_give() -> None:
         neighbourhoods = [
             neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets
         ]
-        latent = model.g_a(neighbourhoods, child_maps, torch.ones(len(KEYS), 1, 1))[:, 0]
+        latent = model.g_a(neighbourhoods, child_maps)[:, 0]
         np.testing.assert_allclose(result.y, latent.numpy(), rtol=1e-4, atol=1e-5)
         decoded = synthesise(model, result.y, result.coarse, result.counts, pool)
         features, parents = torch.from_numpy(result.y), sets[SCALES]

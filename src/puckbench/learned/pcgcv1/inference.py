@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import torch
@@ -47,17 +47,6 @@ Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
 
-class Transforms(Protocol):
-    def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """Transform occupancy (side, side, side) to y_hat and z_hat, (channels, s, s, s) each."""
-
-    def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """Transform y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
-
-        Logits outside `blocks` (s, s, s) may be -inf.
-        """
-
-
 class CpuTransforms:
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
@@ -75,6 +64,7 @@ class CpuTransforms:
             self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
+        """Transform occupancy (side, side, side) to y_hat and z_hat, (channels, s, s, s) each."""
         with torch.inference_mode():
             features = _apply_blocks(self._analysis_blocks[1], self._stride_two(occupied))
             features = _apply_blocks(
@@ -116,6 +106,10 @@ class CpuTransforms:
         return last.apply(_strided_conv(features, down).relu_())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
+        """Transform y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
+
+        Logits outside `blocks` (s, s, s) may be -inf.
+        """
         side = blocks.shape[0] * STRIDE
         box = _bounding_box(blocks, _SYNTHESIS_MARGIN // STRIDE, _SIDE_MULTIPLE // STRIDE)
         target = tuple(slice(STRIDE * low, STRIDE * high) for low, high in box)

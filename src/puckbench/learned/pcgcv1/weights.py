@@ -24,7 +24,7 @@ from puckbench.core.files import read_bytes
 from puckbench.learned.catalogue import PCGCV1, weights_path
 from puckbench.learned.device import DeviceName, placed
 from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
-from puckbench.learned.pcgcv1.inference import CpuTransforms, Transforms
+from puckbench.learned.pcgcv1.inference import CpuTransforms
 from puckbench.learned.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
 from puckbench.learned.weights_file import MultiRateWeights, load_multi_rate
@@ -52,7 +52,7 @@ _KERNEL_AXES = (4, 3, 0, 1, 2)
 
 @dataclass(frozen=True)
 class Pcgcv1Weights(MultiRateWeights[PCGCv1]):
-    network: Transforms  # transforms g_a, g_s and h_a
+    network: CpuTransforms | DeviceTransforms  # transforms g_a, g_s and h_a
     hyper_synthesis: IntegerHyperSynthesis  # transform h_s in integers
 
 

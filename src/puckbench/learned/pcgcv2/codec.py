@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from types import ModuleType
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -14,10 +12,9 @@ from puckbench.learned.adaptive_entropy import (
     encode_with_contexts,
     factorised_prior,
 )
-from puckbench.learned.device import device_of
 from puckbench.learned.grid_level import choose_grid_level, voxel_size, voxelised
-from puckbench.learned.pcgcv2 import device_inference, inference
-from puckbench.learned.pcgcv2.model import SCALES, PCGCv2
+from puckbench.learned.pcgcv2.inference import analyse, synthesise
+from puckbench.learned.pcgcv2.model import SCALES
 from puckbench.learned.pcgcv2.stream import (
     ALL_TOOLS,
     MAX_VOXELS,
@@ -116,11 +113,6 @@ def decode(stream: bytes, weights: Pcgcv2Weights) -> Floats:
     return shifted * voxel_size(content.quarter_octaves)
 
 
-def transforms_of(model: PCGCv2) -> ModuleType:
-    """Return the module that has `analyse` and `synthesise` for the model's device."""
-    return inference if device_of(model).type == "cpu" else device_inference
-
-
 def _encode_block(
     keys: Keys,
     weights: Pcgcv2Weights,
@@ -129,7 +121,7 @@ def _encode_block(
     tools: CodingTools,
     pool: ThreadPool,
 ) -> CodedBlock:
-    analysis = transforms_of(weights.model).analyse(weights.model, keys, pool)
+    analysis = analyse(weights.model, keys, pool)
     y_hat = np.rint(analysis.y * _gain(weights, rate)).astype(np.int32)
     coarse, (stride_1, stride_2, stride_4) = analysis.coarse, analysis.counts
     counts = (max(1, round(rho * stride_1)), stride_2, stride_4, len(coarse))
@@ -154,10 +146,7 @@ def _decode_block(
         y_hat = decode_latent(block.latent, len(coarse), tables)
     y = y_hat.astype(np.float32) / _gain(weights, content.rate)
     child_per_parent = CodingTools.CHILD_PER_PARENT in content.tools
-    decoded: SiblingBlocks = transforms_of(model).synthesise(
-        model, y, coarse, block.counts[:3], pool, child_per_parent
-    )
-    return decoded
+    return synthesise(model, y, coarse, block.counts[:3], pool, child_per_parent)
 
 
 def _gain(weights: Pcgcv2Weights, rate: int) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Inference of PCGCv2 without gradients, with fused layers.
+"""Inference of PCGCv2 without gradients; on a CPU, with fused layers.
 
 Pointwise convolutions are computed within an adjacent 3x3x3 convolution; biases and ReLUs are
 applied while a chunk of rows is in the cache; layers reuse memory.
@@ -6,7 +6,7 @@ applied while a chunk of rows is in the cache; layers reuse memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from puckbench.learned.device import device_of
 from puckbench.learned.pcgcv2.model import SCALES, InceptionResNet, PCGCv2
 from puckbench.learned.point_reconstruction import SiblingBlocks, sibling_blocks
 from puckbench.learned.sparse.convolution import (
@@ -169,14 +170,24 @@ class AnalysisResult:
     counts: tuple[int, int, int]  # voxels at strides 1, 2 and 4
 
 
+def is_fused(model: PCGCv2) -> bool:
+    return device_of(model).type == "cpu"
+
+
 def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
     sets, child_maps = pyramid(keys, SCALES, pool)
-    features = _conv0(model, sets[0], pool)
-    for scale in range(SCALES):
-        neighbourhood = neighbourhood_of(sets[scale + 1].neighbours, voxel_kernel_map(), pool)
-        features = _analysis_scale(model, scale, features, child_maps[scale], neighbourhood)
+    neighbourhoods = [
+        neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool, device_of(model))
+        for voxels in sets
+    ]
+    if is_fused(model):
+        features = _conv0(model, sets[0], pool)
+        for scale, child_map in enumerate(child_maps):
+            features = _analysis_scale(model, scale, features, child_map, neighbourhoods[scale + 1])
+    else:
+        features = model.g_a(neighbourhoods, child_maps)
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
-    return AnalysisResult(features[:, 0].numpy().copy(), sets[SCALES], counts)
+    return AnalysisResult(features[:, 0].cpu().numpy().copy(), sets[SCALES], counts)
 
 
 def _conv0(model: PCGCv2, voxels: VoxelSet, pool: ThreadPool) -> Tensor:
@@ -242,33 +253,12 @@ def synthesise(
 
     `counts` are the numbers of voxels that `kept_children` keeps at strides 1, 2 and 4.
     """
-    # one allocation for the largest scale
-    _reserve(model, (len(coarse), *counts[:0:-1]), pool)
-
-    def one_scale(scale: int, features: Tensor, parents: VoxelSet) -> tuple[Tensor, Tensor]:
-        return _synthesis_scale(model, scale, features, parents, pool)
-
-    return decoded_blocks(
-        one_scale, torch.from_numpy(y_hat), coarse, counts, pool, child_per_parent
-    )
-
-
-def decoded_blocks(
-    one_scale: Callable[[int, Tensor, VoxelSet], tuple[Tensor, Tensor]],
-    features: Tensor,
-    coarse: VoxelSet,
-    counts: Sequence[int],
-    pool: ThreadPool,
-    child_per_parent: bool,
-) -> SiblingBlocks:
-    """Return the voxels that remain after all scales, with their siblings.
-
-    `one_scale` computes, from the features (n, channels) of n voxels, the features (n, 8, channels)
-    and logits (n, 8) of their children; all tensors are on one device.
-    """
-    parents = coarse
+    if is_fused(model):
+        # one allocation for the largest scale
+        _reserve(model, (len(coarse), *counts[:0:-1]), pool)
+    features, parents = torch.from_numpy(y_hat).to(device_of(model)), coarse
     for scale, keep in enumerate(reversed(counts)):
-        children, device_logits = one_scale(scale, features, parents)
+        children, device_logits = _synthesis_scale(model, scale, features, parents, pool)
         logits = device_logits.cpu().numpy()
         kept = kept_children(logits, keep, child_per_parent)
         if scale + 1 < SCALES:
@@ -291,7 +281,10 @@ def _synthesis_scale(
     model: PCGCv2, scale: int, features: Tensor, parents: VoxelSet, pool: ThreadPool
 ) -> tuple[Tensor, Tensor]:
     layers, kernel_map = model.g_s.scale(scale), block_kernel_map()
-    neighbourhood = neighbourhood_of(parents.neighbours, kernel_map, pool)
+    neighbourhood = neighbourhood_of(parents.neighbours, kernel_map, pool, features.device)
+    if not is_fused(model):
+        children, logits = layers(features, neighbourhood)
+        return children, logits
     buffers = _buffers(pool, len(parents), CHILDREN, layers.conv.kernel.shape[2])
     _upsample(features, layers.up, pool, buffers.first)
     convolved(

@@ -102,11 +102,12 @@ class Pcgcv2Analysis(nn.Module):
     def scale(self, scale: int) -> AnalysisScale:
         return cast(AnalysisScale, self.scales[scale])
 
-    def forward(
-        self, neighbourhoods: list[Neighbourhood], child_maps: list[ChildMap], features: Tensor
-    ) -> Tensor:
-        """Transform ones (n, 1, 1) at stride 1 to y (m, 1, latent_channels) at stride 8."""
-        features = self.conv0(features, neighbourhoods[0])
+    def forward(self, neighbourhoods: list[Neighbourhood], child_maps: list[ChildMap]) -> Tensor:
+        """Transform occupied voxels at stride 1 to y (m, 1, latent_channels) at stride 8."""
+        kernel = self.conv0.kernel
+        features: Tensor = self.conv0(
+            kernel.new_ones(len(child_maps[0].slots), 1, 1), neighbourhoods[0]
+        )
         for scale in range(SCALES):
             features = self.scale(scale)(
                 features.relu(), child_maps[scale], neighbourhoods[scale + 1]

@@ -55,7 +55,7 @@ def rate_distortion_loss(
     neighbourhoods = [
         neighbourhood_of(v.neighbours, voxel_kernel_map(), pool, device) for v in sets
     ]
-    y = model.g_a(neighbourhoods, child_maps, torch.ones(len(keys), 1, 1, device=device))[:, 0]
+    y = model.g_a(neighbourhoods, child_maps)[:, 0]
     scaled = y * model.gain(rate)
     y_hat = scaled + torch.rand(scaled.shape, generator=noise).to(device) - 0.5
     bits = -model.entropy_bottleneck(rate).likelihood(y_hat).log2().sum()
