@@ -25,7 +25,7 @@ from puckbench.figures.style import PAGE_WIDTH_IN, FigureStyle
 from puckbench.geometry.closest import closest_surface_points
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.geometry.rendering import render_cloud, three_quarter_view
+from puckbench.geometry.rendering import View, render_cloud
 from puckbench.io.clouds import read_cloud
 from puckbench.io.meshes.reading import read_mesh
 from puckbench.primitives.decoder import read_patches
@@ -68,9 +68,8 @@ def pictures(cloud: PointCloud, truth: Mesh, decoded: Floats, names: Any) -> dic
     kept = opened(decoded, low, high)
     scan, decoded, names = cloud.xyz[opened(cloud.xyz, low, high)], decoded[kept], names[kept]
     top = np.array([*high[:2], low[2] + _TOP * (high[2] - low[2])])
-    view = three_quarter_view(
-        np.stack([low, top]), elevation_deg=38, aspect=_PIXELS[0] / _PIXELS[1]
-    )
+    centre, size = (low + top) / 2, float(np.linalg.norm(top - low))
+    view = View(centre + 2 * size * np.array([0.4, -0.7, 0.6]), centre, size)
     drawn = {
         "(a) The scan, by its distance to the truth": (scan, by_error(scan, truth)),
         "(b) Primitives of the stream, one colour each": (decoded, by_primitive(names)),

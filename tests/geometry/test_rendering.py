@@ -5,14 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.rendering import (
-    Image,
-    View,
-    render_cloud,
-    three_quarter_view,
-)
+from puckbench.geometry.rendering import Image, View, render_cloud
 
-FROM_ABOVE = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), height=4.0)
+FROM_ABOVE = View(np.array([0.0, 0.0, 5.0]), np.zeros(3), 4.0, up=(0.0, 1.0, 0.0))
 
 
 def covered(image: Image) -> NDArray[np.bool_]:
@@ -35,18 +30,14 @@ def test_splat_of_radius_two_has_thirteen_pixels() -> None:
 
 
 def test_points_behind_the_camera_are_not_drawn() -> None:
-    view = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0))
-    assert not covered(render_cloud(np.array([[0.0, 0, 9]]), None, view, (41, 41))).any()
+    assert not covered(render_cloud(np.array([[0.0, 0, 9]]), None, FROM_ABOVE, (41, 41))).any()
 
 
-def test_a_view_shows_the_whole_box() -> None:
-    bounds = np.array([[-2.0, 1.0, 0.0], [7.0, 3.0, 2.5]])
-    corners = np.stack(np.meshgrid(*bounds.T), axis=-1).reshape(-1, 3)
-    projected = three_quarter_view(bounds).project(corners, 400, 300)
-    assert (projected[:, :2] >= 0).all()
-    assert (projected[:, :2] <= [400, 300]).all()
+def test_the_corners_of_an_image_are_half_its_height_from_the_middle() -> None:
+    projected = FROM_ABOVE.project(np.array([[0.0, 0, 1], [3, 2, 0], [-3, -2, 0]]), 600, 400)
+    np.testing.assert_allclose(projected, [[300, 200, 4], [600, 0, 5], [0, 400, 5]])
 
 
 def test_view_along_its_up_direction_is_refused() -> None:
     with pytest.raises(InputError, match="up"):
-        View((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)).axes()
+        View(np.array([0.0, 0.0, 1.0]), np.zeros(3), 1.0).axes()

@@ -10,7 +10,6 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 Image = NDArray[np.uint8]
-Vector = tuple[float, float, float]
 
 _GREY = (200, 196, 188)
 _BACKGROUND = 255.0
@@ -18,63 +17,32 @@ _BACKGROUND = 255.0
 
 @dataclass(frozen=True)
 class View:
-    """A camera at `eye` that looks at `target`, with a vertical field of view.
+    """An orthographic camera at `eye` (3,) that looks at `target` (3,).
 
-    The camera is orthographic if `height`, the image's height in scene units, is set.
+    `height` is the image's height in scene units.
     """
 
-    eye: Vector
-    target: Vector
-    up: Vector = (0.0, 0.0, 1.0)
-    field_of_view_deg: float = 40.0
-    height: float | None = None
+    eye: Floats
+    target: Floats
+    height: float
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def axes(self) -> tuple[Floats, Floats, Floats]:
         """Return the camera's right, up and forward unit vectors."""
-        forward = _unit(np.subtract(self.target, self.eye))
+        forward = _unit(self.target - self.eye)
         right = np.cross(forward, np.asarray(self.up, dtype=np.float64))
         if np.linalg.norm(right) < 1e-9:
             raise InputError("view: the up direction is along the line of sight")
         right = _unit(right)
         return right, np.cross(right, forward), forward
 
-    def half_extent(self) -> float:
-        """Half the image's height in scene units (in a perspective view, at distance 1)."""
-        if self.height is not None:
-            return self.height / 2
-        return float(np.tan(np.radians(self.field_of_view_deg) / 2))
-
     def project(self, points: Floats, width: int, height: int) -> Floats:
         """Return the columns, rows and depths (n, 3) of points (n, 3) in the image."""
         right, up, forward = self.axes()
-        local = (points - np.asarray(self.eye)) @ np.stack([right, up, forward], axis=1)
-        depth = local[:, 2]
-        scale = height / (2 * self.half_extent())
-        distance = np.where(depth > 0, depth, np.nan) if self.height is None else 1.0
-        columns = width / 2 + local[:, 0] * scale / distance
-        rows = height / 2 - local[:, 1] * scale / distance
-        return np.column_stack([columns, rows, depth])
-
-
-def three_quarter_view(
-    bounds: Floats,
-    azimuth_deg: float = -60.0,
-    elevation_deg: float = 32.0,
-    aspect: float = 4 / 3,
-    field_of_view_deg: float = 35.0,
-) -> View:
-    """Return the closest perspective view from a direction that shows a whole box (2, 3)."""
-    azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
-    direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(elevation)
-    direction[2] = np.sin(elevation)
-    centre = np.mean(bounds, axis=0)
-    corners = np.stack(np.meshgrid(*np.transpose(bounds), indexing="ij"), axis=-1).reshape(-1, 3)
-    right, up, forward = View(_vector(centre + direction), _vector(centre)).axes()
-    x, y, depth = ((corners - centre) @ axis for axis in (right, up, forward))
-    tangent = np.tan(np.radians(field_of_view_deg) / 2)
-    distances = np.maximum(np.abs(x) / aspect, np.abs(y)) / tangent - depth
-    eye = centre + direction * (1.04 * distances.max())
-    return View(_vector(eye), _vector(centre), field_of_view_deg=field_of_view_deg)
+        local = (points - self.eye) @ np.stack([right, up, forward], axis=1)
+        scale = height / self.height
+        columns, rows = width / 2 + local[:, 0] * scale, height / 2 - local[:, 1] * scale
+        return np.column_stack([columns, rows, local[:, 2]])
 
 
 def render_cloud(
@@ -102,11 +70,6 @@ def render_cloud(
     if shade:
         image = (image * _eye_dome_brightness(depth)[..., None] + 0.5).astype(np.uint8)
     return image
-
-
-def _vector(values: Floats) -> Vector:
-    x, y, z = (float(value) for value in values)
-    return (x, y, z)
 
 
 def _unit(vectors: Floats) -> Floats:

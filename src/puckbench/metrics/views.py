@@ -62,7 +62,7 @@ def view(
     # Points that a codec moved out of the box are still before the camera.
     eye = centre + direction * (2 * extent)
     up = (0.0, 1.0, 0.0) if direction[2] else (0.0, 0.0, 1.0)
-    camera = View(_triple(eye), _triple(centre), up, height=extent * 1.04)
+    camera = View(eye, centre, extent * 1.04, up)
     greys = _luminance(cloud) if coloured else _depth_grey(cloud.xyz, direction, bounds)
     colours = np.repeat(greys[:, None], 3, axis=1)
     size = (pixels, pixels)
@@ -90,8 +90,3 @@ def _depth_grey(points: Floats, direction: Floats, bounds: Floats) -> Image:
 
 def _luminance(cloud: PointCloud) -> Image:
     return np.asarray(np.round(np.asarray(cloud.colours) @ _LUMA), dtype=np.uint8)
-
-
-def _triple(values: Floats) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return (x, y, z)

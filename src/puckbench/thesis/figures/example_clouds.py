@@ -113,13 +113,12 @@ def _frame(clouds: list[Floats]) -> _Frame:
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
     azimuth, elevation = np.radians([_AZIMUTH_DEG, _ELEVATION_DEG])
     around = np.array([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
-    x, y, z = (float(v) for v in centre + 2 * size * np.array([*around, np.sin(elevation)]))
-    towards = (float(centre[0]), float(centre[1]), float(centre[2]))
-    right, up, _ = View((x, y, z), towards).axes()
+    eye = centre + 2 * size * np.array([*around, np.sin(elevation)])
+    right, up, _ = View(eye, centre, size).axes()
     across, upward = 1.05 * (np.abs(np.stack([right, up])) @ (high - low))
     upward = max(upward, across / _WIDEST, 0.02 * size)
     aspect = max(across / upward, _NARROWEST)
-    view = View((x, y, z), towards, height=float(upward))
+    view = View(eye, centre, float(upward))
     return _Frame(view, float(aspect), float(low[2]), float(high[2]))
 
 
