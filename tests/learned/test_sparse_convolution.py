@@ -64,7 +64,7 @@ def _site(
     return (
         made
         if gather_scatter == "compiled"
-        else replace(made, gather_scatter=TorchGatherScatter(table))
+        else replace(made, gather_scatter=TorchGatherScatter(table, kernel_map))
     )
 
 

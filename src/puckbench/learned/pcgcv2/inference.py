@@ -18,12 +18,8 @@ from torch import Tensor
 from puckbench.learned.device import device_of
 from puckbench.learned.pcgcv2.model import SCALES, InceptionResNet, PCGCv2
 from puckbench.learned.point_reconstruction import SiblingBlocks, sibling_blocks
-from puckbench.learned.sparse.convolution import (
-    Matrices,
-    Neighbourhood,
-    matrices_of,
-    neighbourhood_of,
-)
+from puckbench.learned.sparse.convolution import Neighbourhood, matrices_of, neighbourhood_of
+from puckbench.learned.sparse.gather_scatter import Matrices
 from puckbench.learned.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
 from puckbench.learned.sparse.layers import (
     GenerativeTransposedConvolution,
@@ -103,7 +99,8 @@ def _sum_products(
     row_features = features[rows].reshape(rows.stop - rows.start, -1)
     torch.addmm(layer.bias, row_features, layer.centre, out=sums.view(len(row_features), -1))
     channels = layer.matrices[CENTRE].shape[1] // neighbourhood.kernel_map.children
-    neighbourhood.add_products(features, layer.matrices, rows, scratch, sums[:, :, :channels])
+    onto = sums[:, :, :channels]
+    neighbourhood.gather_scatter.add_products(features, layer.matrices, rows, scratch, onto)
 
 
 def residual_block(

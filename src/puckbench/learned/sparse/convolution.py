@@ -11,6 +11,7 @@ from torch.autograd.function import once_differentiable
 from puckbench.learned.sparse.gather_scatter import (
     CompiledGatherScatter,
     GatherScatter,
+    Matrices,
     TorchGatherScatter,
 )
 from puckbench.learned.sparse.kernel_map import KernelMap
@@ -24,29 +25,23 @@ _MIN_ROWS, _MAX_ROWS = 64, 4096
 _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
 """Features and rows of a chunk on other devices, where starting a computation is slow."""
 
-Matrices = tuple[Tensor, ...]
-"""Kernel matrix (count * c, count * d) of each offset, where `count` children are connected."""
-
 
 @dataclass(frozen=True)
 class Neighbourhood:
     """Neighbours of a layer's voxels, with kernel map, threads and chunk sizes of convolutions."""
 
     gather_scatter: GatherScatter
-    kernel_map: KernelMap  # says whether a row is a voxel or a parent with eight children
     pool: ThreadPool
     chunk_floats: int = _CHUNK_FLOATS  # approximate number of features that are gathered at once
     max_rows: int = _MAX_ROWS
 
+    @property
+    def kernel_map(self) -> KernelMap:
+        return self.gather_scatter.kernel_map
+
     def chunk_rows(self, channels: int) -> int:
         rows = self.chunk_floats // (self.kernel_map.typical_read * channels)
         return int(np.clip(rows, _MIN_ROWS, self.max_rows))
-
-    def add_products(
-        self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
-    ) -> None:
-        """Add to the sums of a chunk's rows what a convolution adds for all offsets but zero."""
-        self.gather_scatter.add_products(features, matrices, self.kernel_map, rows, scratch, sums)
 
 
 def neighbourhood_of(
@@ -56,9 +51,9 @@ def neighbourhood_of(
     device: torch.device | None = None,
 ) -> Neighbourhood:
     if device is None or device.type == "cpu":
-        return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
-    gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device))
-    return Neighbourhood(gather_scatter, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
+        return Neighbourhood(CompiledGatherScatter(table, kernel_map), pool)
+    gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device), kernel_map)
+    return Neighbourhood(gather_scatter, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 
 
 def convolve(
@@ -133,7 +128,7 @@ def _apply(
         sums = result[chunk]
         row_features = features[chunk].reshape(len(sums), -1)
         torch.addmm(biases, row_features, matrices[CENTRE], out=sums.view(len(sums), -1))
-        neighbourhood.add_products(features, matrices, chunk, scratch, sums)
+        neighbourhood.gather_scatter.add_products(features, matrices, chunk, scratch, sums)
 
     neighbourhood.pool.map_chunks(rows, neighbourhood.chunk_rows(width), work)
     return result
@@ -144,8 +139,8 @@ def _kernel_gradient(features: Tensor, gradient: Tensor, neighbourhood: Neighbou
     widths = features.shape[2], gradient.shape[2]
 
     def work(chunk: slice, scratch: Scratch) -> Tensor:
-        inputs = gather(features, kernel_map, chunk, scratch)
-        outputs = gather(gradient, kernel_map, chunk, scratch, at_output=True)
+        inputs = gather(features, chunk, scratch)
+        outputs = gather(gradient, chunk, scratch, at_output=True)
         inputs[CENTRE], outputs[CENTRE] = features[chunk].flatten(1), gradient[chunk].flatten(1)
         return torch.cat(
             [

@@ -5,7 +5,7 @@ Compiled loops for the CPU, and PyTorch's indexing for any device, give equal re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -20,6 +20,8 @@ from puckbench.learned.sparse.thread_pool import Scratch
 from puckbench.learned.sparse.voxels import CENTRE, OFFSETS
 
 Flat = NDArray[np.float32]
+Matrices = tuple[Tensor, ...]
+"""Kernel matrix (count * c, count * d) of each offset, where `count` children are connected."""
 Segments = list[Tensor]
 """For each offset the features (m, count * channels) of its m pairs of rows."""
 
@@ -37,32 +39,26 @@ class _Chunk(NamedTuple):
     counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
     starts: NDArray[np.int64]  # (28,), first element of each offset in memory, for one channel
 
-    def segments(self, buffer: Tensor, kernel_map: KernelMap, width: int) -> Segments:
+    def segments(self, buffer: Tensor, sizes: list[int], width: int) -> Segments:
         """Split flat memory into views, one for the pairs of each offset."""
         parts = buffer.split_with_sizes((np.diff(self.starts) * width).tolist())
         return [
-            part.view(-1, children * width)
-            for part, children in zip(parts, kernel_map.sizes, strict=True)
+            part.view(-1, children * width) for part, children in zip(parts, sizes, strict=True)
         ]
 
 
 class CompiledGatherScatter:
     """Gathers and scatters on the CPU by compiled loops, for a neighbour table (27, n) int32."""
 
-    def __init__(self, table: NDArray[np.int32]) -> None:
-        self._pairs = _pairs_of(table)
+    def __init__(self, table: NDArray[np.int32], kernel_map: KernelMap) -> None:
+        self._pairs, self.kernel_map = _pairs_of(table), kernel_map
 
-    def _chunk(self, kernel_map: KernelMap, rows: slice) -> _Chunk:
+    def _chunk(self, rows: slice) -> _Chunk:
         firsts, counts = _pairs_of_rows(self._pairs, rows.start, rows.stop)
-        return _Chunk(firsts, counts, np.append(0, np.cumsum(counts * kernel_map.counts)))
+        return _Chunk(firsts, counts, np.append(0, np.cumsum(counts * self.kernel_map.counts)))
 
     def gather(
-        self,
-        features: Tensor,
-        kernel_map: KernelMap,
-        rows: slice,
-        scratch: Scratch,
-        at_output: bool = False,
+        self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
     ) -> Segments:
         """Gather features (n, children, channels) of a chunk's neighbours at each offset but zero.
 
@@ -70,47 +66,41 @@ class CompiledGatherScatter:
         convolution writes.
         """
         width, name = features.shape[2], "own" if at_output else "read"
-        chunk = self._chunk(kernel_map, rows)
+        chunk = self._chunk(rows)
         buffer = scratch.take(name, int(chunk.starts[-1]) * width)
         sources = self._pairs.rows if at_output else self._pairs.neighbours
-        children = kernel_map.written if at_output else kernel_map.read
+        children = self.kernel_map.written if at_output else self.kernel_map.read
         _mover(width, is_gather=True)(
             *_flat(features), buffer.numpy(), chunk.starts, sources, 0, chunk.firsts, chunk.counts,
-            kernel_map.counts, children,
+            self.kernel_map.counts, children,
         )  # fmt: skip
-        return chunk.segments(buffer, kernel_map, width)
+        return chunk.segments(buffer, self.kernel_map.sizes, width)
 
     def add_products(
-        self,
-        features: Tensor,
-        matrices: Sequence[Tensor],
-        kernel_map: KernelMap,
-        rows: slice,
-        scratch: Scratch,
-        sums: Tensor,
+        self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
     ) -> None:
         """Add to sums of a chunk's rows the neighbours' features times each offset's matrix.
 
         Features are (n, children, c), matrices (count * c, count * d), sums (m, children, d).
         """
-        width, chunk = sums.shape[2], self._chunk(kernel_map, rows)
-        gathered = self.gather(features, kernel_map, rows, scratch)
+        width, chunk = sums.shape[2], self._chunk(rows)
+        gathered = self.gather(features, rows, scratch)
         buffer = scratch.take("products", int(chunk.starts[-1]) * width)
-        products = chunk.segments(buffer, kernel_map, width)
+        products = chunk.segments(buffer, self.kernel_map.sizes, width)
         for part, matrix, product in zip(gathered, matrices, products, strict=True):
             if len(part):
                 torch.mm(part, matrix, out=product)
         _mover(width, is_gather=False)(
             *_flat(sums), buffer.numpy(), chunk.starts, self._pairs.rows, rows.start, chunk.firsts,
-            chunk.counts, kernel_map.counts, kernel_map.written,
+            chunk.counts, self.kernel_map.counts, self.kernel_map.written,
         )  # fmt: skip
 
 
 class TorchGatherScatter:
     """Gathers and scatters by PyTorch on the device of a neighbour table (27, n) int64."""
 
-    def __init__(self, table: Tensor) -> None:
-        self.table = table
+    def __init__(self, table: Tensor, kernel_map: KernelMap) -> None:
+        self.table, self.kernel_map = table, kernel_map
         self._chunks: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = {}
 
     def _pairs(self, rows: slice) -> list[tuple[Tensor, Tensor]]:
@@ -129,35 +119,24 @@ class TorchGatherScatter:
         return self._chunks[key]
 
     def gather(
-        self,
-        features: Tensor,
-        kernel_map: KernelMap,
-        rows: slice,
-        scratch: Scratch,
-        at_output: bool = False,
+        self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
     ) -> Segments:
         gathered: Segments = []
         for offset, (chunk_rows, neighbours) in enumerate(self._pairs(rows)):
-            children = (kernel_map.written if at_output else kernel_map.read)[
-                offset, : kernel_map.sizes[offset]
+            children = (self.kernel_map.written if at_output else self.kernel_map.read)[
+                offset, : self.kernel_map.sizes[offset]
             ]
             row_features = features[rows.start + chunk_rows if at_output else neighbours]
             gathered.append(row_features[:, children.tolist()].flatten(1))
         return gathered
 
     def add_products(
-        self,
-        features: Tensor,
-        matrices: Sequence[Tensor],
-        kernel_map: KernelMap,
-        rows: slice,
-        scratch: Scratch,
-        sums: Tensor,
+        self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
     ) -> None:
-        gathered = self.gather(features, kernel_map, rows, scratch)
+        gathered = self.gather(features, rows, scratch)
         for offset, (chunk_rows, _) in enumerate(self._pairs(rows)):
-            count = kernel_map.sizes[offset]
-            children = torch.from_numpy(kernel_map.written[offset, :count]).to(sums.device)
+            count = self.kernel_map.sizes[offset]
+            children = torch.from_numpy(self.kernel_map.written[offset, :count]).to(sums.device)
             products = (gathered[offset] @ matrices[offset]).view(-1, count, sums.shape[2])
             sums[chunk_rows[:, None], children] += products
 
