@@ -170,9 +170,9 @@ class LearnedByLambda(Learned[R]):
     """Whether to decode as many points as were encoded, not one at each voxel's centre."""
 
     def available(self) -> Availability:
-        found = super().available()
-        reason = why_not(self.options.device) if found.ok else ""
-        return Availability(False, reason) if reason else found
+        availability = super().available()
+        reason = why_not(self.options.device) if availability.ok else ""
+        return Availability(False, reason) if reason else availability
 
     def _known_files(self) -> Iterator[Path]:
         yield from super()._known_files()
