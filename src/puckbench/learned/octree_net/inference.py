@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from puckbench.learned.octree_net.fixed_point import (
     MAX_ACTIVATION,
-    MAX_RESIDUAL,
     UNITS,
     WEIGHT_UNITS,
     quantised,
@@ -20,7 +19,9 @@ from puckbench.learned.octree_net.layers import (
     Floats32,
     Rows,
     convolution,
+    embedding,
     head,
+    scattering,
     upsampling,
 )
 from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, SymbolHead
@@ -153,21 +154,22 @@ class CompiledGroup:
         return self._predict(0, chunk)
 
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        self._embedded(0, chunk, first)
+        self._embed(0, chunk, first)
         return self._predict(1, chunk)
 
     def update(self, chunk: slice, second: Symbols) -> None:
-        features, rows = self._embedded(1, chunk, second), self.rows[chunk]
-        self._rows(self.features.all)[rows] = features
-        self._rows(self.features.active)[rows] = features.clip(0, MAX_ACTIVATION)
+        self._embed(1, chunk, second)
+        scattering(self.network.channels)(
+            self.group_features, chunk.start, chunk.stop, self.rows, self.features.all,
+            self.features.active,
+        )  # fmt: skip
 
     def _rows(self, features: Floats32) -> Floats32:
         return features.reshape(-1, self.network.channels)
 
-    def _embedded(self, half: int, chunk: slice, symbols: Symbols) -> Floats32:
-        features = self._rows(self.group_features)[chunk]
-        features += self._rows(self.network.embeddings[half])[symbols]
-        return features.clip(-MAX_RESIDUAL, MAX_RESIDUAL, out=features)
+    def _embed(self, half: int, chunk: slice, symbols: Symbols) -> None:
+        embed = embedding(self.network.channels)
+        embed(self.group_features, chunk.start, chunk.stop, self.network.embeddings[half], symbols)
 
     def _predict(self, half: int, chunk: slice) -> Frequencies:
         predicted = np.empty((chunk.stop - chunk.start, VALUES), np.int32)

@@ -19,7 +19,7 @@ from puckbench.learned.octree_net.fixed_point import (
     MAX_RESIDUAL,
     WEIGHT_UNITS,
 )
-from puckbench.learned.octree_net.symbols import VALUES
+from puckbench.learned.octree_net.symbols import VALUES, Symbols
 from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS, NeighbourTable
 
 Floats32 = NDArray[np.float32]
@@ -110,6 +110,35 @@ def head(channels: int) -> Callable[..., None]:
                     predicted[start - first + i, j] = powers[np.int64(distance)]
 
     return compiled(predict)
+
+
+@cache
+def embedding(channels: int) -> Callable[..., None]:
+    def embed(
+        row_features: Floats32, first: int, last: int, embeddings: Floats32, symbols: Symbols
+    ) -> None:
+        for i in range(first, last):
+            at, value = i * channels, np.int64(symbols[i - first]) * channels
+            for j in range(channels):
+                total = row_features[at + j] + embeddings[value + j]
+                row_features[at + j] = min(max(total, -_RESIDUAL), _RESIDUAL)
+
+    return compiled(embed)
+
+
+@cache
+def scattering(channels: int) -> Callable[..., None]:
+    def scatter(
+        row_features: Floats32, first: int, last: int, rows: Rows, features: Floats32,
+        active: Floats32,
+    ) -> None:  # fmt: skip
+        for i in range(first, last):
+            at, level_at = i * channels, rows[i] * channels
+            for j in range(channels):
+                features[level_at + j] = row_features[at + j]
+                active[level_at + j] = activation(row_features[at + j])
+
+    return compiled(scatter)
 
 
 @cache

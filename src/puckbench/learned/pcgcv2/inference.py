@@ -173,15 +173,17 @@ def is_fused(model: PCGCv2) -> bool:
 
 def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
     sets, child_maps = pyramid(keys, SCALES, pool)
-    neighbourhoods = [
-        neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool, device_of(model))
-        for voxels in sets
-    ]
     if is_fused(model):
         features = _conv0(model, sets[0], pool)
         for scale, child_map in enumerate(child_maps):
-            features = _analysis_scale(model, scale, features, child_map, neighbourhoods[scale + 1])
+            neighbours = sets[scale + 1].neighbours
+            neighbourhood = neighbourhood_of(neighbours, voxel_kernel_map(), pool)
+            features = _analysis_scale(model, scale, features, child_map, neighbourhood)
     else:
+        neighbourhoods = [
+            neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool, device_of(model))
+            for voxels in sets
+        ]
         features = model.g_a(neighbourhoods, child_maps)
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
     return AnalysisResult(features[:, 0].cpu().numpy().copy(), sets[SCALES], counts)

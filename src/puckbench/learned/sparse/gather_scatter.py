@@ -52,10 +52,15 @@ class CompiledGatherScatter:
 
     def __init__(self, table: NDArray[np.int32], kernel_map: KernelMap) -> None:
         self._pairs, self.kernel_map = _pairs_of(table), kernel_map
+        self._chunks: dict[tuple[int, int], _Chunk] = {}
 
     def _chunk(self, rows: slice) -> _Chunk:
-        firsts, counts = _pairs_of_rows(self._pairs, rows.start, rows.stop)
-        return _Chunk(firsts, counts, np.append(0, np.cumsum(counts * self.kernel_map.counts)))
+        key = (rows.start, rows.stop)
+        if key not in self._chunks:
+            firsts, counts = _pairs_of_rows(self._pairs, *key)
+            starts = np.append(0, np.cumsum(counts * self.kernel_map.counts))
+            self._chunks[key] = _Chunk(firsts, counts, starts)
+        return self._chunks[key]
 
     def gather(
         self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
