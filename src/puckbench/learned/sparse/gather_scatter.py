@@ -41,6 +41,8 @@ class _Chunk(NamedTuple):
 
     def segments(self, buffer: Tensor, sizes: list[int], width: int) -> Segments:
         """Split flat memory into views, one for the pairs of each offset."""
+        if max(sizes) == 1:  # one call for all offsets
+            return list(buffer.view(-1, width).split_with_sizes(self.counts.tolist()))
         parts = buffer.split_with_sizes((np.diff(self.starts) * width).tolist())
         return [
             part.view(-1, children * width) for part, children in zip(parts, sizes, strict=True)
