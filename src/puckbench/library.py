@@ -42,8 +42,8 @@ def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
     Parameters
     ----------
     name
-        Name of a codec, or ``path/to/file.py:Class``. The file is run, so the name must not come
-        from data.
+        Name of a codec, or ``path/to/file.py:Class``. The file is run, so the name must come from
+        a trusted source.
     changes
         A configuration's entry: ``options``, ``rates``, ``metric_rates``, ``class``.
     """
@@ -92,7 +92,7 @@ def turns(
 def measures(
     original: PointCloud, decoded: PointCloud, peak: float | None = None
 ) -> dict[str, float]:
-    """Return metrics of a decoded cloud: of geometry, and of attributes and returns in both clouds.
+    """Return metrics of a decoded cloud's geometry, and of attributes and returns of both clouds.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ def _show(text: str) -> None:
 
 
 def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
-    """Return a parser for command-line words, and the command, the only one that is imported."""
+    """Return a parser for command-line words and the command's name; import only this command."""
     name, texts = next((word for word in words if not word.startswith("-")), None), help_texts()
     parser = parser_of([name] if name in texts else [])
     if name is not None and name not in texts:

@@ -13,7 +13,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("residuals", type=Path, nargs="+", help="residual tables (.parquet), one per device")
     add("out", type=Path, help="model file to write (.yaml)")
     add("--model", help="use only the rows of this model")
-    text = "returns with one bias: of a frame, or of a spot (default: spot for captures)"
+    text = (
+        "returns that share a bias: those of a laser in one frame, or at one spot if the sensor is "
+        "at rest (default: spot for captures, else frame)"
+    )
     add("--cells", choices=["frame", "spot"], help=text)
     add("--parameters", nargs="+", metavar="NAME", help="sigmas to estimate (default: all)")
     text = "resolution of the ranges (default: 2 for captures, else 0)"

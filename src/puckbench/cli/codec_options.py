@@ -14,7 +14,8 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
     add("--codec", required=required, help="name (see `puckbench codecs`)")
     add("--weights", help="weights of a learned codec: a shipped set, a file or a folder")
     add_entry(parser)
-    add("--repeats", type=int, default=1, help="timed calls, of which the median is recorded")
+    text = "number of timed calls, of which the median is recorded (default: 1)"
+    add("--repeats", type=int, default=1, help=text)
 
 
 def add_entry(parser: argparse.ArgumentParser) -> None:

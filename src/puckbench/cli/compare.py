@@ -27,7 +27,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
     add = parser.add_argument
     add("results", type=Path, help="folder of results of a run")
-    text = f"study with reference results ({', '.join(shipped_studies())}), or their .parquet file"
+    names = ", ".join(shipped_studies())
+    text = f"study with reference results ({names}), or a .parquet file of reference results"
     add("--with", dest="study", required=True, metavar="STUDY", help=text)
     text = "codecs of the run (default: those that STUDY lacks)"
     add("--codecs", nargs="+", default=[], help=text)

@@ -67,4 +67,4 @@ _NAMES = {
     "study": "report.reference_results:shipped_studies",
     "table": "metrics.table_registry:TABLES",
 }
-"""Where to find the names that an argument can take, by argument (``module:object``)."""
+"""Source (``module:object``) of the names that an argument can take, by argument."""

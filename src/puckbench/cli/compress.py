@@ -15,8 +15,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("recording", type=Path, help="packet capture or bag (any file)")
     add("out", type=Path, help="file to write (.puck)")
-    add("--effort", choices=EFFORTS, default="normal", help="speed against size")
-    text = "turns between two that can be decoded alone; 0: only the first can"
+    add("--effort", choices=EFFORTS, default="normal", help="speed against size (default: normal)")
+    text = (
+        "number of turns from one key turn, which can be decoded alone, to the next (default: 50); "
+        "0: only the first turn is a key turn"
+    )
     add("--key-every", type=integer(0), default=50, metavar="TURNS", help=text)
 
 

@@ -11,7 +11,7 @@ from puckbench.datasets.fetch import fetch_data
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     others = "pcgc_weights, reno_weights, ouster_recordings"
-    text = f"sets to download: captured_rooms, sweethome3d (default: both), {others}"
+    text = f"sets to download (default: captured_rooms, sweethome3d); also {others}"
     add("names", nargs="*", help=text)
     add("--folder", type=Path, default=Path("data"), help="folder of the data (default: data)")
 

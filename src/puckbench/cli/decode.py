@@ -15,8 +15,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "write the surface instead of points, if the stream has one"
     add("--as-mesh", action="store_true", help=text)
     text = (
-        "the prepared cloud that was coded (.ply), to write points where its source was; or the "
-        "original (LAS, PLY, ...), to write its header and attributes; or both (--like twice)"
+        "the prepared cloud that was coded (.ply): write the points in metres, where its source "
+        "was; or the original cloud (LAS, PLY, PCD, E57, ...): write its header and attributes "
+        "too, matched by order or position; or both (--like twice)"
     )
     add("--like", type=Path, action="append", default=[], metavar="CLOUD", help=text)
     add("--rate", help="rate to decode of a curve (coded/DATASET/CLOUD/CODEC.zip)")

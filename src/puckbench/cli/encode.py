@@ -17,10 +17,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--rate", required=True, help=text)
     text = "G-PCC: write a bare stream, as the reference software does"
     add("--raw", action="store_true", help=text)
-    text = "frame of a cloud without a description (default: metric for LAS, LAZ, E57 and .bin)"
+    text = (
+        "coordinate frame of a cloud without a description (.json) beside it (default: metric for "
+        "LAS, LAZ, E57 and .bin)"
+    )
     add("--frame", choices=["scaled", "metric"], help=text)
     text = (
-        "prepare the cloud in this file and code it: in metres if the rate is a length, else scaled"
+        "first prepare the cloud and write it to this file: in metres if the rate is a length, "
+        "else scaled (or as --frame says)"
     )
     add("--prepare", type=Path, metavar="PLY", help=text)
     codec_arguments(parser, required=True)

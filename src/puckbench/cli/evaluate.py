@@ -10,7 +10,7 @@ from puckbench.cli.types import integer, note, selected
 from puckbench.jobs.evaluate import Evaluate
 
 _UNRELATED_DB = 10.0
-"""CD-PSNR below which two clouds are probably unrelated; every codec reaches more."""
+"""CD-PSNR below which two clouds are probably unrelated; every codec exceeds it."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,9 +22,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "points of the true surface that the sensor saw, in the reference's frame"
     add("--visible", type=Path, help=text)
     add("--clean", type=Path, help="clean scan of the same rays, in place of --visible")
-    text = "peak of the PSNRs (default: from the description, else 1023 if scaled, 30 if in metres)"
+    text = (
+        "peak of the PSNRs, in the reference's unit (default: from its description, else 1023 if "
+        "scaled, 30 if in metres; papers on KITTI use 59.7)"
+    )
     add("--peak", type=float, help=text)
-    text = "width in pixels of six pictures to compare (default: 0, none)"
+    text = "width in pixels of six rendered views to compare (default: 0, none)"
     add("--views", type=integer(0), default=0, help=text)
     add("--dataset", help="name of the data set, for the result row")
     add("--row", type=Path, help="write the result row here (JSON)")

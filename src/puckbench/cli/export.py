@@ -11,19 +11,20 @@ from puckbench.core.errors import InputError
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    text = "recording (.pcap, .puck, ROS bag), or table of turns, a scan or a capture (.parquet)"
+    text = "recording (.pcap, .puck, ROS bag), or table (.parquet) of turns, a scan or a capture"
     add("source", type=Path, help=text)
     text = ".ply, .pcd, .csv, .las, .laz, .bin (KITTI, intensity 0 to 1); of scans also .evd, .pcap"
     add("out", type=Path, help=text)
     text = (
-        "turns of a recording (default: the first whole turn), in the sensor's frame, with "
-        "intensity, ring (0 is the lowest) and time in s; of a bag's clouds, messages from 0"
+        "turns of a recording (default: the first whole turn), in metres in the sensor's frame, "
+        "with intensity, ring (0 is the lowest) and time in s; of a bag's clouds, messages from 0, "
+        "in the frame and with the values of the messages"
     )
     add("--turns", metavar="FIRST-LAST", help=text)
     add("--stream", help=STREAM)
     add("--topic", help=TOPIC)
     add_time_unit(parser)
-    add("--clean", action="store_true", help="use the coordinates without errors of a scan")
+    add("--clean", action="store_true", help="use a scan's coordinates without errors")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

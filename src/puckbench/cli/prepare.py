@@ -20,7 +20,7 @@ _FOR_CLOUDS = {
     "keep_missing": False,
     "bin_columns": None,
 }
-"""Options without effect on a sensor's returns, with their defaults."""
+"""Options that scans and recordings refuse, with their defaults."""
 _SHOWN = (
     *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
     *("size", "size_m", "scale", "offset", "peak", *LEFT_OUT, "neighbours", "diameter"),
@@ -31,7 +31,10 @@ _SHOWN = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    text = "cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, .bin), scan table (.parquet) or recording"
+    text = (
+        "cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, KITTI's .bin), scan table (.parquet), or "
+        "recording (.pcap, .puck, ROS bag)"
+    )
     add("cloud", type=Path, help=text)
     add("out", type=Path, help="PLY file to write; its description (JSON) is written beside it")
     text = "x0 y0 z0 x1 y1 z1 in metres, or a JSON file with a 'box'"
@@ -42,16 +45,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--neighbours", type=integer(3), default=30, help="neighbours for normals (default: 30)")
     add_unit(parser, "cloud")
     add_cloud_options(parser)
-    add("--clean", action="store_true", help="use the coordinates without errors of a scan")
+    add("--clean", action="store_true", help="use a scan's coordinates without errors")
     text = (
-        "turns of a scan or recording (default: its first whole turn), whose returns are written "
-        "beside the cloud; of clouds in a ROS bag, the number of one (default: 0)"
+        "use these turns of a scan or a recording, in metres in the sensor's frame, and write "
+        "their returns beside the cloud (default for a recording: its first whole turn); of clouds "
+        "in a ROS bag, the one with this number, in metres (default: 0)"
     )
     add("--turns", metavar="FIRST-LAST", help=text)
     add("--stream", help=STREAM)
     add("--topic", help=TOPIC)
-    add("--truth", type=Path, help="also write the true surface points of a scan")
-    text = "JSON file whose name and group the description keeps"
+    add("--truth", type=Path, help="also write a scan's true surface points to this file")
+    text = "JSON file whose 'name' and 'group' are copied to the description"
     add("--about", type=Path, action="append", default=[], help=text)
 
 

@@ -27,7 +27,7 @@ _HELP = {
     "capture": "read a recording of a spinning LiDAR: a table of its returns",
     "export": "write a scan or a capture in the format of another tool",
     "compress": "store a recording of a spinning LiDAR in a smaller file, without loss",
-    "decompress": "restore a recording from such a file",
+    "decompress": "restore a recording from a .puck file",
     "calibrate": "estimate a range error model from residuals, real or virtual",
     "sample": "sample points at random on the surface of a mesh",
     "prepare": "crop, estimate normals and scale: a cloud ready for the codecs",
@@ -58,7 +58,7 @@ class Command:
 
 
 COMMANDS: Registry[Command] = Registry("command", "commands", make=Command)
-"""Commands of other packages; their modules are imported for every help text."""
+"""Commands of other packages; every help text imports their modules."""
 
 
 def help_texts() -> dict[str, str]:

@@ -41,37 +41,51 @@ _CONFIG_OPTIONS = (
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = (
-        "clouds (PLY, PCD, LAS, E57, CSV, NPY, .bin, ...), meshes (OBJ, OFF, PLY, STL, GLB), "
-        "recordings (.pcap, .bag, .mcap, ...), folders or patterns; or one configuration (.yaml), "
-        "and options of Snakemake after --"
+        "clouds (PLY, PCD, LAS, LAZ, E57, XYZ, CSV, TXT, NPY, NPZ, KITTI's .bin), meshes (OBJ, "
+        "OFF, PLY, STL, GLB), recordings (.pcap, .bag, .mcap, ...), folders or patterns; or one "
+        "configuration (.yaml), and options of Snakemake after --"
     )
     add("files", nargs="*", help=text)
     defaults = f"default: {' '.join(CODECS)}; for recordings {' '.join(CODECS_OF_RECORDINGS)}"
-    text = f"names, or path/to/file.py:Class; the first is the anchor of the BD-rates ({defaults})"
+    text = (
+        "names (see `puckbench codecs`), or path/to/file.py:Class; the first is the anchor of the "
+        f"BD-rates ({defaults})"
+    )
     add("--codecs", nargs="+", metavar="CODEC", help=text)
-    add("--study", help="code the clouds of a study with reference results (puckbench compare -h)")
+    text = "code the clouds of a study with reference results (see `puckbench compare --help`)"
+    add("--study", help=text)
     add("--datasets", nargs="+", metavar="NAME", help="data sets of the study (default: all)")
     add("--out", type=Path, help="folder of all results (default: out)")
     text = (
-        "scaled: to a cube of 1024, with rates r1, r2, ...; metric: in metres, with rates 10mm, "
-        "... (default for recordings, LAS, LAZ, E57 and .bin)"
+        "scaled: to a cube of 1024, with rates r1, r2, ...; metric: in metres, with rates 100mm, "
+        "10mm, ... (default: metric for recordings, and if all clouds are LAS, LAZ, E57 or .bin)"
     )
     add("--frame", choices=("scaled", "metric"), help=text)
     text = "unit of the files (0.001: millimetres; default: 1), or of some: FILE=NUMBER ..."
     add("--metres-per-unit", nargs="+", metavar="NUMBER", help=text)
-    add("--peak", type=float, help="peak of the PSNRs of clouds in metres, in m (default: 30)")
-    text = "names, lengths such as 3mm, or all (default: all, or four if all would take long)"
+    text = "peak of the PSNRs of clouds in metres, in m (default: 30; papers on KITTI use 59.7)"
+    add("--peak", type=float, help=text)
+    text = (
+        "names of rates, lengths such as 3mm, or all (default: all, or four if all would take long)"
+    )
     add("--rates", nargs="+", metavar="RATE", help=text)
-    add("--metrics", nargs="+", metavar="METRIC", help="further metrics: density, file.py:function")
-    text = "maximum number of clouds or meshes, or of turns of each recording (default: 10)"
+    text = "further metrics: density, or path/to/file.py:function"
+    add("--metrics", nargs="+", metavar="METRIC", help=text)
+    text = (
+        "maximum number of clouds or meshes (default: all), or of turns of each recording "
+        "(default: 10)"
+    )
     add("--limit", type=integer(1), help=text)
-    add("--topic", help="topic of ROS bags to read, of several")
-    add("--scan", action="store_true", help="scan meshes with a virtual VLP-16; do not sample them")
-    add("--errors", help="error model of the virtual sensor (default: vlp16_divergence)")
+    add("--topic", help="topic to read in ROS bags with several topics")
+    text = "scan meshes with a virtual VLP-16 instead of sampling them"
+    add("--scan", action="store_true", help=text)
+    text = "error model of the virtual sensor, with --scan (default: vlp16_divergence)"
+    add("--errors", help=text)
     add("--points", type=integer(1), help="number of points sampled on a mesh (default: 100000)")
     add("--up", choices=("y", "z"), help="axis of meshes that points up (default: z)")
     add_cloud_options(parser)
-    add("--strict", action="store_true", help="stop if a file cannot be used, do not leave it out")
+    text = "stop if a file cannot be used, instead of leaving it out"
+    add("--strict", action="store_true", help=text)
     add("--timeout", type=float, metavar="SECONDS", help="time after which a job fails")
     add("--cores", type=integer(1), help="number of cores (default: all)")
 

@@ -12,7 +12,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("mesh", type=Path, help="mesh file (PLY, OBJ, OFF, STL, GLB) or captured room (.json)")
     add("out", type=Path, help="PLY file to write")
-    add("--points", type=integer(1), default=500_000, help="their number (default: %(default)s)")
+    text = "number of points (default: %(default)s)"
+    add("--points", type=integer(1), default=500_000, help=text)
     add_unit(parser, "mesh")
     add("--seed", type=integer(0), default=0)
 

@@ -12,10 +12,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("mesh", type=Path, help="mesh file, or captured room (.json)")
     add("out", type=Path, help="scan table to write (.parquet)")
-    add("--sensor", default="vlp16", help="its name, or a YAML file (default: vlp16)")
+    add("--sensor", default="vlp16", help="name, or a YAML file (default: vlp16)")
     add("--errors", default="none", help="error model (default: none)")
-    add("--error-options", type=json_object, default={}, help="changes to its parameters (JSON)")
-    text = "name of a sweep, or changes to the sweep of 4 s (JSON)"
+    text = "changes to the error model's parameters (JSON)"
+    add("--error-options", type=json_object, default={}, help=text)
+    text = "name of a sweep (default: thesis, of 4 s), or changes to this sweep (JSON)"
     add("--sweep", type=_sweep, default="thesis", help=text)
     text = "position of the sensor, in metres"
     add("--origin", nargs=3, type=float, metavar=("X", "Y", "Z"), help=text)

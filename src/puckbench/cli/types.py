@@ -85,7 +85,7 @@ def turns(text: str | None) -> tuple[int, int] | None:
 
 
 def add_unit(parser: argparse.ArgumentParser, what: str) -> None:
-    text = f"unit of the {what} (0.001: millimetres)"
+    text = f"unit of the {what} (0.001: millimetres; default: 1)"
     parser.add_argument("--metres-per-unit", type=positive, default=1.0, help=text)
 
 
@@ -93,7 +93,10 @@ def add_cloud_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--drop-invalid", action="store_true", help="leave out points that are not finite")
     add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
-    text = "columns of .bin files: their number, 3 to 6, or names, as x,y,z,intensity,ring"
+    text = (
+        "columns of .bin files: their number, 3 to 6, or their names, such as "
+        "x,y,z,intensity,ring (default: from the values)"
+    )
     add("--bin-columns", metavar="COLUMNS", help=text)
 
 

@@ -1,7 +1,7 @@
 """The interface of codecs: a class with rates, `_encode` and `_decode`, registered by name.
 
-`puckbench.codecs.facts` defines properties for plans, tables and figures. A user's codec is one
-file::
+`puckbench.codecs.facts` defines the properties that plans, tables and figures use. A user's codec
+is one file::
 
     from puckbench.codecs.base import Codec
     from puckbench.codecs.registry import CODECS
@@ -85,7 +85,7 @@ class Codec(CodecFacts, ABC):
     magic: bytes = b""
     """First bytes of the codec's streams, by which they are recognised."""
     bare_magic: bytes = b""
-    """First bytes of the reference program's streams; they are too few to identify the codec."""
+    """First bytes of streams without puckbench's wrapper; too few to identify the codec."""
     shifts_far_clouds: bool = True
     """Whether clouds far from the origin are shifted towards it before coding (`coding.shift`)."""
     is_single_precision: ClassVar[bool] = False
@@ -101,25 +101,28 @@ class Codec(CodecFacts, ABC):
         return Availability(True)
 
     def load(self) -> None:
-        """Load weights and compile loops before the timed calls."""
+        """Load weights and compile functions before the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the last call's cost: `here` (of this process), or that of external programs."""
+        """Return the cost of the last encoding or decoding.
+
+        It is that of the external programs if the codec runs any, else `here`, which was measured
+        in this process.
+        """
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """Return a new object that holds results for all rates of one cloud, or None.
+        """Return a new object for results that all rates of a cloud share; None if they share none.
 
-        The caller passes the object to `encode` for each rate. Codecs with such an object implement
-        `_encode_sharing`.
+        The caller passes the object to `encode` for each rate; `encode` calls `_encode_sharing`.
         """
         return None
 
     def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
         """Encode the points of a cloud, or its returns if the codec uses returns.
 
-        The attributes that the codec's `attributes` lists are encoded too. `rate` and `shared` are
-        as in `encode`; `shared` is not used for returns or attributes.
+        Attributes in the codec's `attributes` are encoded too. `rate` and `shared` are as in
+        `encode`; `shared` is not used for returns or attributes.
 
         Raises
         ------
@@ -152,7 +155,7 @@ class Codec(CodecFacts, ABC):
         return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
 
     def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        """Return the bytes of each attribute in a stream; the geometry takes the other bytes."""
+        """Return the number of bytes of each attribute in a stream; other bytes are geometry."""
         with naming(f"codec {self.name}"):
             sizes = self._attribute_bytes(unshifted(stream).stream)
         return {name: size for name, size in sizes.items() if size}
@@ -219,9 +222,9 @@ class Codec(CodecFacts, ABC):
     def decode_mesh(self, stream: bytes) -> Mesh:
         """Decode a triangulated surface in the coordinate frame of the input cloud.
 
-        Triangles are labelled with primitives (see `puckbench.geometry.mesh`) and objects: an
-        object, such as a wall, may consist of several primitives. Raises InputError as `decode`
-        does, and if the codec or the stream has no surfaces.
+        Triangles are labelled with primitives and objects (`puckbench.geometry.mesh`); an object
+        may have several primitives. Raises InputError as `decode` does, and if the codec or the
+        stream has no surfaces.
         """
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)

@@ -26,8 +26,8 @@ _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""
 _POINT_CLOUD = 0
 _MOST_BITS = {"kd_tree": 30, "sequential": 26}
-"""Bits per coordinate: the sequential encoder takes 4 bytes of memory per step of the grid, and
-single precision has 24 bits."""
+"""Maximum bits per coordinate: 26 limit the memory of the sequential encoder (4 bytes per grid
+step), and exceed the 24 bits of single precision."""
 
 DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 12)}
 """Rates of PCC Arena, which the thesis used."""

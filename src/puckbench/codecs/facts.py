@@ -48,9 +48,9 @@ def check_lengths(rates: Iterable[str]) -> None:
 def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Parameters] | None:
     """Return the name and parameters of a codec's rate, or None if the codec lacks the rate.
 
-    Every length is a rate if the codec's `any_length` is true and its `metric_rates` have no
-    parameter but ``step_m``. Names are in millimetres: ``2cm`` is the rate ``20mm``. Raises
-    InputError as `check_lengths` does.
+    A rate may be named by any length, the quantisation step, if the codec's `any_length` is true
+    and ``step_m`` is the only parameter of its `metric_rates`. The returned name is in millimetres:
+    ``20mm`` for ``2cm``. Raises InputError as `check_lengths` does.
     """
     offered = {**codec.rates, **codec.metric_rates}
     if rate in offered:
@@ -107,7 +107,7 @@ class CodecFacts:
     name
         Name in a run and in tables.
     rates, metric_rates
-        Parameters by the rate's name, the smallest bitrate first; by default those of the class.
+        Parameters by rate name, the smallest bitrate first; by default those of the class.
     options
         Values of the class's `Options`.
 
@@ -130,11 +130,11 @@ class CodecFacts:
     """Position in legends and lists; codecs of equal rank are ordered by name."""
 
     rates: Mapping[str, Parameters] = MappingProxyType({})
-    """For scaled clouds: parameters by the rate's name, the smallest bitrate (r1) first."""
+    """For scaled clouds: parameters by rate name, the smallest bitrate (r1) first."""
     metric_rates: Mapping[str, Parameters] = MappingProxyType({})
     """As `rates`, but for clouds in metres; names are lengths."""
     any_length: ClassVar[bool] = True
-    """Whether every length is a rate, if the step is the only parameter of all `metric_rates`."""
+    """Whether every length is a rate, provided that `metric_rates` have no parameter but a step."""
     takes: ClassVar[Takes] = "points"
     """Input of the encoder: points, the returns of a spinning sensor, or either (points if the
     cloud has no returns)."""
@@ -150,13 +150,13 @@ class CodecFacts:
     training: str = ""
     """Class of the training settings (``module:Class``), if the codec has trained weights."""
     based_on: str = ""
-    """Name of the published codec that this codec modifies. Claims about the published codec are
-    tested on this one only as a stand-in."""
+    """Name of the published codec that this codec modifies. If a run lacks the published codec,
+    claims about that codec may be tested on this one."""
     grid: float = 0.0
     """Grid step of the finest rate, in units of the input; 0 if the grid adapts to the cloud's
     extent."""
     most_steps: ClassVar[float] = math.inf
-    """Largest extent along an axis of a cloud in metres, in grid steps of the rate."""
+    """Maximum extent along an axis, in grid steps of the rate, for clouds in metres."""
 
     def __init__(
         self,
@@ -182,7 +182,7 @@ class CodecFacts:
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether `rates` are for scaled clouds only: a fixed grid, without the option `unit`."""
+        """Whether `rates` need scaled clouds: the grid is fixed, and the option `unit` not set."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:
@@ -202,7 +202,7 @@ class CodecFacts:
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent (m) of clouds along an axis at a rate; inf for scaled clouds.
+        """Return the largest extent (m) along an axis at a rate; inf for rates of scaled clouds.
 
         A run skips the rate for wider clouds.
         """

@@ -95,7 +95,7 @@ class GridCodec(Codec):
     """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
 
     A rate is the factor `scale` that multiplies coordinates before rounding or, for clouds in
-    metres, the grid step. Each stream is wrapped with the unit and offset of the grid.
+    metres, the grid step. Streams have a wrapper with the grid's unit and offset, unless `raw`.
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
@@ -245,7 +245,7 @@ class OwnCodec(GridCodec):
     def _tools(
         self, parameters: Parameters, *, angular: bool = False
     ) -> GpccOptions | PredictiveOptions:
-        """Return the geometry's coding tools; `angular` is whether they use the sensor's lasers."""
+        """Return the geometry's coding tools, which use the sensor's lasers if `angular`."""
 
     def _qp(self, parameters: Parameters) -> int | None:
         """Return the QP of a rate's attributes, or None for lossless coding."""

@@ -28,8 +28,7 @@ class GpccAngular(SensorCodec):
 
     The tools are those of MPEG's common test conditions for spinning sensors; lossy rates merge
     points with equal grid positions. Only points of isolated nodes are coded directly, since direct
-    coding in any node (`direct_coding` 3), as in the lossless conditions, takes more bits. For
-    clouds in metres, a rate is the grid step.
+    coding in any node (`direct_coding` 3), as in the lossless conditions, takes more bits.
     """
 
     title = "G-PCC (angular octree)"

@@ -25,11 +25,11 @@ class DenoisedOptions(CoderOptions):
 
 @CODECS.register("gpcc_denoised")
 class GpccDenoised(Gpcc):
-    """Denoising by CGAL's jet smoothing (a moving-least-squares method), then `gpcc`.
+    """Jet smoothing of points by CGAL (a moving-least-squares method), then `gpcc`.
 
     Streams have the format of `gpcc`. Jets are quadrics fitted to the nearest neighbours (Cazals
-    and Pouget 2005); the default number of neighbours is the best of 20, 30, 45, 60, 100 and 300
-    for three generated rooms with the error model `vlp16_divergence`.
+    and Pouget 2005); the default number was chosen from 20 to 300 on three generated rooms
+    (error model `vlp16_divergence`).
     """
 
     title = "Denoised, then G-PCC"

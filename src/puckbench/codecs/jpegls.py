@@ -1,9 +1,9 @@
 """Range images compressed by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
-A lossy rate rounds ranges to multiples of a step, which is several quanta of the sensor. The
-encoder codes the rounded ranges, in quanta, with errors of at most half a step, so the decoder can
-recover the multiples exactly. Lossless coding of the multiples takes more bits, since JPEG-LS
-contexts distinguish small values less well.
+A lossy rate rounds ranges to a step of several quanta (range steps of the sensor). JPEG-LS codes
+the rounded ranges, in quanta, with errors below half a step, so the decoder can recover them
+exactly. Lossless coding in multiples of the step would take more bits, since JPEG-LS contexts
+distinguish small values less well.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from puckbench.storage.range_images import Image
 
 _MOST_NEAR = 255
 _END = b"\xff\xd9"
-"""End marker of JPEG-LS; CharLS 2.4 takes seconds to reject streams without this marker."""
+"""End marker of JPEG-LS; CharLS 2.4 takes seconds to reject streams without it."""
 
 
 @CODECS.register("jpegls")

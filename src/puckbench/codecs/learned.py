@@ -60,7 +60,7 @@ class LearnedOptions(Model):
 
 
 class Learned(Codec, Generic[W]):
-    """Base class of codecs whose network has one set of weights for all rates.
+    """Base class of codecs with a network, by default with one set of weights for all rates.
 
     A subclass defines `network`, and methods that read weights, encode and decode. If the option
     `weights` selects several files, the encoder uses the first in alphabetical order.
@@ -93,7 +93,7 @@ class Learned(Codec, Generic[W]):
         return Availability(not lacking, why if lacking else "")
 
     def weights_of(self, rate: str) -> str:
-        """Return name and digest (16 hexadecimal digits) of the weights file for a rate."""
+        """Return the name and digest (16 hexadecimal digits) of the weights file for a rate."""
         path = self._path(self.parameters_of(rate))
         return f"{path.stem} {_digest(path)}" if path else ""
 
@@ -108,7 +108,7 @@ class Learned(Codec, Generic[W]):
         return where
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the files to search for a stream's weights: the option's, then the shipped ones."""
+        """Yield files to search for a stream's weights: those of the option, then shipped ones."""
         yield from self.weights_files()
         yield from self.network.shipped()
 
@@ -155,7 +155,7 @@ class PublishedOptions(LearnedOptions):
 
 
 class LearnedByLambda(Learned[R]):
-    """Base class of codecs as published, with separate weights for each rate.
+    """Base class of published codecs, with separate weights for each rate.
 
     A rate's `lmbda` is the Lagrangian weight of the distortion in training. `Improved` adds
     puckbench's changes.
@@ -165,9 +165,9 @@ class LearnedByLambda(Learned[R]):
     Options: type[PublishedOptions] = PublishedOptions
     options: PublishedOptions
     context_mixing = False
-    """Whether context mixing codes the latent, not the fixed probability tables of the weights."""
+    """Whether the latent is coded by context mixing or by fixed tables in the weights."""
     point_reconstruction = False
-    """Whether to decode as many points as were encoded, not one at each voxel's centre."""
+    """Whether to decode as many points as were encoded, or one at each voxel's centre."""
 
     def available(self) -> Availability:
         availability = super().available()
@@ -184,7 +184,7 @@ class LearnedByLambda(Learned[R]):
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridArguments:
-        """Return the arguments that choose a rate's grid; if empty, the grid is the input's."""
+        """Return the arguments that choose a rate's grid; without any, the input's grid is used."""
         return GridArguments()
 
     def _path(self, parameters: Parameters) -> Path | None:

@@ -39,7 +39,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """Decompress to at most `most` bytes; raise InputError if there are more, or damage."""
+        """Decompress to at most `most` bytes; raise InputError if data are longer or damaged."""
 
     @property
     def _framing(self) -> Framing:
@@ -57,7 +57,7 @@ class PacketsCodec(ReturnsCodec):
 
 @CODECS.register("packets_xz")
 class PacketsXz(PacketsCodec):
-    """Data packets compressed losslessly, with every field, by LZMA (xz -9e)."""
+    """Data packets with all fields, compressed losslessly by LZMA (xz -9e)."""
 
     title = "Packets, xz (with reflectivity and time)"
     use = "captures as archives keep them; with reflectivities and times"
@@ -82,7 +82,7 @@ class PacketsXz(PacketsCodec):
 
 @CODECS.register("packets_zstd")
 class PacketsZstd(PacketsCodec):
-    """Data packets compressed losslessly, with every field, by Zstandard (zstd -19 --long)."""
+    """Data packets with all fields, compressed losslessly by Zstandard (zstd -19 --long)."""
 
     title = "Packets, Zstandard (with reflectivity and time)"
     use = "captures as MCAP files keep them, packed tighter; with reflectivities and times"

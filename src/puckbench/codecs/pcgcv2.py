@@ -1,9 +1,10 @@
 """The codecs PCGCv2, as published, and PCGCv2+, puckbench's variant.
 
-Points are rounded to voxels, and equal voxels are merged. PCGCv2 uses the grid of the input, [0,
-1023] in the thesis. PCGCv2+ coarsens the grid of a sparse cloud until voxels have a mean of
-`mean_occupied_children` occupied children, since the network is made for dense surfaces. `lmbda` is
-the Lagrangian weight of the training, `rho` the ratio of decoded to input voxels.
+PCGCv2 truncates points to voxels, PCGCv2+ rounds them; equal voxels are merged. PCGCv2 uses the
+grid of the input, [0, 1023] in the thesis. PCGCv2+ coarsens the grid of a sparse cloud until voxels
+have a mean of `mean_occupied_children` occupied children, since the network is made for dense
+surfaces. `lmbda` is the Lagrangian weight of the training, `rho` the ratio of decoded to input
+voxels.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     grid = 1.0
 
     def _tools(self) -> CodingTools:
-        """Return the coding tools in use beyond those of the authors' program."""
+        """Return the coding tools in use that the authors' program lacks."""
         from puckbench.learned.pcgcv2.stream import CodingTools
 
         return CodingTools(0)

@@ -48,7 +48,7 @@ class Primitives(Codec):
     """Codec of geometric primitives that are fitted to noisy points on surfaces.
 
     A rate contains the values of `PrimitiveSettings` that differ from the defaults. The unit of
-    lengths is 1/1023 of the cloud's longest side, as in the cube [0, 1023].
+    length is 1/1023 of the cloud's longest side, as in a cloud scaled to [0, 1023].
     """
 
     title = "Primitives"

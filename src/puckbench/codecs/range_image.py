@@ -28,7 +28,7 @@ class RangeImageOptions(Model):
 class RangeImageCodec(ReturnsCodec):
     """Base class of codecs that compress range images in an image format.
 
-    A rate is the step to which ranges are rounded; a step of 1 quantum is lossless.
+    A rate is the step to which ranges are rounded; the sensor's resolution (a quantum) is lossless.
     """
 
     Options: type[RangeImageOptions] = RangeImageOptions
@@ -47,7 +47,7 @@ class RangeImageCodec(ReturnsCodec):
 
     @property
     def version(self) -> str:
-        """Return the version of imagecodecs, which determines the versions of its libraries."""
+        """Version of imagecodecs, which determines the versions of its libraries."""
         from importlib.metadata import version
 
         return f"imagecodecs {version('imagecodecs')}" if self.available().ok else ""

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from puckbench.learned.training.settings import BaseTraining
 
 Entry = Mapping[str, Any]
-"""A configuration's entry of a codec: class, options, rates, metric_rates, and `LOOKS`."""
+"""A configuration's entry for a codec: class, options, rates, metric_rates, and `LOOKS`."""
 LOOKS = ("title", "use", "colour", "marker", "line", "rank")
-"""Class attributes that an entry may change."""
+"""Class attributes for lists and figures, which an entry may change."""
 
 CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
 """Registry of codec classes; a class is registered by ``@CODECS.register("name")`` above it."""
@@ -223,7 +223,7 @@ def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTra
 
 
 def has_weights(name: str, changes: Entry | None = None) -> bool:
-    """Whether a codec can be trained, and has weights that its option `weights` selects."""
+    """Whether a codec can be trained, and therefore has the option `weights`."""
     return bool(_training(name, changes))
 
 
@@ -234,7 +234,7 @@ def _training(name: str, changes: Entry | None) -> str:
 def codec_of(stream: bytes) -> str:
     """Return the name of the codec whose magic bytes begin a stream.
 
-    Of several codecs, return the one with the lowest rank. Raises InputError if there is none.
+    If several match, return the one with the lowest rank; if none matches, raise InputError.
     """
     stream = without_unit(unshifted(stream).stream).stream
     for name, codec in codecs().items():

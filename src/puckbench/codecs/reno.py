@@ -69,7 +69,7 @@ class Reno(Learned["RenoWeights"]):
         self._decode(self._encode(corner, {"step_m": 1.024}))
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent (m) of a cloud at a rate, reduced by the grid's offset."""
+        """Return the largest extent (m) of a cloud at a rate, less twice the grid's offset."""
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _path(self, parameters: Parameters) -> Path | None:

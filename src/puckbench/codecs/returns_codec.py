@@ -12,14 +12,15 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """Return a rate's step of ranges in quanta of the sensor: rounded down, and at least 1."""
+    """Return a rate's range step in quanta (steps of the sensor), rounded down, at least 1."""
     return max(1, int(float(parameters["step_m"]) / returns.quantum_m + 1e-6))
 
 
 class ReturnsCodec(Codec):
     """Base class of codecs that encode the returns of a spinning sensor, not points.
 
-    Points are computed from decoded returns or estimated (`estimates`). A subclass defines
+    Decoded points are those of the decoded returns, or estimates of the surface if `estimates` is
+    true. A subclass defines
     `metric_rates`, `_encode_returns` and `_decode_returns`.
     """
 

@@ -1,8 +1,8 @@
 """Entropy coding and stream formats that several codecs use.
 
-`code` is a binary arithmetic coder in integers. `code_bit` adds context mixing, which estimates the
-probability of each bit. `Framing`, `Reader`, `base_128` and `signed_128` write and read bytes.
-Damaged streams raise `puckbench.core.errors.InputError`.
+`code` is a binary arithmetic coder in integers. `code_bit` estimates each bit's probability by
+context mixing. `Framing`, `Reader`, `base_128` and `signed_128` write and read bytes. Damaged
+streams raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

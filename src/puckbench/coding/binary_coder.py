@@ -21,9 +21,9 @@ LOGIT_UNIT = 256
 LOGIT_LIMIT = 8 * LOGIT_UNIT
 """Logits are clipped to plus and minus this value."""
 MIN_PROBABILITY = 32
-"""Minimum probability of a bit's value, which costs 11 bits; the opposite value costs 0.0007."""
+"""Minimum probability of a bit's value; such a value costs 11 bits, the opposite 0.0007 bits."""
 MAX_MEMORY = 160
-"""Maximum number of coded bits after which a probability adapts at a constant rate."""
+"""Largest number of coded bits after which a probability adapts at a constant rate."""
 _TOP = (1 << 32) - 1
 _TAIL = 4
 PAST_THE_END = 8
@@ -71,7 +71,7 @@ def read_to_its_end(coder: BitCoder) -> bool:
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a reader is over `PAST_THE_END` bytes beyond the end of its stream."""
+    """Return whether a reader has passed the stream's end by more than `PAST_THE_END` bytes."""
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
     return bool(registers[WRITING] == 0 and past)

@@ -1,9 +1,9 @@
 """Context mixing in integer arithmetic: several estimates of a bit's probability are combined.
 
-An estimate is a logit: that of an expert, computed by the caller, or that of a context, read from
-an adaptive counter. A mixture is the sum of the estimates, weighted by one row of a set of learnt
-weights. The caller selects the counter of each context and the row of each set. The mixtures of all
-sets are averaged, and adaptive tables correct the average (secondary estimation). See Mahoney 2005,
+Estimates are logits: the caller computes the logits of experts; adaptive counters give the logits
+of contexts. A mixture is the sum of the estimates, weighted by one row of a set of learnt weights.
+The caller selects the counter of each context and the row of each set. The mixtures of all sets are
+averaged, and adaptive tables correct the average (secondary estimation). See Mahoney 2005,
 "Adaptive weighing of context models for lossless data compression".
 """
 
@@ -36,7 +36,7 @@ Integers = NDArray[np.integer[Any]]
 PROBABILITY_BITS = 22
 """Adaptive probabilities are in units of 2**-22."""
 COUNT_BITS = 9
-"""Lowest bits of a counter, the number of coded bits; the other bits are the probability."""
+"""Low bits of a counter for the number of coded bits; the other bits hold the probability."""
 CERTAINTY = (1 << PROBABILITY_BITS) - 1
 """The probability 1 in a counter's units."""
 BUCKETS = 33
@@ -52,13 +52,13 @@ class MixerOptions:
     Parameters
     ----------
     rows
-        Total number of rows of weights in all sets.
+        Number of rows of weights in all sets.
     weights
-        Initial weights of the experts, followed by those of the contexts.
+        Initial weights of the experts, then of the contexts.
     memory
         Number of bits after which a counter adapts at a constant rate.
     tables
-        1 or 2: rows of the first set, or of the first two, have correction tables.
+        Number of sets with correction tables: the first, or the first two.
     """
 
     contexts: int
@@ -86,8 +86,8 @@ class MixerSizes(NamedTuple):
 class Mixer(NamedTuple):
     """State of a mixer.
 
-    For each bit the caller writes the experts' logits to `inputs`, the indices of the contexts'
-    counters to `contexts`, and those of the sets' rows of weights to `rows`.
+    For each bit, the caller writes the experts' logits to `inputs`, the index of each context's
+    counter to `contexts`, and the index of each set's row of weights to `rows`.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ Lanes = tuple[int, ...]
 LANES = 8
 """Lengths of integer vectors are multiples of this number."""
 _BLOCK = 4
-"""Number of pairs of rows whose sums are kept in registers."""
+"""Number of pairs of rows that are summed in registers at a time."""
 _BYTES = 4
 _config: Any = numba.config
 _WORD, _LONG = ir.IntType(32), ir.IntType(64)
@@ -99,7 +99,7 @@ def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float3
 
 
 Write = Callable[[Any, Any, Any, Any], Any]
-"""Function of Numba's context, LLVM's builder, signature and arguments that writes LLVM code."""
+"""Function that writes LLVM code from Numba's context, LLVM's builder, signature and values."""
 
 
 def _or_loop(write: Write, loop: Callable[..., None]) -> Write:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 _MANY, _MANY_PER_BYTE = 1 << 24, 4
-"""Maximum points of any stream, and additional points per byte: about 4 s of work for 1 MB."""
+"""Points allowed in any stream, and further points per byte; 1 MB takes about 4 s at most."""
 
 
 def most_points(size: int) -> int:

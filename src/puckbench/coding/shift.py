@@ -21,7 +21,7 @@ MAGIC = b"PBSH"
 _FAR = 64
 """A cloud is far away if its largest coordinate exceeds this multiple of its extent.
 
-Adjacent single-precision numbers are then over 2^-18 of the extent apart.
+At this coordinate, adjacent single-precision numbers are over 2^-18 of the extent apart.
 """
 _FINE = 1 << 20
 """A cloud on a grid is also far away if its largest coordinate exceeds this multiple of the grid's
@@ -38,8 +38,7 @@ class Shifted(NamedTuple):
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
     """Return the integers (3,) to subtract from points (n, 3), or None if no shift is needed.
 
-    Points near the origin need a shift only if single precision does not resolve an eighth of
-    `step`, the step of their grid.
+    Points on a grid also need a shift if single precision does not resolve `step` / 8.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):

@@ -10,7 +10,7 @@ else:
     from backports import zstd
 
 _WINDOW_LOG = 27
-"""Log2 of the bytes in the window of long-distance matches: decoders' default maximum."""
+"""Log2 of the window of long-distance matches, in bytes; decoders' default maximum."""
 
 
 def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:

@@ -1,7 +1,7 @@
 """Functions compiled by numba, and cached on disk until one of their source files changes.
 
 Numba's cache checks only a function's own file, and may reuse machine code that contains outdated
-functions of other files. Here a digest of the function's file and of all imported files names the
+functions of other files. Here a digest of the function's file and all imported files names the
 cache folder.
 
 With ``NUMBA_BOUNDSCHECK=1``, indices outside arrays raise IndexError in compiled loops, which are

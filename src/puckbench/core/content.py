@@ -36,7 +36,7 @@ _PORTION, _HEAD = 1 << 20, 1 << 10
 
 
 def plain_suffix(path: Path) -> str:
-    """Return a file's suffix without that of compression, in lower case: .ply for ``a.PLY.gz``."""
+    """Return a file's suffix before any compression suffix, in lowercase: .ply for ``a.PLY.gz``."""
     return plain_name(path).suffix.lower()
 
 
@@ -49,10 +49,7 @@ def limit_of(path: Path) -> int:
 
 
 def read_content(path: Path, most: int | None = None) -> bytes:
-    """Read a file, decompressed according to its suffix.
-
-    Return the first `most` bytes, by default all.
-    """
+    """Read a file, decompressed according to its suffix: `most` bytes at most, by default all."""
     if most is None and path.suffix.lower() not in COMPRESSED:
         return read_bytes(path)
     content = io.BytesIO()

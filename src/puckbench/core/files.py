@@ -119,7 +119,7 @@ def read_json(path: Path) -> Any:
 
 
 def json_of(data: bytes, what: str) -> Any:
-    """Parse JSON text, with the errors of `read_json`; their messages begin with `what`."""
+    """Parse JSON; raise the errors of `read_json`, whose messages begin with `what`."""
     try:
         value = json.loads(data, object_pairs_hook=unique_keys)
         deep = _is_deep(value)
@@ -141,7 +141,7 @@ def _is_deep(value: Any) -> bool:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Read a JSON object from a file, with the errors of `read_json`."""
+    """Read a JSON object from a file; raise the errors of `read_json`."""
     return object_of(read_bytes(path), str(path))
 
 

@@ -9,7 +9,7 @@ _SECTION = re.compile(r"\n\n[A-Z][\w ]*\n-{3,}\n")
 
 
 def typed_parameters(function: Callable[..., Any], *classes: str) -> dict[str, str]:
-    """Return the parameters annotated with one of `classes`, with the class's name for each.
+    """Return the class name of each parameter that is annotated with one of `classes`.
 
     Annotations, possibly strings, are not evaluated. `classes` are class names without modules.
     """

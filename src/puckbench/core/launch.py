@@ -2,9 +2,9 @@
 
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 
-The kernel counts the memory of the starting process as the command's: if the benchmark started it,
-the peak would include the benchmark's clouds. Prints seconds, peak memory in KiB and exit status
-(negative: a signal) as JSON; the command's output goes to standard error.
+The kernel counts the memory of the starting process as the command's; if the benchmark started the
+command, the peak would include the benchmark's clouds. Seconds, peak memory in KiB and exit status
+(negative: a signal) are printed as JSON; the command's output goes to standard error.
 """
 
 import json

@@ -36,8 +36,8 @@ class Measured(NamedTuple, Generic[T]):
         Median, minimum and maximum over the repetitions.
     peak_mib
         Increase of resident memory from before the call to its peak. On Linux, pages of files
-        (mostly code) do not count. With glibc, memory that earlier calls freed returns to the
-        system first, so that reusing it counts.
+        (mostly code) do not count. With glibc, memory freed by earlier calls is first returned to
+        the system, so that its reuse counts.
     """
 
     result: T
@@ -85,7 +85,10 @@ def measured(
 
 
 class CostlyResult(Generic[T]):
-    """The last result of a costly call; `saved` is the call's cost if the result was reused."""
+    """Cache of the last result of a costly call.
+
+    `saved` is the cost of that call if its result was reused, else zero.
+    """
 
     def __init__(self) -> None:
         self._key: object = None

@@ -35,7 +35,7 @@ def run_program(
     Raises
     ------
     InputError
-        The program fails or exceeds a limit; the message ends with its last line of output.
+        The program fails or exceeds a limit; the message ends with the last line of output.
     """
     limits = (str(int(memory_bytes)), str(int(seconds)))
     words = [sys.executable, "-I", "-S", launch.__file__, *limits, *map(str, command)]

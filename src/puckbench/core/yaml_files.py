@@ -187,7 +187,7 @@ def _line(part: Node | yaml.Event) -> str:
 
 
 def yaml_text(value: Mapping[str, Any]) -> str:
-    """Return a mapping as YAML, in its order, with each list of numbers on one line."""
+    """Return a mapping as YAML, in unchanged order, with each list of numbers on one line."""
     return str(
         yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     )

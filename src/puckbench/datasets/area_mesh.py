@@ -34,7 +34,7 @@ def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
 
 @dataclass(frozen=True)
 class AreaMesh:
-    """A mesh of an area (part of a building) of 2D-3D-S, in S3DIS's frame, in metres with z up.
+    """A mesh of an area (building part) of 2D-3D-S, in S3DIS's coordinate frame (metres, z up).
 
     `materials` are names that contain class and room; `material_id` (t,) is the index of each
     triangle's material, or -1.
@@ -45,7 +45,7 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Return the share of a room's triangles with centroids in a box (2, 3).
+        """Return the fraction of a room's triangles whose centroids are in a box (2, 3).
 
         If no triangle has the room's label, return 1 if the box contains any centroid, else 0.
         """

@@ -65,11 +65,11 @@ class DataSet(Model, ABC):
         """Return a scene; raise InputError if it is unknown or damaged."""
 
     def options_of(self, name: str) -> dict[str, Any] | None:
-        """Return options of a set with one scene, whose jobs then ignore other scenes; or None."""
+        """Return options that select this scene only, so that jobs ignore other scenes; or None."""
         return None
 
     def counts(self) -> list[Count]:
-        """Return the counts for the whole data set, without options that select scenes."""
+        """Return the counts of the whole data set, ignoring options that select scenes."""
         return []
 
 
@@ -97,7 +97,7 @@ class FolderSet(DataSet):
 
     @abstractmethod
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        """Return the path of each scene's file by scene name, in order."""
+        """Return the ordered paths of the scenes' files by scene name."""
 
     def names(self) -> list[str]:
         return list(self._table)
@@ -176,7 +176,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the names that an option selects: those listed, the first n, or (None) all."""
+    """Return the names that an option selects: listed names, the first n, or all (None)."""
     if requested is None:
         return available
     if isinstance(requested, int):

@@ -10,7 +10,7 @@ from puckbench.scenes.calibration import CALIBRATIONS, calibration_origin, make_
 
 @LOADERS.register("calibration")
 class CalibrationScenes(GeneratedSet):
-    """Generated scenes of a wall and a floor, at distances from the sensor (thesis section 5.1)."""
+    """Generated scenes of a wall and a floor at several distances (thesis section 5.1)."""
 
     primitives: ClassVar[bool] = True
 

@@ -31,11 +31,11 @@ _PARALLEL = 0.7
 
 @LOADERS.register("captured_rooms")
 class CapturedRooms(FolderSet):
-    """Rooms captured by a headset, in JSON files (five in the npm package @iwer/sem).
+    """Rooms captured by a headset, as JSON files (five in npm package @iwer/sem).
 
     Meshes are in metres, rotated to z up. A triangle has the label of the smallest parallel plane
     patch (wall, door, ...) within 5 cm; else of the smallest box (table, sofa, ...) around it; else
-    of the smallest parallel patch within 15 cm; else "clutter". All surfaces are "freeform".
+    of the smallest parallel patch within 15 cm; else "clutter". All primitives are "freeform".
     """
 
     licence = "MIT"

@@ -17,7 +17,7 @@ class EmbeddedAreas(GeneratedSet):
     seed: int = 0
     """Seed of shapes and furnishing."""
     areas: tuple[str, ...] | int | None = None
-    """Names of areas (Area_1, ...), or the number of first areas; all by default."""
+    """Names of areas (Area_1, ...), or n for the first n areas; all by default."""
     rooms: PositiveInt | None = None
     """Maximum number of rooms of each area."""
     detail: PositiveFloat = 1.0

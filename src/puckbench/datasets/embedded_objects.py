@@ -22,7 +22,7 @@ class EmbeddedObjects(GeneratedSet):
     seed: int = 0
     """Seed of the objects' shapes."""
     classes: tuple[str, ...] | int | None = None
-    """Names of classes, or the number of first classes; all by default."""
+    """Names of classes, or n for the first n classes; all by default."""
     members: int | None = None
     """Number of objects of each class, from 1 to 12; all by default."""
     detail: PositiveFloat = 1.0

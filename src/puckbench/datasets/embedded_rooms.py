@@ -16,7 +16,7 @@ class EmbeddedRooms(GeneratedSet):
     seed: int = 0
     """Seed of the furnishing."""
     rooms: tuple[str, ...] | int | None = None
-    """Names of rooms, or the number of first rooms; all by default."""
+    """Names of rooms, or n for the first n rooms; all by default."""
     detail: PositiveFloat = 1.0
     """Factor of the number of triangles around curved parts."""
 

@@ -18,7 +18,7 @@ _CREDITS = "CREDITS.md"
 class FetchResult:
     """Result of a data set's download.
 
-    `status` is "fetched", "present" (unchanged) or "failed"; `message` has the reason or a warning.
+    `status` is "fetched", "present" (unchanged) or "failed"; `message` is a warning or an error.
     """
 
     name: str
@@ -28,10 +28,10 @@ class FetchResult:
 
 
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
-    """Download free data sets, each into a folder in `root` with the data set's name.
+    """Download free data sets into folders of `root` with the data sets' names.
 
-    Unchanged folders are kept; a failure does not stop other downloads. The default is all sources
-    with ``by_default``.
+    Unchanged folders are kept; a failure does not stop other downloads. By default, all sources
+    with ``by_default`` are downloaded.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in requested if name not in SOURCES]

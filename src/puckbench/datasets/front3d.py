@@ -42,7 +42,7 @@ class Front3D(DataSet):
     models: str
     """The folder 3D-FUTURE-model."""
     houses: tuple[str, ...] | int | None = None
-    """Names of houses, or the number of first houses; all by default."""
+    """Names of houses, or n for the first n houses; all by default."""
 
     def names(self) -> list[str]:
         return sorted(self._table)

@@ -67,7 +67,7 @@ def read_rooms(path: Path) -> list[HouseRoom]:
 def build_room(
     room: HouseRoom, folder: Path, what: str
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """Make a mesh of the house's surfaces in a room and the furniture models in `folder`.
+    """Make a room's mesh from the house's surfaces and the furniture models in `folder`.
 
     Returns the labelled mesh, in metres with z up; the box (2, 3) of the house's surfaces (None
     without them); and the number of items without a surface, by reason. Raises InputError, whose

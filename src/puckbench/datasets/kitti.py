@@ -56,7 +56,7 @@ _STEP_DEG = 0.09
 class Kitti(FrameSet):
     """Frames ``<n>.bin`` in metres, with the sensor at (0, 0, 0).
 
-    The folder is that of the object benchmark, the odometry benchmark or the raw drives. Scenes are
+    The folder is that of the object benchmark, odometry benchmark or raw drives. Scenes are
     named training_000000 (part and frame) and grouped by part. Intensity is ignored. The option
     `returns` converts each frame to the sensor's returns (x right, y forward): laser, encoder step
     and range in steps of 2 mm, which reproduce the points to about 1 mm. An odometry frame has a
@@ -96,7 +96,7 @@ class Kitti(FrameSet):
         return Scene(name, part, None, scene, None, origin, None, about, pose, time_s)
 
     def _motion(self, frame: Path) -> tuple[Floats | None, float | None]:
-        """Return the pose (4, 4) and time, s, of an odometry frame; None for other frames."""
+        """Return pose (4, 4) and time, in s, of an odometry frame; None for other frames."""
         sequence = frame.parent.parent
         poses, times = _sequence_motion(sequence)
         number = int(frame.stem) if frame.stem.isdecimal() else -1

@@ -17,7 +17,7 @@ _BUILDINGS = 90
 class Matterport3D(MeshFolderSet):
     """Rooms (regions) in files ``<building>/region_segmentations/region<k>.ply``, in metres, z up.
 
-    The folder is ``v1/scans``; unpacked archives may add a second folder of the building's name.
+    The folder is ``v1/scans``; unpacked archives may repeat the folder with the building's name.
     Scenes are named <building>_region0 and grouped by building.
     """
 

@@ -28,9 +28,9 @@ class PointClouds(FileSet):
 
     drop_invalid: bool = False
     """Whether to leave out and count points that are not finite; by default, clouds with such
-    points are not used."""
+    points are left out."""
     keep_missing: bool = False
-    """Whether missing returns (points without coordinates, or many at the origin) are kept."""
+    """Whether to keep missing returns (points without coordinates, or repeated at the origin)."""
     bin_columns: str | None = None
     """Columns of .bin files (KITTI): a number (3 to 6) or names (``x,y,z,intensity,ring``); by
     default inferred from the values."""

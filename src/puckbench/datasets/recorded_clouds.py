@@ -24,9 +24,9 @@ class RecordedClouds(RecordingSet):
 
     drop_invalid: bool = False
     """Whether to leave out and count points that are not finite; by default, clouds with such
-    points are not used."""
+    points are left out."""
     keep_missing: bool = False
-    """Whether missing returns (points without coordinates, or many at the origin) are kept."""
+    """Whether to keep missing returns (points without coordinates, or repeated at the origin)."""
 
     def load(self, name: str) -> Scene:
         from puckbench.lidar.recordings.cloud_messages import cloud_topic, read_recorded_cloud

@@ -35,10 +35,7 @@ _MOST_KEPT = 1 << 28
 
 
 class RecordingSet(DataSet):
-    """Base class of data sets whose scenes are numbered clouds in recordings.
-
-    Scenes are named after the file and the number (drive_0012).
-    """
+    """Base class of data sets whose scenes are numbered clouds in recordings."""
 
     of_clouds: ClassVar[bool] = True
     read_first: ClassVar[bool] = True
@@ -57,12 +54,12 @@ class RecordingSet(DataSet):
         """Return the indices of a recording's clouds; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
-        """Read all recordings; return the names of `unusable` recordings, then those of clouds."""
+        """Read all recordings; return the names of `unusable` recordings, then of all clouds."""
         return list(self._clouds)
 
     @property
     def unusable(self) -> list[str]:
-        """Names of recordings without a whole cloud; `load` raises InputError with the reason."""
+        """Names of recordings without complete clouds; `load` raises InputError with the reason."""
         return [name for name, (_, number) in self._clouds.items() if number is None]
 
     def files(self, name: str) -> list[Path]:
@@ -113,7 +110,7 @@ class RecordingSet(DataSet):
 class Recordings(RecordingSet):
     """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    The sensors are those of `puckbench capture` (an Ouster's with its metadata beside the capture),
+    The sensors are those of `puckbench capture` (Ouster: with the metadata beside the capture),
     with one or two returns per beam. Recordings may be compressed (.puck). Incomplete revolutions
     are not used. Scenes are named after the file and the first revolution (drive_0012). Unusable
     recordings are left out and reported; damaged and repeated packets are left out and counted.
@@ -122,11 +119,11 @@ class Recordings(RecordingSet):
     of_packets: ClassVar[bool] = True
 
     turns: PositiveInt = 1
-    """Number of turns in one cloud."""
+    """Number of revolutions per cloud."""
     start_s: float = Field(0.0, ge=0)
-    """Seconds of each recording to leave out at its start."""
+    """Duration, in s, to leave out at the start of each recording."""
     stream: str | None = None
-    """Sensor to read in packet captures with several, such as ``192.168.1.201:2368`` or
+    """Sensor to read in packet captures of several sensors, such as ``192.168.1.201:2368`` or
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     @property
@@ -200,7 +197,7 @@ def is_copy(path: Path) -> bool:
 
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
-    """Yield a recording's path, or a decompressed temporary copy's; raise InputError if damaged."""
+    """Yield the path of a recording or of its decompressed copy; raise InputError if damaged."""
     if not _is_compressed(path):
         yield path
         return

@@ -82,7 +82,7 @@ def _texts(folder: Path) -> list[Path]:
 
 
 def _room_file(folder: Path) -> Path:
-    """Return a room's point file; if that is misnamed (Area_6/copyRoom_1), the only text file."""
+    """Return a room's point file, or the only text file if misnamed (Area_6/copyRoom_1)."""
     named, texts = folder / f"{folder.name}.txt", _texts(folder)
     if named in texts:
         return named

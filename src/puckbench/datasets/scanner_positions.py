@@ -20,7 +20,7 @@ def listed_file(folder: Path, area: str) -> Path:
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Read each room's scanner position (m) from JSON, by room and area number (office_6_1)."""
+    """Read scanner positions (m) by room from JSON, with keys such as office_6_1 (area 6)."""
     content = read_json(path)
     if not isinstance(content, dict) or not content:
         raise InputError(f"{path}: not a list of positions by room")

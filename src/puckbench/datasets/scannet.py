@@ -26,7 +26,7 @@ class ScanNet(MeshFolderSet):
     """Rooms in files ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
 
     Rooms' folders are in the data set's folder, or in the subfolder ``scans``. Scenes are named
-    scene0000_00, and grouped by ``sceneType`` in scene0000_00.txt ("unknown" without it).
+    scene0000_00, and grouped by ``sceneType`` in scene0000_00.txt (else "unknown").
     """
 
     licence = "ScanNet's terms of use, not redistributable"

@@ -75,12 +75,12 @@ class Stanford2D3D(DataSet):
     s3dis: str
     """Folder of S3DIS v1.2 (not aligned), from which the rooms' boxes are computed."""
     positions: str | None = None
-    """Folder of ``locations_pruned<n>.json``, the thesis's scanner position in each room; by
-    default, the camera position nearest to the centre of the room's box."""
+    """Folder of ``locations_pruned<n>.json``, the thesis's scanner positions; by default, the
+    camera position nearest to the centre of each room's box is used."""
     areas: tuple[str, ...] | None = None
     """Names of areas to use; by default all in the folder."""
     margin_m: NonNegativeFloat = 10.0
-    """Geometry is kept up to this distance, m, around the room's box, as scans see through doors.
+    """Distance around the room's box, in m, within which geometry is kept: scans see through doors.
     """
 
     def names(self) -> list[str]:

@@ -56,8 +56,8 @@ class SweetHome3D(DataSet):
     """
 
     path: str = INSTALLED
-    """Folder of the catalogues, or of the unpacked Debian package; by default, where the package
-    installs the catalogues."""
+    """Folder of the catalogues, or of the unpacked Debian package; by default, the package's
+    installation folder."""
     classes: tuple[str, ...] | None = None
     """Semantic classes to keep (chair, table, sofa, bookcase, ...); all models by default."""
 

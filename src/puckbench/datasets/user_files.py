@@ -22,18 +22,17 @@ _LOG = logging.getLogger(__name__)
 class FileSet(DataSet):
     """Base class of data sets in which each scene is one of the user's files.
 
-    Scenes are grouped by folder and named after their files, with folder or suffix where names
-    would be equal.
+    Scenes are grouped by folder and named after their files; equal names get the folder or suffix.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
     what: ClassVar[str]
 
     path: str | tuple[str, ...] | dict[str, str]
-    """A file, a folder with all below it, a pattern (``data/*.las``), a list of such, or a table of
-    names and files."""
+    """A file, a folder (with subfolders), a pattern (``data/*.las``), a list of these, or files by
+    name."""
     metres_per_unit: Units = 1.0
-    """Length of the files' unit: a number, or a table of files and numbers (1 for the others)."""
+    """Length of the files' unit, in m: a number, or numbers by file (1 for other files)."""
     licence: str = ""
     """Licence noted with every scene."""
     credit: str = ""
@@ -114,9 +113,9 @@ def paths_at(
     what: str,
     suffixes: Iterable[str],
 ) -> list[Path]:
-    """Return the path `text`, or accepted paths below a folder or of a pattern (``data/*.las``).
+    """Return the path `text`, or accepted paths in a folder or of a pattern (``data/*.las``).
 
-    Raises InputError if there are none.
+    Raises InputError if there are no paths.
     """
     path = Path(text)
     if path.is_dir() and not is_accepted(path):

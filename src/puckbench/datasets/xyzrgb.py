@@ -36,7 +36,7 @@ class TextCloud:
 def read_xyzrgb(path: Path) -> TextCloud:
     """Read a cloud from lines ``x y z r g b``, and repair or drop damaged ones, as in S3DIS.
 
-    Bytes foreign to numbers are replaced by the digit 0 or a space, whichever gives six numbers.
+    Bytes that no number contains are replaced by the digit 0 or a space, to give six numbers.
     Lines without six numbers, or with colours outside 0 to 255, are dropped.
     """
     data, repaired, dropped = _mended(read_bytes(path))

@@ -54,8 +54,8 @@ def draw_bits_against_octree(
     knowledge of the sensor) at equal D1 RMS error. Lines: medians over clouds, where rates of both
     codecs reach the error; shaded: quartiles. n: clouds.
 
-    Of data sets that differ only in the error model, the first is shown. For lossless coding, see
-    the table ``against_octree``.
+    Of data sets that differ only in the error model, only the first is shown. For lossless coding,
+    see the table ``against_octree``.
     """
     columns = ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m")
     require_rows(metrics, columns, "metrics")
@@ -88,8 +88,8 @@ def draw_bits_against_octree(
 
 
 def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
-    """Return the data sets coded by the octree coder and another codec; of those that differ only
-    in the error model, the first.
+    """Return the data sets coded by the octree coder and another codec, but only the first of data
+    sets that differ only in the error model.
     """
     other_rows = metrics[metrics["codec"] != OCTREE]
     datasets = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(other_rows["dataset"])

@@ -38,8 +38,8 @@ def draw_comparison(
     study: str,
     style: FigureStyle,
 ) -> Figure:
-    """Draw medians over clouds, with a row of panels for each data set and a column for each of
-    `qualities`.
+    """Draw quality against bits per point (medians over clouds), with a row of panels for each data
+    set and a column for each of `qualities`.
 
     Thin bars: quartiles; n: clouds. Ticks at the edge: lossless rates, with infinite PSNR or zero
     error. `study` names the reference in the legend.

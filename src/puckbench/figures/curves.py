@@ -102,7 +102,7 @@ def draw_data_sets(
     fitted
         Whether axis limits are fitted to the values if the style has none.
     scans
-        Values for uncoded scans by data set, drawn as dashed lines.
+        Value of the metric for uncoded scans by data set, drawn as a dashed line.
     """
     check_curve_columns(metrics, metric)
     curves = binned_curves(metrics, metric, style)

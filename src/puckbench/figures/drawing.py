@@ -38,7 +38,7 @@ def draw_files(
     inputs
         CSV or Parquet files of tables, and PLY files of clouds.
     only
-        Values to draw by column (``codec``, ``dataset``), in tables with this column; empty: all.
+        Values to draw, by column (``codec``, ``dataset``) of tables; if empty, all are drawn.
 
     Raises
     ------

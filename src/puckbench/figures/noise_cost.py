@@ -26,7 +26,7 @@ _LINE_IN, _AROUND_IN = 0.145, 1.1
 """Height of a codec's line, and of the figure without these lines, inches."""
 
 Line = tuple[str, Floats]
-"""Label, quartiles (3, models)."""
+"""Label of a codec, and quartiles (3, models) of its bits per return."""
 
 
 @FIGURES.register(
@@ -38,12 +38,12 @@ Line = tuple[str, Floats]
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits per return of the same rays under several error models, for the data sets with the most
-    error models and then the most scenes. Markers: medians over n scenes; black lines: quartiles.
-    Top: lossless, or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, without codecs that do not
-    reach this error.
+    error models and, among these, the most scenes. Markers: medians over n scenes; black lines:
+    quartiles. Top: lossless, or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, if a codec
+    reaches it.
 
     First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
-    lossless codecs, without the mean error of each laser in each turn, which a codec can learn.
+    lossless codecs. It excludes the mean error of each laser in each turn, which a codec can learn.
     Bits above the bound are the cost of the scene and of what a codec does not model.
     """
     from matplotlib.figure import Figure

@@ -42,8 +42,8 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     Grey: undecoded drives with times of firings (solid) and without (dashed), and 95 % intervals of
     the means (Student's t).
 
-    Large markers: the lowest rate from which on a codec's drift is inside the interval, or at most
-    a fifth above the mean. Hollow markers: turns were lost (estimated motion is wrong by more than
+    Large markers: the lowest rate from which on a codec's drift is at most the interval's upper end
+    or 1.2 times the mean. Hollow markers: turns were lost (estimated motion is wrong by more than
     0.5 m or 5 degrees). Drives shorter than 10 m are not shown. n: drives.
     """
     require_rows(drives, _COLUMNS, "drives")

@@ -30,7 +30,7 @@ _LEGEND_ROWS, _LEGEND_ROW_IN = 2, 0.15
 _MARGIN = 1.4
 """Factor between the outermost values and fitted limits."""
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
-"""Maximum number of rates, in a row of panels, with labels r1, r2, ... or with labels 1, 2, ..."""
+"""Maximum number of rates in a row of panels with labels r1, r2, ..., and with labels 1, 2, ..."""
 
 
 def panel_grid(
@@ -160,8 +160,8 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make an axis logarithmic, with ticks at powers of ten and, on short axes, 2 and 5 times
-    these.
+    """Make an axis logarithmic, with ticks at powers of ten and, on short axes, at 2 and 5
+    times these.
 
     `minor` adds grid lines within decades.
     """
@@ -186,7 +186,7 @@ def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
 
 
 def titled(title: str, rows: pd.DataFrame) -> str:
-    """Return a title with the number of clouds in `rows`."""
+    """Return a title followed by the number of clouds in `rows`."""
     return f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{rows['cloud'].nunique()})"
 
 

@@ -11,7 +11,7 @@ HIGHER_BETTER = "better \N{RIGHTWARDS ARROW}"
 
 @dataclass(frozen=True)
 class PlottedMetric:
-    """A column of the results with label and axis range; lower values are better.
+    """A column of the results, with axis range; its labels say that lower values are better.
 
     The grid unit of a scaled cloud is 1/1023 of its longest side.
     """

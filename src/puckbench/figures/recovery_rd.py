@@ -38,8 +38,8 @@ ALL = "all"
 def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     """Recovery of geometric primitives against bits per point: precision (share of decoded
     primitives that match a true one), recall (share of true primitives that were decoded) and label
-    accuracy (share of points on true primitives that lie on the match). Markers: medians in ten
-    bins of equally many results or, with few clouds, at each rate.
+    accuracy (share of points on true primitives that lie on the matching primitive). Markers:
+    medians in ten bins of equally many results or, with few clouds, at each rate.
 
     Only codecs that decode labelled surfaces, and streams with primitives, are shown. Not in the
     thesis.

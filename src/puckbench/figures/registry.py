@@ -6,7 +6,7 @@ A figure is a function, whose docstring is the caption::
     def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
         \"\"\"Number of points per cloud in each data set (thesis figure 6.4).\"\"\"
 
-Parameters besides ``style`` are inputs: a DataFrame is the table of that name, a PointCloud an
+Parameters besides ``style`` are inputs: a DataFrame is the table of that name, a PointCloud is an
 example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``). Import
 matplotlib and pandas inside functions, since planning imports modules of figures.
 """

@@ -102,9 +102,9 @@ def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
-    """One sweep as range images: rows are lasers by elevation, columns azimuths in the order of
-    firing. Top: measured ranges (m); middle: ranges decoded by ``puck`` at rate ``100mm``; bottom:
-    error (mm). White: no return.
+    """One sweep as range images: rows are lasers by elevation, columns are azimuths in the order
+    of firing. Top: measured ranges (m); middle: ranges decoded by ``puck`` at rate ``100mm``;
+    bottom: error (mm). White: no return.
     """
     from puckbench.codecs.registry import open_codec
 

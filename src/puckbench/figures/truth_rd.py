@@ -51,8 +51,8 @@ def draw_truth_chamfer(
     scan, and to the true surface. Markers: medians in ten bins of equally many results or, with few
     clouds, at each rate. Bars: quartiles. n: clouds. All panels have equal axes.
 
-    Dashed: median distance of the scan before coding, if inside the axes. A codec that reproduces
-    the scan with its noise levels off at this line. Below the line, decoded points are nearer to
+    Dashed: median distance of the scan before coding, if inside the axes. The curve of a codec that
+    reproduces the scan's noise approaches this line. Below the line, decoded points are nearer to
     the surface than the scan is. Not in the thesis.
     """
     return draw_references(metrics, scan_errors, CD_PLANE, style)
@@ -106,7 +106,7 @@ def draw_references(
 ) -> Figure:
     """Draw two panels for each data set: distances to the original scan, and to the true surface.
 
-    `metric` is the distance to the scan; columns ``truth_...`` are to the surface.
+    `metric` is the distance to the scan; columns ``truth_...`` have distances to the surface.
     """
     references = {
         title: replace(metric, column=f"{prefix}{metric.column}")

@@ -17,7 +17,7 @@ _FIELDS = (REFLECTANCE, "reflectivity", "intensity")
 
 
 def attribute_of(name: str) -> str:
-    """Return the attribute of a field's name or of ``colours``."""
+    """Return the attribute for which a field's name or ``colours`` stands."""
     if name.lower() in _FIELDS:
         return REFLECTANCE
     return COLOUR if name == "colours" else name
@@ -41,7 +41,7 @@ def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
 
 
 def check_attributes(attributes: Attributes, points: int) -> None:
-    """Raise InputError unless all points have all attributes, and reflectances have 16 bits."""
+    """Raise InputError unless all points have all attributes, with 16-bit integer reflectances."""
     for name, values in attributes.items():
         if len(values) != points:
             raise InputError(f"{name}: {len(values)} values for {points} points")
@@ -55,7 +55,7 @@ def check_attributes(attributes: Attributes, points: int) -> None:
 
 
 def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
-    """Return the names of a cloud's colours and fields that are not coded attributes."""
+    """Return the names of a cloud's attributes that are not among the `coded` ones."""
     field = reflectance_field(cloud)
     held = {name: attribute for attribute, name in ((COLOUR, "colours"), (REFLECTANCE, field))}
     names = [*(["colours"] if cloud.colours is not None else []), *cloud.fields]

@@ -1,6 +1,6 @@
 """Nearest neighbour search that stops after a maximum number of visited points and boxes.
 
-The limit bounds a decoder's time: a query at a sphere's centre would visit all its points.
+The limit bounds a decoder's time: a query at the centre of a sphere would visit all its points.
 """
 
 from __future__ import annotations

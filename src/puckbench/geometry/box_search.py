@@ -18,16 +18,16 @@ from puckbench.geometry.spatial_order import Rows
 SAME_DISTANCE = 1e-8
 """Squared distances that differ by less are equal (similarPointThreshold of MPEG's pc_error)."""
 MARGIN = 4 * SAME_DISTANCE
-"""Points within this of the smallest squared distance are kept: two ties and rounding."""
+"""Excess over the smallest squared distance up to which points are kept: two ties and rounding."""
 LEAVES_AT_ONCE = 1024
 
 
 class NearestTwo(NamedTuple):
     """Nearest points of m queries, and their squared distances (m,).
 
-    ``rows`` (m, 2) are indices of two nearest points; without a tie, the same point twice. ``ties``
-    (m,) count the points whose squared distances, in order, differ by less than `SAME_DISTANCE` (1:
-    no tie, 3: three or more); ``exact`` (m,) count those exactly at the smallest.
+    ``rows`` (m, 2) are indices of two points that tie, or twice the nearest point's index. Points
+    tie if their sorted squared distances differ by less than `SAME_DISTANCE`. ``ties`` (m,) count
+    such points (1: no tie, 3: three or more), ``exact`` (m,) points at exactly the least distance.
     """
 
     squared: Floats

@@ -1,6 +1,6 @@
 """Cholesky's method for small systems.
 
-Unlike these loops, libraries of linear algebra round differently on other processors.
+Libraries of linear algebra round differently on different processors; these loops do not.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from puckbench.geometry.cloud import Floats
 def factorise(matrix: Floats, least: float) -> None:
     """Replace the lower triangle of a symmetric matrix (n, n) by its factor.
 
-    Squares of the factor's diagonal are raised to `least`.
+    Squares of the factor's diagonal are at least `least`.
     """
     for i in range(len(matrix)):
         for j in range(i + 1):

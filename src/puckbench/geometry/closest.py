@@ -1,6 +1,6 @@
 """Closest points on a triangle mesh.
 
-The closest triangle is searched in single, the point on the triangle computed in double precision.
+The triangle is searched in single precision; the point on it is computed in double precision.
 """
 
 from __future__ import annotations

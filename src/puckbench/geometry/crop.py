@@ -10,6 +10,6 @@ MARGIN_M = 1e-6
 
 
 def inside_box(points: Floats, box: Floats, margin: float = MARGIN_M) -> NDArray[np.bool_]:
-    """Return the mask (n,) of points within `margin` of a box (2, 3), in metres (thesis, 6.1.3)."""
+    """Return the mask (n,) of points in a box (2, 3) widened by `margin`, in m (thesis, 6.1.3)."""
     low, high = box[0] - margin, box[1] + margin
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))

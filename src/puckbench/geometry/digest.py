@@ -11,10 +11,9 @@ _STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
 
 
 def cloud_digest(points: Floats, metric: bool = False) -> str:
-    """Return a digest that identifies a cloud.
+    """Return 32 hexadecimal digits of the SHA-256 of a cloud's ordered coordinates (n, 3).
 
-    It is 32 hexadecimal digits of the SHA-256 of the ordered coordinates (n, 3), rounded because
-    processors may differ in the last bits.
+    Coordinates are rounded, because processors may differ in the last bits.
     """
     steps = np.rint(points * _STEPS_PER_UNIT["metric" if metric else "scaled"]).astype("<i8")
     return hashlib.sha256(steps.tobytes()).hexdigest()[:32]

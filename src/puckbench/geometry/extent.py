@@ -7,8 +7,8 @@ from puckbench.geometry.cloud import Floats
 
 _LOG = logging.getLogger(__name__)
 LARGEST_M, SMALLEST_M = 1000.0, 0.05
-"""Rooms in millimetres span thousands of units, while a sensor reaches 300 m; objects below 5 cm
-are smaller than the errors of a spinning sensor."""
+"""Limits of plausible extents: sensors reach 300 m, but rooms in millimetres span thousands of
+units; objects below 5 cm are smaller than a spinning sensor's errors."""
 _SURVEY_SUFFIXES = (".las", ".laz", ".e57")
 """Formats that define the unit; clouds in them may span kilometres."""
 

@@ -37,12 +37,12 @@ class Match(NamedTuple):
 
 
 def match_points(original: Floats, decoded: Floats, reach: float | None = None) -> Match:
-    """Find the original point of each decoded point, which takes the original's attributes.
+    """Find the original point from which each decoded point takes its attributes.
 
-    If points are equally many, and all pairs with equal index lie within `reach`, they match by
-    index. Otherwise each original point belongs to the nearest decoded position. The k decoded
-    points at a position match the (up to k) nearest of its original points; remaining decoded
-    points match the nearest original point within `reach`.
+    If both clouds have equally many points, and all pairs with equal index lie within `reach`,
+    points match by index. Otherwise each original point belongs to the nearest decoded position.
+    The k decoded points at a position match the (up to k) nearest of its original points; remaining
+    decoded points match the nearest original point within `reach`.
 
     Parameters
     ----------

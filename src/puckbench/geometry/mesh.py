@@ -13,7 +13,7 @@ from puckbench.geometry.cloud import Floats
 
 _POSITIONS = ("point", "centre", "apex")
 _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
-"""Parameters of primitives that are positions, or lengths."""
+"""Names of primitives' parameters that are positions or lengths."""
 
 
 @dataclass(frozen=True)

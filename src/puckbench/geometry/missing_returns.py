@@ -11,9 +11,9 @@ _MIN_SHARE = 1e-3
 _MIN_RATIO = 2
 _MIN_RINGS = 3
 _POSITION_M = 1e-4
-"""Nearer positions are equal, because rotations in single precision round."""
+"""Nearer positions count as equal, because rotations in single precision round."""
 _NEAR_POSITION_M = 0.05
-"""A car moves less between neighbouring columns of missing returns."""
+"""Largest motion of a car between neighbouring columns of missing returns."""
 _MAX_MOTION_M = 4.0
 """Largest motion in one frame: 80 m/s at 20 Hz."""
 _MIN_RANGE_M = 0.2
@@ -23,9 +23,9 @@ _MIN_RANGE_M = 0.2
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
     """Return the mask (n,) of points that stand for laser firings without a return.
 
-    Such points have no coordinates, or lie at the origin. In an organised cloud (an image) all of
-    them count; in others, points at the origin count only if they are more than one in a thousand,
-    and more than twice as many as coincide at any other position.
+    Such points have NaN coordinates, or lie at the origin. In an organised cloud (an image), all of
+    them count. In other clouds, points at the origin count only if they exceed one in a thousand
+    points, and twice the number of points at any other position.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))
@@ -46,9 +46,9 @@ def _zeros_are_missing(xyz: Floats, zero: Mask) -> bool:
 def missing_firings(xyz: Floats, rings: NDArray[np.generic]) -> Mask:
     """Return the mask (n,) of a frame's points that stand for laser firings without a return.
 
-    Data sets such as nuScenes store these at range 0; motion compensation moves them by decimetres,
-    all lasers of a firing alike. The mask contains points within 5 cm of a position that three
-    lasers (`rings`) share, or within 0.2 m of the sensor.
+    Data sets such as nuScenes store these points at range 0; motion compensation moves them by
+    decimetres, equally for all lasers of a firing. The mask contains points within 5 cm of a
+    position that three lasers (`rings`) share, or within 0.2 m of the sensor.
     """
     from scipy.spatial import KDTree
 

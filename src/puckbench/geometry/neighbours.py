@@ -21,7 +21,7 @@ Rows = NDArray[np.int64]
 Indices = NDArray[np.uint32]
 
 FIRST_K, K_STEP, MAX_K = 10, 5, 30
-"""Numbers of neighbours in pc_error's first search, and added while all tie, up to `MAX_K`."""
+"""pc_error first searches `FIRST_K` neighbours, and adds `K_STEP` while all tie, up to `MAX_K`."""
 LEAF_SIZE = 16
 
 
@@ -29,8 +29,8 @@ LEAF_SIZE = 16
 class Neighbours:
     """Nearest neighbours of m queries, including ties.
 
-    The neighbours of query i are the points ``index[starts[i]:starts[i + 1]]``, nearest first, at
-    the squared distance ``squared[i]``; the first ``exact[i]`` are exactly at this distance.
+    The neighbours of query i are the points ``index[starts[i]:starts[i + 1]]``, nearest first. The
+    first ``exact[i]`` have exactly the smallest squared distance, ``squared[i]``.
     """
 
     squared: Floats

@@ -77,7 +77,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return each pixel's brightness: 1, or down to 0.35 for pixels far behind their neighbours."""
+    """Return each pixel's brightness, from 1 down to 0.35 for pixels far behind neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

@@ -9,11 +9,11 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, bounds
 
 GRID = "grid"
-"""Value of a size: coordinates on the voxel grid of the cloud's description."""
+"""Value of the option `size` for the voxel grid of the cloud's description."""
 METRIC = "metric"
-"""Value of a size: metres in the original coordinate frame."""
+"""Value of the option `size` for metres in the original coordinate frame."""
 FAR_M = 1000.0
-"""Metric clouds are shifted along an axis if all points lie farther than this from its origin."""
+"""Metric clouds are shifted along an axis on which all points lie farther than this from 0."""
 _GRID_TOLERANCE = 1e-3
 """Largest distance from the grid, in voxels, far above rounding errors of conversions."""
 
@@ -44,7 +44,7 @@ def origin_shift(points: Floats) -> Floats:
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
     """Return the scaling of points (n, 3), m, to [0, size - 1]^3, as in PCC Arena (thesis, 6.1.6).
 
-    Subtract each axis's minimum; then multiply by (size - 1) / the largest coordinate.
+    It subtracts each axis's minimum, and multiplies by (size - 1) / largest extent.
     """
     offset = points.min(axis=0)
     extent = float((points.max(axis=0) - offset).max())

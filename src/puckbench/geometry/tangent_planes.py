@@ -19,8 +19,8 @@ class TangentPlanes(NamedTuple):
     """Tangent planes at m voxels; lengths are in voxels.
 
     ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are the voxels'
-    signed distances from their planes. A plane is fitted to ``counts`` (m,) voxels, at root mean
-    square distances ``thickness`` (m,).
+    signed distances from their planes. A plane is fitted to ``counts`` (m,) voxels, at a root mean
+    square distance of ``thickness`` (m,).
     """
 
     normals: Floats

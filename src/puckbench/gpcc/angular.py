@@ -28,7 +28,7 @@ _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """State of a sensor, with its position (`origin`) relative to a slice.
+    """State of a sensor, with the position `origin` relative to a slice.
 
     height: negated heights of the lasers (`syntax.Laser.z`).
     least_gap: smallest difference between two lasers' elevations.
@@ -87,7 +87,7 @@ def tangent_of(height: int, root: int) -> int:
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Return the tangent of a laser's elevation, seen from `origin`, at the distance 1 / `root`."""
+    """Return the tangent of a beam's elevation, seen from `origin`, at the distance 1 / `root`."""
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)
@@ -130,7 +130,7 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
     """Return the context of a bit that selects a half of a node along x or y.
 
     left, right: azimuths of the two halves minus the predicted azimuth.
-    contrast: log2 of the ratio of their magnitudes above which the context differs.
+    contrast: log2 of the ratio of the magnitudes above which the context changes.
     """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
@@ -200,7 +200,7 @@ def plane_angles(
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
     """Return the axes (1 x, 2 y, 4 z) along which a node's planes are coded in angular mode.
 
-    These axes have an angular context; z may be eligible without one.
+    These are axes with an angular context, and z if `eligible_axes` has it.
 
     axes: split axes (4 x, 2 y, 1 z).
     """

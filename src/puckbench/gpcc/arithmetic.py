@@ -49,7 +49,7 @@ class Decoder(NamedTuple):
 
     contexts: see `Encoder`.
     state: code value; range; the code value's bits in excess of 16; bytes read; bytes in the
-        stream; 1 if there is a `bypass`, otherwise 0; index of the next bit in `bypass`.
+        stream; 1 if there is a `bypass`; index of the next bit in `bypass`.
     bypass: bypass bits of a separate stream, one bit per byte.
     """
 
@@ -281,7 +281,7 @@ def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
 
 @kernel
 def code_count(coder: Any, nonzero: int, prefix: int, count: int) -> int:
-    """Encode or decode whether a count is not 0, and then the count minus 1 in Exp-Golomb code."""
+    """Encode or decode whether a count is 0; if not, the count minus 1 in Exp-Golomb code."""
     if not code_bit(coder, nonzero, integer(count > 0)):
         return 0
     return 1 + code_exp_golomb(coder, prefix, count - 1)

@@ -16,7 +16,7 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Reader or writer; methods process the attribute `name` of a `record` in `n` bits."""
+    """Reader or writer; methods read or write the attribute `name` of `record` in `n` bits."""
 
     writing: bool
 

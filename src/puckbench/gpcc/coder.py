@@ -44,7 +44,7 @@ MAX_POINTS = 1 << 24
 MAX_LEVELS = 1 << 14
 """Maximum sum of the octree levels of a stream's slices, which bounds the time."""
 _LEVELS_OF_TREES = 2
-"""Number of octree levels as which a slice of prediction trees counts."""
+"""Number of levels that a slice of prediction trees adds to the sum (`MAX_LEVELS`)."""
 MAX_TREE_SLICES = MAX_LEVELS // _LEVELS_OF_TREES
 MAX_PARAMETER_BYTES = 1 << 16
 """Maximum number of bytes of parameter sets and tile inventories; their parsing is slow."""
@@ -71,7 +71,7 @@ class DecodedGeometry:
     """Decoded geometry of a stream.
 
     points: (m, 3) int64; positions are (points * global_scale + origin) / scale.
-    metres: whether positions are in metres; if not, the application defines the unit.
+    metres: whether positions are in metres; otherwise, applications define the unit.
     """
 
     points: Ints
@@ -357,9 +357,9 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes, attributes: AttributeReader | None = None) -> DecodedGeometry:
-    """Decode a stream of one frame, with `attributes` also its attributes.
+    """Decode the geometry of a stream of one frame; `attributes` decodes the attributes.
 
-    Raises InputError if it is damaged or unsupported.
+    Raises InputError if the stream is damaged or unsupported.
     """
     contents = _StreamReader(attributes)
     for payload_type, payload in syntax.payloads(stream):

@@ -1,7 +1,7 @@
 """Tests of G-PCC decoders with conformance streams from TMC13.
 
 `vectors/manifest.json` holds each stream's options and the SHA-256 of its decoded points: sorted
-rows of x, y, z, in `vectors/attributes` also red, green, blue and reflectance, as little-endian
+rows of x, y, z (in `vectors/attributes` also red, green, blue and reflectance), as little-endian
 float64.
 """
 

@@ -12,7 +12,7 @@ Rounding = Literal["nearest", "truncate"]
 MOST_BITS = 21
 """Maximum number of bits of a coordinate, as in the default level of the standard's profiles."""
 _FARTHEST = 2.0**30
-"""Limit of coordinates, since a stream's sequence origin cannot be farther away."""
+"""Limit of coordinates in steps; a stream's sequence origin cannot be farther away."""
 
 
 class InputGrid(NamedTuple):

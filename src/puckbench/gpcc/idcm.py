@@ -1,4 +1,4 @@
-"""Inferred direct coding mode (IDCM): coordinates of a node's one or two distinct points.
+"""Inferred direct coding mode (IDCM): codes coordinates of a node with one or two distinct points.
 
 In TMC13: `isDirectModeEligible`, `encodePointPosition`.
 """
@@ -54,7 +54,7 @@ class IdcmNode(NamedTuple):
 
 
 class LocalPoints(NamedTuple):
-    """Working memory for the one or two points of a node, relative to it.
+    """Working memory for one or two points, relative to their node.
 
     points_in, coded: (2, 3) points to encode, and coded points.
     bits_left: (3,) number of bits to code along each axis.
@@ -249,7 +249,7 @@ def _code_azimuth(
 ) -> int:
     """Encode or decode a point's coordinate along `axis` (x or y), and return it.
 
-    The result, the node's `corner` and the `other` of x and y are relative to the sensor.
+    The result, the node's `corner` and the `other` coordinate are relative to the sensor.
     """
     left = local.bits_left[axis]
     place: int = corner + (local.coded[i, axis] << left)
@@ -301,7 +301,7 @@ def _code_elevation(
 
 @kernel
 def local_points(leaves: Ints, node_size_log2: tuple[int, int, int], points: Ints) -> None:
-    """Write one or two points relative to their node to `points`."""
+    """Write one or two leaves to `points`, relative to their node."""
     for i in range(len(leaves)):
         for axis in range(3):
             inside = (1 << node_size_log2[axis]) - 1
@@ -314,9 +314,9 @@ def order_pair(
 ) -> None:
     """Sort a node's two points into the order in which they are coded.
 
-    Jointly coded points ascend; in angular mode only along x or y, whichever is coded without
-    contexts. If these are equal there, or points are coded separately, `second_first` swaps points
-    of the same child node.
+    Jointly coded points are sorted by x, y, z; in angular mode, only by x or y, whichever is coded
+    without contexts. In angular mode, points that are equal in this coordinate or coded separately
+    are swapped if `second_first` and both are in the same child node.
     """
     swapped = False
     if angular is None:

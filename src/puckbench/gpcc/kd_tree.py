@@ -1,4 +1,4 @@
-"""K-d trees of points, and searches of the points nearest to a place.
+"""K-d trees of points, and search for the points nearest to a place.
 
 Trees are built and searched in nanoflann's order, so that equally near points are chosen as in
 TMC13. Coordinates are integers or floating-point numbers.
@@ -25,14 +25,13 @@ _DEEPEST = 1024
 
 
 class KdTrees(NamedTuple):
-    """Trees of points (n, 3), each of successive `rows`.
+    """Trees of points (n, 3); each tree has successive `rows`.
 
     rows: indices of points; those of a node are successive.
-    values: working memory as long as `rows`.
-    nodes: (m, 3) axis and first child of an inner node, whose second child follows the first; for a
+    values, stack: working memory; `values` is as long as `rows`.
+    nodes: (m, 3) for an inner node, axis and first child, which the second child follows; for a
         leaf, -1, start and end in `rows`.
     gaps: (m, 2) largest coordinate in the first child, smallest in the second child.
-    stack: working memory.
     nearest, distances: (k,) result: indices of the nearest points, and their squared distances.
     """
 
@@ -65,7 +64,7 @@ def build(trees: KdTrees, root: int, first: int, end: int, box: Numbers, share: 
     """Build a tree of the rows `first` to `end` - 1, and write their bounding box (6,).
 
     root: index of the tree's first node.
-    share: sides of a box that are longer than this share of its longest side may be split.
+    share: fraction of a box's longest side; longer sides may be split.
     """
     nodes, gaps, stack, used, depth = trees.nodes, trees.gaps, trees.stack, root + 1, 1
     for axis in range(3):
@@ -158,10 +157,10 @@ def _parted(trees: KdTrees, left: int, first: int, end: int, cut: Any, equal: bo
 
 @inlined
 def search(trees: KdTrees, root: int, box: Numbers, at: Place, held: int) -> int:
-    """Add a tree's points to the nearest ones, of which there are `held`; return the new number.
+    """Add a tree's points to the `held` nearest points so far; return the new number of these.
 
     Before the first tree, the last of `distances` must be larger than all distances. Entries beyond
-    the number that is returned keep earlier results.
+    the returned number keep earlier results.
     """
     stack, nodes, distances = trees.stack, trees.nodes, trees.distances
     last = len(distances) - 1

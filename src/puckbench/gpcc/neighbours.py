@@ -195,7 +195,7 @@ def neigh_pattern_of(faces: int, child: int) -> int:
 def refine_by_adjacent_children(
     atlas: OccupancyAtlas, axes: int, node: int, neigh_pattern: int
 ) -> tuple[int, int, int, int, int]:
-    """Remove from `neigh_pattern` the neighbours x-1, y-1, z-1 without children next to the node.
+    """Remove neighbours x-1, y-1, z-1 from `neigh_pattern` if none of their children is adjacent.
 
     Returns the pattern; masks of the node's children that touch at least one (adjacencyGt0) or two
     (adjacencyGt1) occupied children, or an unoccupied child (adjacencyUnocc), of these neighbours;

@@ -40,7 +40,7 @@ class PlanarMasks(NamedTuple):
     """Masks from the planar modes of a node.
 
     mask_planar_x, y, z: children outside the only occupied plane along an axis, or 0.
-    planar_possible: axes (1 x, 2 y, 4 z) without a coded flag that both planes are occupied.
+    planar_possible: axes (1 x, 2 y, 4 z), except those with both planes coded as occupied.
     """
 
     mask_planar_x: int
@@ -79,7 +79,7 @@ def code_occupancy(
 
 @kernel
 def _pair_of_children(masks: PlanarMasks) -> int:
-    """Return the mask of the two children in the only occupied planes along two axes, or 0."""
+    """Return the mask of the two children in the only occupied planes of two axes; 0 if none."""
     child = _known_child(masks)
     if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child
@@ -153,7 +153,7 @@ def _code_bits(
 ) -> int:
     """Encode or decode the children outside the mask `masked`.
 
-    free: whether the planar modes tell nothing about the children.
+    free: whether the planar modes do not restrict the children.
     """
     no_neighbour = neighbourhood.neigh_pattern == 0
     # Without neighbours, a single child is coded otherwise; here, at least two are occupied.

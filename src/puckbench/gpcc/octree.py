@@ -101,7 +101,7 @@ class Nodes(NamedTuple):
 class Source(NamedTuple):
     """A level of the octree to encode.
 
-    first_leaf: index of each node's first leaf; finally, the number of leaves.
+    first_leaf: index of each node's first leaf, then the number of leaves.
     leaves: Morton code of each leaf.
 
     Other fields: see `tree.TreeLevel` and `tree.Tree`.
@@ -119,9 +119,9 @@ class SliceState(NamedTuple):
     """State that persists over the levels of a slice.
 
     leaves: Morton codes of the coded points; may be empty in an encoder.
-    counters: numbers of points coded and allowed; of nodes with children in this level, and of
+    counters: number of coded points; of allowed points; of nodes with children in this level; of
         these children; idcm_enable_mask.
-    ctx_idx_maps: numbers for each neighbourhood; the upper five bits select the context of an
+    ctx_idx_maps: a byte for each neighbourhood; the upper five bits select the context of an
         occupancy bit.
     """
 

@@ -37,8 +37,8 @@ class PlanarState(NamedTuple):
     rates: rates of planar nodes along x, y, z, in units of 1/2048; mean number of occupied
         children, in units of 1/1024.
     thresholds: minimum rates of the most, second most and least planar axis.
-    position, plane_index: (3, rows) for each coordinate along an axis: last node's position across
-        the axis, and its only occupied plane (negative: none).
+    position, plane_index: (3, rows) for each coordinate along an axis: last node's position
+        perpendicular to the axis, and this node's only occupied plane (negative: none).
     """
 
     enabled: bool
@@ -99,7 +99,7 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return masks (1 x, 2 y, 4 z) of axes: one plane occupied; only the upper plane occupied."""
+    """Return masks (1 x, 2 y, 4 z) of axes: only one plane occupied; only the upper occupied."""
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
         high = occupancy & UPPER[axis] != 0

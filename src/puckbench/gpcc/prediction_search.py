@@ -1,7 +1,7 @@
 """Search for nearest positions in a growing set, with k-d trees whose sizes are powers of two.
 
-A new position and all trees smaller than the smallest unused size are merged to one tree of that
-size (Bentley's logarithmic method), as in TMC13.
+A new position and all trees below the smallest unused size are merged into a tree of this size
+(Bentley's logarithmic method), as in TMC13.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from puckbench.gpcc.kd_tree import Int32s, KdTrees, build, empty_trees, search, 
 
 NEIGHBOURS = 3
 _LEAF_LOG2 = 3
-"""Of up to 2^3 positions, no tree is built."""
+"""Up to 2^3 positions are searched without a tree."""
 _FAR = (1 << 62) - 1
 
 
 class Search(NamedTuple):
-    """The k-d trees; the tree of 2^k positions starts at the row 2^k and the node 2^(k + 1).
+    """K-d trees; the tree of 2^k positions starts at the row 2^k and the node 2^(k + 1).
 
     owners: (n,) node that predicts each position.
     boxes: (m, 6) bounding boxes of the trees.
@@ -63,7 +63,7 @@ def add_position(forest: Search, owner: int, x: int, y: int, z: int) -> None:
 
 @kernel
 def nearest(forest: Search, x: int, y: int, z: int) -> int:
-    """Write the positions nearest to a point, at most 3, to the trees; return their number."""
+    """Write the positions nearest to a point, at most 3, to `trees.nearest`; return the number."""
     held, count, tree = 0, forest.counters[0], 0
     forest.trees.distances[NEIGHBOURS - 1] = _FAR
     while count >> tree:

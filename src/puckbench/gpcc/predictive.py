@@ -29,7 +29,7 @@ from puckbench.gpcc.spherical import Sphere
 from puckbench.gpcc.syntax import Three
 
 NONE, DELTA, LINEAR2, LINEAR3 = 0, 1, 2, 3
-"""Prediction modes: no ancestor, the parent, line through two ancestors, parallelogram of three."""
+"""Prediction by no ancestor, the parent, a line through two ancestors, a parallelogram of three."""
 
 # Indices into probabilities; a comment states the number of contexts if there are several.
 CTX_NUM_CHILDREN = integer(0)  # 3

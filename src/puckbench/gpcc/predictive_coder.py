@@ -261,7 +261,7 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return how many bits code the bit length of a residual along each axis, as in TMC13."""
+    """Return the number of bits that code the bit length of a residual along each axis."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)

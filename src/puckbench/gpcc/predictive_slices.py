@@ -144,7 +144,7 @@ def _fault(coder: Any, nodes: TreeNodes, tree: PredictionTree | None, done: int)
 def _next_node(
     nodes: TreeNodes, tree: PredictionTree | None, pending: int, done: int
 ) -> tuple[int, int, int]:
-    """Return a node, and in an encoder the numbers of its copies and children."""
+    """Return the next node; in an encoder, also the numbers of its copies and children."""
     node = integer(nodes.stack[pending])
     if tree is not None:
         return node, integer(tree.copies[node]), integer(tree.num_children[node])

@@ -263,7 +263,7 @@ def _initial_state(
 def sensor_state(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> angular.Angular | None:
-    """Return the sensor relative to a slice; `axes`: indices of x, y, z among the coded axes."""
+    """Return a sensor's state in a slice; `axes`: indices of x, y, z among the coded axes."""
     if not gps.geom_angular_mode_enabled_flag:
         return None
     table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]

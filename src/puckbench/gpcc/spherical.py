@@ -109,8 +109,8 @@ def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
 def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
     """Convert an arc, in units of 1 / (8 `radius`) turns, to azimuth steps.
 
-    The division uses TMC13's approximate reciprocal of b: 48/17 - 32/17 b and one step of Newton's
-    method.
+    The reciprocal of the scaled radius b is approximated, as in TMC13, by 48/17 - 32/17 b and one
+    step of Newton's method.
     """
     r = int32(radius << 3)
     if r == 0:

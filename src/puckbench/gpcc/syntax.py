@@ -418,7 +418,7 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
 
 
 def point_count(data: bytes, header: GeometryHeader, gps: GeometryParameterSet) -> tuple[int, int]:
-    """Return the number of points and the footer's number of bytes, from a data unit's end."""
+    """Read the number of points from a data unit's footer; return it and the footer's size."""
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)
     if length > len(data):

@@ -84,7 +84,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return each child's new index when a pattern is rotated to its class's representative."""
+    """Return each child's new index if a pattern is rotated to the representative of the class."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)
@@ -117,7 +117,7 @@ CODED_CHILD = np.array(
 CTX_MAP_BASE = np.array([_map_bases(_SIBLING_CLASSES), _map_bases(_CLASSES_9)], dtype=np.int64)
 """Offsets into a context map.
 
-Indices: 1 if neighbours outside the parent are known, otherwise 0; neighbour pattern; coded bit.
+Indices: 1 if neighbours outside the parent are known; neighbour pattern; coded bit.
 """
 
 POPCOUNT = np.array([bin(i).count("1") for i in range(256)], dtype=np.int64)

@@ -101,7 +101,7 @@ def build_tree(
     """Build the octree of points (n, 3); the origin of the root is `corner` (3,).
 
     ordered: whether to determine `second_first`.
-    merged: whether to remove duplicates before determining it.
+    merged: whether to remove duplicates before.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)

@@ -12,13 +12,13 @@ from puckbench.io.damage import reading
 
 SUFFIX = ".zip"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The earliest time that a zip archive can store."""
+"""Earliest time that a zip archive can store."""
 _DAMAGE = (zipfile.BadZipFile, ValueError, RuntimeError, EOFError, OSError, struct.error)
 _REGULAR_FILE = 0o100644 << 16
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write members (bytes by name) to a zip archive; equal members give equal files."""
+    """Write members (bytes by name) to a zip archive; equal members give identical files."""
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, data in members.items():
             member = zipfile.ZipInfo(name, _EPOCH)

@@ -1,4 +1,4 @@
-"""Point cloud files: readers for all formats in `SUFFIXES`, and a writer of binary PLY."""
+"""Readers of point clouds in all formats in `SUFFIXES`, and a writer of binary PLY."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from puckbench.io.text import read_text
 __all__ = ["IN_METRES", "SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
 
 IN_METRES = (".las", ".laz", ".e57", ".bin")
-"""Suffixes of formats in metres; other formats do not state a unit."""
+"""Suffixes of formats with coordinates in metres; other formats define no unit."""
 _HEAD_BYTES = 1 << 10
 _log = logging.getLogger(__name__)
 _PLY_COLUMNS = {
@@ -61,7 +61,7 @@ def read_archived_cloud(archive: Path, name: str) -> PointCloud:
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a cloud as binary PLY (float64), and its description as JSON beside the PLY.
+    """Write a cloud as a binary PLY file (float64), and the cloud's description as JSON beside it.
 
     Both files appear only when both are complete.
     """
@@ -86,7 +86,7 @@ def read_cloud(
     drop_invalid: bool = False,
     bin_columns: str | None = None,
 ) -> PointCloud:
-    """Read a point cloud in any format in `SUFFIXES`, and the description (JSON) beside a PLY.
+    """Read a point cloud in any format in `SUFFIXES`, and the description (JSON) beside a PLY file.
 
     Missing returns (`puckbench.geometry.missing_returns`) are removed and counted in the
     description.
@@ -94,11 +94,11 @@ def read_cloud(
     Parameters
     ----------
     path
-        The file; compressed files end in .gz, .bz2, .xz or .zst.
+        Names of compressed files end in .gz, .bz2, .xz or .zst.
     keep_missing
         Whether to keep missing returns as points.
     drop_invalid
-        Whether to remove points that are not finite; by default they raise InputError.
+        Whether to remove points that are not finite; by default, such points raise InputError.
     bin_columns
         Columns of a .bin file, see `puckbench.io.float32_frames.read_float32_frame`.
 
@@ -128,7 +128,7 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud as `read_cloud` does, but allow empty clouds and points that are not finite.
+    """Read a cloud like `read_cloud`, but allow empty clouds and points that are not finite.
 
     With `convert`, LAS coordinates are converted to metres.
     """

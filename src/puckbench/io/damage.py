@@ -13,7 +13,7 @@ PARSER_FAULTS = (
 """Exceptions that other packages' parsers raise for damaged files."""
 _MAX_LENGTH = 120
 _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
-"""Exceptions whose message alone says little: KeyError's is just the key."""
+"""Exceptions reported with their class name: a KeyError's message is only the key."""
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from puckbench.core.files import read_json, write_json
 Kind = Literal["cloud", "mesh", "returns"]
 
 _KIND_KEY = "puckbench"
-"""Key for the kind of the described file; it marks descriptions by puckbench."""
+"""Key of the described file's kind; only descriptions by puckbench have this key."""
 _log = logging.getLogger(__name__)
 
 
@@ -29,7 +29,7 @@ def write_description(path: Path, kind: Kind, about: Mapping[str, Any]) -> None:
 def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dict[str, Any] | None:
     """Read the description (JSON) beside a file; return None if there is none.
 
-    A JSON file of another program, or one that contradicts `counts` (such as ``points``), is
+    Another program's JSON file, or a description that contradicts `counts` (such as ``points``), is
     ignored with a warning.
     """
     beside = sidecar(path)

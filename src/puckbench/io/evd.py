@@ -17,9 +17,7 @@ _WHITE = 255.0
 
 
 def write_evd(path: Path, table: ReturnTable) -> None:
-    """Write an EVD file of one block of returns: 11 numbers, the colour white and the object of
-    each.
-    """
+    """Write a block of BlenSor's EVD format: per return, 11 numbers, white and the object index."""
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

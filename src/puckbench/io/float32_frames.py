@@ -1,7 +1,7 @@
 """LiDAR frames as float32 values without a header (.bin), as in KITTI and nuScenes.
 
-The number of values per point is not stored. It is estimated as the lag (distance between values in
-the file) at which values differ least.
+The number of values per point is not stored, but estimated as the lag (in values) at which values
+of the file differ least.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ _DEFAULT_COUNT = 4
 _LAGS = range(3, 9)
 _MAX_VALUES, _MIN_VALUES = 60_000, 40
 _MIN_MARGIN = 0.02
-"""The smallest mean rank difference must be this much below others; unrelated values have 1/3."""
+"""Minimum gap between the smallest mean rank difference and the next; unrelated values differ by
+1/3."""
 _MAX_RINGS = 128
 _MAX_COORDINATE_M, _MIN_COORDINATE_M = 1e5, 1e-20
-"""Bounds of absolute coordinates other than 0."""
+"""Bounds of the absolute values of nonzero coordinates."""
 
 
 def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
     """Read a frame: x, y, z and often intensity, ring and time.
 
-    `columns` is the number of values of a point (3 to 6) or their names (``x,y,z,intensity,time``);
-    by default the number is estimated. Raises InputError if the file is truncated or ambiguous, or
+    `columns` is the number of values per point (3 to 6) or their names (``x,y,z,intensity,time``);
+    by default, the number is estimated. Raises InputError if the file is truncated or ambiguous, or
     coordinates are implausible.
     """
     data = read_content(path)
@@ -68,9 +69,9 @@ def float32_rows(data: bytes, count: int, path: Path) -> Rows:
 
 
 def detect_column_count(values: NDArray[Any]) -> int | None:
-    """Estimate the number of columns from values (n,) stored row by row; return None if unclear.
+    """Estimate the number of columns of values (n,) stored row by row; return None if ambiguous.
 
-    The estimate is the lag with the clearly smallest mean rank difference of values.
+    The estimate is the lag with the clearly smallest mean rank difference between values.
     """
     sample = values[:_MAX_VALUES]
     if len(sample) < _MIN_VALUES:

@@ -32,12 +32,12 @@ from puckbench.core.files import unreadable
 MIN_BYTES, BYTES_PER_BYTE = 2 << 30, 40
 """Memory limit: the larger of 2 GiB and 40 times the file's size."""
 MIN_SECONDS, SECONDS_PER_MB = 10, 1
-"""Limit of processor time: 10 s, and 1 s per MB of the file."""
+"""Limit of processor time: 10 s plus 1 s per MB of the file."""
 _CLOCK_FACTOR = 20
 """Ratio of the limit of elapsed time to that of processor time."""
 _MEMORY_USE = Path("/proc/self/statm")
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
-"""Settings that save address space, which threads reserve without need."""
+"""Settings that reduce the address space reserved by threads."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def parse_isolated(
 
     `kind` describes the file in messages ("LAS file"); the limits grow with the total size of the
     file and `side_files`. The calling process logs the worker's warnings. Raises InputError if
-    `parse` does, crashes, or exceeds a limit.
+    `parse` fails, crashes or exceeds a limit.
     """
     size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
     memory, seconds = parser_limits(size)

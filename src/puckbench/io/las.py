@@ -54,7 +54,7 @@ def las_bytes(las: Any, is_compressed: bool) -> bytes:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the columns of a file that `write_las` wrote, in metres."""
+    """Read the columns, with coordinates in metres, of a file that `write_las` wrote."""
     columns = parse_isolated(parse_las, path, "LAS file").columns
     names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
     return {names[name]: part for name, part in columns.items() if name in names}
@@ -63,8 +63,8 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
     """Read the columns ``x``, ``y``, ``z``, and all other dimensions that are not 0 everywhere.
 
-    With `convert`, coordinates are converted to metres by the file's reference system; degrees
-    raise InputError.
+    With `convert`, coordinates are converted to metres from the unit of the file's coordinate
+    reference system; degrees raise InputError.
     """
     columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
@@ -84,7 +84,7 @@ def rewrite_las(
     points
         (m, 3), in m.
     rows
-        (m,) index in `source` of the point whose attributes are copied; -1: all attributes are 0.
+        (m,) index of the point in `source` from which attributes are copied; -1: attributes are 0.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDA
 
 
 def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
-    """Make laspy's `LasData` (LAS 1.2) of points (n, 3) at ``offset + step * steps`` metres."""
+    """Make laspy's `LasData` (LAS 1.2) with points ``offset + step * steps`` (n, 3), in m."""
     import laspy
 
     header = laspy.LasHeader(point_format=point_format, version="1.2")

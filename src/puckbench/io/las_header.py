@@ -20,9 +20,9 @@ _EXTENDED_AT, _EXTENDED = 235, struct.Struct("<QIQ")
 """Offset and number of extended variable length records, number of points (LAS 1.4)."""
 _RECORD, _EXTENDED_RECORD = struct.Struct("<20xH32x"), struct.Struct("<20xQ32x")
 _COMPRESSED = 0xC0
-"""Bits of the point format; LAZ sets one of them."""
+"""Bits of the point format field; LAZ files set one of these bits."""
 _MAX_COMPRESSION = 1000
-"""Limit of LAZ's compression ratio; a header that implies more is damaged."""
+"""Maximum compression ratio of LAZ; a header that implies a larger one is damaged."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class _LasHeader:
 
 
 def check_las_header(path: Path) -> None:
-    """Raise InputError if the header's parts exceed the file; warn of surplus points."""
+    """Raise InputError if parts listed in the header exceed the file; warn of surplus points."""
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:
         header = _header(stream.read(max(_HEADER_BYTES.values())))

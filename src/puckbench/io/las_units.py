@@ -17,7 +17,7 @@ _DOUBLES = 34736
 
 @dataclass(frozen=True)
 class Units:
-    """Metres per unit of x and y, and of z; None if unknown. `is_degrees` concerns x and y."""
+    """Metres per unit of x and y, and of z; None if unknown. `is_degrees`: x, y are degrees."""
 
     horizontal: float | None = None
     vertical: float | None = None

@@ -28,8 +28,8 @@ _COLUMN_NAMES = {
 }
 """Names of an array's columns, by the array's name."""
 _MAX_COLUMNS, _MAX_COLUMNS_OF_FEW_POINTS = 256, 16
-"""An array with more columns is rejected as transposed; the second limit is for fewer rows than
-columns."""
+"""Maximum columns, in general and with fewer rows than columns; larger arrays are rejected as
+transposed."""
 _ZIP = b"PK\x03\x04"
 _DAMAGE = (
     *(EOFError, IndexError, KeyError, MemoryError, OverflowError, RecursionError, SyntaxError),

@@ -24,7 +24,7 @@ def check_parquet_memory(path: Path) -> None:
 
 
 def parquet_metadata(path: Path) -> dict[bytes, bytes]:
-    """Return a Parquet file's schema metadata; empty for other formats."""
+    """Return a Parquet file's schema metadata, or an empty dictionary for other formats."""
     from pyarrow import ArrowException, parquet
 
     try:

@@ -43,7 +43,7 @@ DATA binary
 
 
 def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a binary file with columns (n,) as fields, and x, y, z in single precision."""
+    """Write a binary file with columns (n,) as fields; x, y, z are in single precision."""
     parts = {name: part.astype("<f4") if name in "xyz" else part for name, part in columns.items()}
     kinds = [part.dtype.newbyteorder("<") for part in parts.values()]
     rows = np.empty(len(parts["x"]), dtype=[*zip(parts, kinds, strict=True)])

@@ -1,4 +1,4 @@
-"""Files of poses: TUM (t x y z qx qy qz qw) and KITTI (the first three rows of a matrix)."""
+"""Pose files: TUM (t x y z qx qy qz qw) and KITTI (the first three rows of a 4x4 matrix)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
 
 
 def read_poses(path: Path) -> tuple[Floats | None, Floats]:
-    """Read a TUM or KITTI file: times (n,), s (KITTI: None), and sensor-to-world poses (n, 4, 4).
+    """Read times (n,), in s (KITTI: None), and sensor-to-world poses (n, 4, 4) from a file.
 
     Raises InputError if a line is malformed, or the times do not increase.
     """
@@ -24,7 +24,7 @@ def read_poses(path: Path) -> tuple[Floats | None, Floats]:
 
 
 def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
-    """Return the poses in the content of a file, as `read_poses` does."""
+    """Return times and poses from a file's content, as `read_poses` does."""
     lines = data.decode("utf-8-sig", errors="replace").splitlines()
     rows = [_numbers(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
     widths = {len(row) for row in rows}
@@ -47,7 +47,7 @@ def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
 
 
 def tum_bytes(times: Floats, poses: Floats) -> bytes:
-    """Return times (n,), s, and poses (n, 4, 4) as the content of a TUM file."""
+    """Return times (n,), in s, and poses (n, 4, 4) as the content of a TUM file."""
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
@@ -68,7 +68,7 @@ def read_kitti_calibration(path: Path) -> Floats:
 
 
 def read_times(path: Path) -> Floats:
-    """Read times (n,), s, from a file with one time per line."""
+    """Read times (n,), in s, from a file with one time per line."""
     lines = read_bytes(path).decode("utf-8", errors="replace").split("\n")
     with naming(path):
         rows = [_numbers(number, line) for number, line in enumerate(lines, 1) if line.strip()]

@@ -28,7 +28,7 @@ _COUNTS = re.compile(rb"(?m)^[ \t]*(\d{1,18})[ \t]*(?:\n|\Z)")
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
 _CUT_DECIMALS = re.compile(rb"(?m)\d,0\d+(,|$)")
-"""A field with a leading zero, as the decimals of a number with a decimal comma have."""
+"""A field with a leading zero, such as the decimals after a decimal comma."""
 _SEPARATORS = ";,\t "
 _MIN_NUMBERS = 3
 """Minimum number of values in a point's line."""
@@ -65,7 +65,7 @@ def read_csv(path: Path) -> Columns:
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a header of names, and columns with the fewest digits that preserve each value."""
+    """Write the names as header, and columns with the fewest digits that preserve each value."""
     import pyarrow as pa
     from pyarrow import csv
 

@@ -31,8 +31,8 @@ class CodecJob(Job):
     def codec_of(self, coded: Coded) -> str:
         """Return the name of a stream's codec.
 
-        The job's codec comes first, then that of the magic bytes, then that in the stream's record.
-        Raises InputError if there is none, or that in the record is not registered.
+        The name comes from the job's settings, else from the magic bytes, else from the record.
+        Raises InputError if there is no name, or the record's codec is not registered.
         """
         if self.codec:
             return self.codec
@@ -55,7 +55,7 @@ class TimedJob(CodecJob):
     alone: bool = False
 
     def runs_twice(self, codec: Codec) -> bool:
-        """Return whether to run a user's codec twice at a rate, to compare the results."""
+        """Return whether to run a codec twice and compare results: only for the user's codecs."""
         return self.repeats == 1 and not type(codec).__module__.startswith("puckbench.")
 
 

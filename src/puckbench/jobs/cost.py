@@ -18,7 +18,10 @@ _TAIL_BYTES = 2048
 
 
 def cost_line(name: str) -> str:
-    """Return a job's cost as JSON, with child processes, without imports of a fork server."""
+    """Return a line of JSON with the time and memory of this process, which runs a job.
+
+    Child processes are included; imports by the server that forked this process are not.
+    """
     import resource
 
     from puckbench.core.environment import source_commit

@@ -29,8 +29,7 @@ class Coded(NamedTuple):
 
 
 def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
-    """Write a curve, the streams of a cloud and their records by rate, as an uncompressed zip
-    archive.
+    """Write a curve (a cloud's streams and records by rate) as an uncompressed zip archive.
 
     The members of rate r1 are ``r1.bin`` and ``r1.json``.
     """
@@ -72,7 +71,7 @@ def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
-    """Read a stream and its record from two files or, for a rate, from the archive of a curve."""
+    """Read a stream and its record from two files, or from the archive of a curve at a rate."""
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
         record = read_object(beside) if beside.exists() else {}

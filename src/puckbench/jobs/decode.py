@@ -40,7 +40,7 @@ class Decoding(TimedJob):
     """Base class of jobs that decode streams; by default, the stream determines the codec."""
 
     def decoded(self, coded: Coded, again: bool = False) -> Decoded:
-        """Decode and time a stream; with `again`, a user's codec decodes twice, to compare."""
+        """Decode and time a stream; with `again`, compare two decodings by a user's codec."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):
@@ -73,9 +73,9 @@ class Decode(Decoding):
     def run(self, stream: Path, cloud: Path, like: tuple[Path, ...] = ()) -> dict[str, Any]:
         """Write the decoded cloud, by default in the coordinate frame of the encoded cloud.
 
-        `like` contains a prepared cloud, whose description maps points to the source's coordinates,
-        an original cloud, whose attributes the points get, or both. A LAS or LAZ file gets the
-        original's header.
+        `like` contains a prepared cloud (its description maps points to the source's coordinates),
+        an original cloud (its attributes are copied to the points), or both. A LAS or LAZ file gets
+        the original's header.
         """
         if self.as_mesh:
             if like:

@@ -47,7 +47,7 @@ class VirtualDrive(Scanning):
 
 
 def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
-    """Return times (2 n + 1,), s, and poses (2 n + 1, 4, 4) at the ends and middles of n turns."""
+    """Return 2 n + 1 times, in s, and poses (4, 4), at the ends and middles of n turns."""
     times = np.arange(2 * sweep.frames + 1) / (2 * sweep.frames_per_second)
     placed = sweep.poses_during(times)
     poses = np.tile(np.eye(4), (len(times), 1, 1))
@@ -59,8 +59,8 @@ def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
 class DriveOfClouds(Job):
     """Collect consecutive clouds of a data set into a drive.
 
-    Poses, one per cloud at the middle of its turn, come from the file `poses` (TUM or KITTI), else
-    from the data set, else from KISS-ICP.
+    Poses, one in the middle of each turn, come from the file `poses` (TUM or KITTI), else from the
+    data set, else from KISS-ICP.
     """
 
     loader: str
@@ -119,7 +119,7 @@ def _sensor(scene: Scene) -> dict[str, Any]:
 
 
 def _starts(scenes: list[Scene]) -> tuple[Floats, bool]:
-    """Return the start times of turns, (n,), s, and whether points have times."""
+    """Return the start times (n,) of turns, in s, and whether points have times."""
     clocks = [scene.returns.turns[0].times for scene in scenes if scene.returns]
     if len(clocks) == len(scenes) and all(clock is not None for clock in clocks):
         begun = np.array([float(clock[0]) for clock in clocks if clock is not None])

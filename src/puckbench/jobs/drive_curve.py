@@ -103,7 +103,7 @@ def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
 
 @JOBS.register("measure_drive")
 class MeasureDrive(TimedJob):
-    """Measure tasks on the decoded turns of a drive, or on the original turns.
+    """Evaluate tasks on the decoded turns of a drive, or on the original turns.
 
     `tasks` maps names to options. Turns coded as points lose the order and times of firings.
     """
@@ -115,7 +115,7 @@ class MeasureDrive(TimedJob):
         return *super().plugins(), *self.tasks
 
     def run(self, drive: Path, rows: Path, curve: Path | None = None) -> dict[str, Any]:
-        """Write a row per rate; without `curve`, rows of the drive with and without times."""
+        """Write a row per rate; without `curve`, rows of the drive with times and without times."""
         original = read_drive(drive)
         about = {**original.about, "digest": _digest(original)}
         described = {"dataset": self.dataset, "cloud": drive.stem, **about}

@@ -26,9 +26,9 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud, with its returns if the codec can use them or codes attributes.
+    """Read a cloud to encode, with its returns if the codec uses returns or codes attributes.
 
-    By default, `frame` is metric if the file's format is in metres, else the description's.
+    By default, `frame` is metric for file formats in metres, else the description's frame.
     """
     cloud = read_cloud(path)
     if frame is None and plain_suffix(path) in IN_METRES:
@@ -113,7 +113,7 @@ class Encode(Encoding):
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Write the stream and its record; with `prepared`, first prepare and write the cloud."""
+        """Write the stream and its record; first write the prepared cloud to `prepared`, if set."""
         codec = open_codec(self.codec, self.changes)
         with naming("--rate"):
             rate = codec.rate_name(self.rate)

@@ -68,15 +68,15 @@ class Originals:
 
     @cached_property
     def attributed(self) -> PointCloud:
-        """The encoded cloud, with its returns, if any."""
+        """The original cloud with its returns, if any."""
         return with_returns(self.reference.cloud, self._cloud)
 
 
 class Evaluating(Decoding):
     """A job that compares decoded clouds with the encoded cloud and the true surface.
 
-    `peak` is the peak of the PSNRs, by default that in the cloud's description. `views` is the
-    width in pixels of six rendered views, 0 for none.
+    `peak` is the PSNR peak, by default from the cloud's description. `views` is the width, in
+    pixels, of six rendered views (0: no views).
     """
 
     dataset: str | None = None

@@ -12,7 +12,7 @@ class FirstLook(OfNames):
     style: tuple[dict[str, Any], ...] = ()
 
     def run(self, results: Path, parquet: Path, out: tuple[Path, ...]) -> dict[str, Any]:
-        """Write the table of result rows, and draw the figure that each file in `out` names."""
+        """Write the table of result rows, and draw the figures named by the files in `out`."""
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
         from puckbench.io.tables import write_table

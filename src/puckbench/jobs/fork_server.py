@@ -46,9 +46,9 @@ _servers: list[Any] = []
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     """Start a server for jobs that child processes start; the server ends with this process.
 
-    Do nothing on systems other than Linux, with a GPU, whose driver does not survive a fork, or
-    if a parent process has started a suitable server. `threads` is the number of threads of the
-    imported libraries.
+    Do nothing on systems other than Linux, on machines with a GPU (its driver does not survive a
+    fork), or if a parent process has started a suitable server. `threads` is the number of threads
+    of the imported libraries.
     """
     import subprocess
     import tempfile

@@ -35,7 +35,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
 
     With `size` 0, the cloud stays in metres, shifted if coordinates are large (`origin_shift`);
     with `size` `GRID`, it stays on its voxel grid. The description gets scale, offset, elongations,
-    extent, density, outliers, diameter, digest and, in metres, the PSNRs' peak.
+    extent, density, outliers, diameter, digest and, for clouds in metres, the PSNR peak.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres

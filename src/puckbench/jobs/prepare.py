@@ -33,17 +33,17 @@ class Prepare(Job):
     Parameters
     ----------
     crop
-        Coordinates by which points of a scan are cropped: clean or noisy.
+        Coordinates by which a scan is cropped: clean or noisy.
     box
-        Two corners in m, which replace the box in a file.
+        Two corners, in m, that replace the box in a file.
     size
         Grid positions along a side of the cube; 0 for metres, ``grid`` for voxels.
     peak
-        Peak of the PSNRs of a cloud in metres, in m.
+        PSNR peak, in m, of a cloud in metres.
     drop_invalid
-        Whether to drop points that are not finite; otherwise, they are an error.
+        Whether to drop points that are not finite; otherwise, such points raise InputError.
     message, topic
-        Number of a cloud in a ROS bag, and its topic.
+        Number of a cloud in a ROS bag, and the cloud's topic.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -151,7 +151,7 @@ def _of_scan(path: Path, clean: bool) -> MeasuredPoints:
 def names_and_groups(cloud: Path, descriptions: tuple[Path, ...]) -> dict[str, Any]:
     """Return a cloud's name and group from descriptions of its scene.
 
-    If the scene has several clouds, `name` is the cloud file's name, and `scene` the scene's.
+    If a scene has several clouds, `name` is the cloud file's name, and `scene` is the scene's name.
     """
     names: dict[str, Any] = {}
     for path in descriptions:

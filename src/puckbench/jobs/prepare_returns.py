@@ -29,15 +29,15 @@ _LONGEST_MARK = 24
 
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):
-    """Convert a scan or recording to a cloud in metres with normals, in the frame of the sensor.
+    """Convert a scan or recording to a cloud with normals, in metres in the sensor's frame.
 
     Parameters
     ----------
     turns
-        First and last turn, counted from 0; by default all of a scan, or a recording's first whole
-        turn.
+        First and last turn, counted from 0; by default all turns of a scan, or the first whole turn
+        of a recording.
     peak
-        Peak of the PSNRs in m.
+        PSNR peak, in m.
     stream
         Sensor to read in a packet capture of several sensors.
     topic

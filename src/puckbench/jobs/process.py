@@ -1,4 +1,4 @@
-"""The process of a job; the last line that it prints is the cost (`puckbench.jobs.cost`)."""
+"""The process of a job; the last printed line is the cost (`puckbench.jobs.cost`)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from puckbench.jobs.registry import JOBS
 TIMEOUT = "PUCKBENCH_TIMEOUT_S"
 """Environment variable: seconds after which a job is ended; empty or 0 for no limit."""
 _OBJECTS_PER_SEARCH = 10_000
-"""Threshold of the garbage collector, raised since imports make many objects and no garbage."""
+"""Garbage collection threshold, raised since imports make many objects, but no garbage."""
 
 
 def main(words: Sequence[str]) -> int:

@@ -25,7 +25,7 @@ class Reference(Job):
         scan_errors: Path | None = None,
         drives: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the file, without times if other work on the machine disturbed them.
+        """Write the file; omit times if other work on the machine disturbed the measurements.
 
         Inputs are the tables of clouds or, for a run without clouds, `drives`.
         """

@@ -1,6 +1,6 @@
 """The registry of jobs, which have settings and one method, `Job.run`.
 
-The plan provides the settings, the workflow's rule the files.
+The plan provides the settings; the workflow's rule provides the files.
 """
 
 from __future__ import annotations

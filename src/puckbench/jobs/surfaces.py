@@ -21,7 +21,7 @@ def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:
 
 
 def read_truth(path: Path) -> Mesh | PointCloud:
-    """Read a true surface, or a cloud (such as a PLY file without faces)."""
+    """Read a true surface: a mesh, or a cloud (such as a PLY file without faces)."""
     suffix = plain_suffix(path)
     if suffix in SUFFIXES and not (suffix == ".ply" and has_faces(path)):
         return read_cloud(path)

@@ -20,7 +20,7 @@ _DIGITS = 6
 
 @JOBS.register("table")
 class Table(Job):
-    """Make a registered table with options of its function."""
+    """Make a registered table; `options` are arguments of the table's function."""
 
     table: str
     options: dict[str, Any] = Field({})

@@ -29,14 +29,13 @@ class Train(Job):
     Parameters
     ----------
     start
-        Initial weights: a shipped set's name or a file.
+        Initial weights: name of shipped weights, or a file.
     every, validate_every
         Steps between checkpoints; steps between validations (0: validate only at the end).
     peak
-        Peak of the PSNRs; by default that of the validation's clouds.
+        PSNR peak; by default from the validation's clouds.
     code
-        Fingerprint of the code; a checkpoint of other code is discarded if this is set, else
-        refused.
+        Fingerprint of the code; if set, checkpoints of other code are discarded, otherwise refused.
     """
 
     codec: str

@@ -20,7 +20,7 @@ def peak_of(clouds: Sequence[PointCloud]) -> float | None:
 
 
 def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
-    """Return each rate's metrics, averaged over the clouds (``rates``), and their ``faults``.
+    """Return metrics of each rate (``rates``), averaged over the clouds, and their `faults`.
 
     ``bpp`` is bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the two
     directions' mean squared distances; ``d1_psnr`` is in dB.

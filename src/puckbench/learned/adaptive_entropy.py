@@ -1,4 +1,4 @@
-"""Context-adaptive entropy coding of a latent: the entropy model's tables, mixed with contexts.
+"""Context-adaptive entropy coding of a latent: contexts are mixed with the entropy model's tables.
 
 The tables treat values as independent. Adaptive contexts learn from the cloud how a voxel's latent
 depends on the neighbours' latents and occupancy. A value is coded as binary decisions: zero flag,
@@ -35,7 +35,7 @@ _MAX_UNARY = 20
 """Magnitudes up to this value are coded in unary, larger ones in Elias gamma code."""
 _MAX_MAGNITUDE = _MAX_UNARY + 2**16 - 1
 _DECISIONS = 12
-"""Kinds of binary decisions: zero; sign; for each sign, magnitude 1, 2, 3, 4, and larger."""
+"""Kinds of binary decisions: zero; sign; for each sign, magnitudes 1, 2, 3, 4 and larger ones."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Numbers of contexts of the seven kinds, see `_find_contexts`."""
 _EDGES, _CORNERS = (1, 3, 5, 7, 9, 11, 15, 17, 19, 21, 23, 25), (0, 2, 6, 8, 18, 20, 24, 26)
@@ -45,11 +45,11 @@ _SHELLS = np.repeat(np.arange(3), [len(FACES), len(_EDGES), len(_CORNERS)])
 _FIRST_OF_SHELL = np.searchsorted(_SHELLS, np.arange(3))
 _SHELL_WEIGHTS = np.array([36, 9, 4])
 _MAX_VALUE_BYTES = 80
-"""Maximum bytes of a value: all decisions, of at most log2(65,536 / 32) bits each."""
+"""Maximum bytes of a value; each decision takes at most log2(65,536 / 32) bits."""
 
 
 class Prior(NamedTuple):
-    """The distributions that the entropy model gives to values (n, channels).
+    """The distributions that the entropy model gives to a latent (n, channels).
 
     Frequency tables are concatenated, without their escape symbols.
 
@@ -64,7 +64,7 @@ class Prior(NamedTuple):
     number
         (n, channels), the index of each value's table.
     centre
-        (n, channels), the value at the table's zero.
+        (n, channels), the value for which the table's integer is 0.
     """
 
     lowest: Ints
@@ -75,18 +75,18 @@ class Prior(NamedTuple):
 
 
 class _Neighbourhood(NamedTuple):
-    """The causal neighbourhood of a voxel, in reused arrays.
+    """The neighbourhood of a voxel, in arrays that all voxels reuse.
 
     Parameters
     ----------
     patterns
         (3,), bit masks of occupied neighbours at faces, edges and corners.
     rows, weights
-        Rows of neighbours coded before the voxel, those at faces first, and weights in means.
+        Rows of neighbours coded before the voxel (at faces first), and their weights in means.
     counts
         (2,), numbers of these neighbours, in total and at faces.
     contexts
-        Contexts of a value, without the offset of a decision.
+        (7,), contexts of a value, without the offset of a decision.
     """
 
     patterns: Ints
@@ -118,7 +118,7 @@ def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Pr
     Parameters
     ----------
     latent
-        Integers (n, channels), in the order of the voxels; clipped to magnitude 65,555.
+        Integers (n, channels), in the order of the voxels; magnitudes are clipped to 65,555.
     neighbours
         (27, n), neighbour table of the voxels.
     """
@@ -191,11 +191,11 @@ def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row:
 def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
     """Compute the contexts of a value; the offset of a decision is added later.
 
-    Means and magnitudes are of neighbours coded before the voxel, occupancy is of all:
+    Means and magnitudes are taken over neighbours coded before the voxel, occupancy over all:
 
     0. mean magnitude of the neighbours, and their number
     1. mean of the neighbours at faces, and the largest magnitude
-    2. the two previous channels, and the sum of magnitudes of all previous ones
+    2. values in the two previous channels; sum of magnitudes in all previous channels
     3. occupancy at the edges
     4. occupancy at the faces, and the neighbours' mean
     5. occupancy at the corners, and the neighbours' mean
@@ -287,7 +287,7 @@ def _frequency(prior: Prior, row: int, channel: int, first: int, last: int) -> i
 def _code_decision(
     mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
-    """Encode or decode a decision; outcomes have frequencies `yes` and `no` in the tables."""
+    """Encode or decode a decision; 1 and 0 have frequencies `yes` and `no` in the tables."""
     for place in range(len(_SIZES)):
         mixer.contexts[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
     probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048

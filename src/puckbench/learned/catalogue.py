@@ -1,4 +1,4 @@
-"""Search for trained weights, shipped or in files and folders, without PyTorch.
+"""Search for trained weights, shipped or in files and folders, without importing PyTorch.
 
 puckbench stores weights as ``*.safetensors`` with a `WeightsHeader` in the metadata. The authors of
 a network publish one file per rate, with the rate in the file's name.
@@ -71,7 +71,7 @@ def weights_path(where: str | Path) -> Path:
 
 
 def weights_files(where: str) -> list[Path]:
-    """Return the weights files of any network: a shipped set, a file, or those in a folder.
+    """Return weights files, of any network: a shipped set, a file, or a folder's files.
 
     Raises InputError if there is no such set, file or folder.
     """
@@ -89,7 +89,7 @@ def weights_files(where: str) -> list[Path]:
 
 
 def weights_file(where: str) -> Path:
-    """Return the only file of `weights_files`; raise InputError if there is not exactly one."""
+    """Return the file if `weights_files` returns exactly one; otherwise raise InputError."""
     paths = weights_files(where)
     if len(paths) != 1:
         raise InputError(f"{where}: {len(paths)} files of weights, expected one")
@@ -121,7 +121,7 @@ class NetworkType:
         return (self.lmbda(match[1]),) if match else ()
 
     def by_lmbda(self, where: str) -> dict[float, Path]:
-        """Return the weights file for each rate's lambda; of several files, the last by name."""
+        """Return a weights file for each rate's lambda: the last by name that has this rate."""
         return {lmbda: path for path in self.files(where) for lmbda in self.lmbdas_of(path)}
 
     def _published(self, path: Path) -> re.Match[str] | None:

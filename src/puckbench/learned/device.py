@@ -26,7 +26,7 @@ def why_not(name: DeviceName) -> str:
 def placed(model: M, name: DeviceName) -> M:
     """Move a model to a device; raise InputError if the device does not exist.
 
-    CUDA is set to full single precision: sums that are exact on a CPU stay exact.
+    CUDA is set to full single precision, so that sums that are exact on a CPU stay exact.
     """
     import torch
 

@@ -1,9 +1,10 @@
 """The entropy bottleneck: a learned factorised distribution of integers for each channel.
 
+The cumulative distribution is a small monotone network.
+
 References
 ----------
-Ballé et al.: "Variational image compression with a scale hyperprior", ICLR 2018, appendix 6.1: the
-cumulative distribution is a small monotone network.
+Ballé et al.: "Variational image compression with a scale hyperprior", ICLR 2018, appendix 6.1.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class FrequencyTable:
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Return a table per channel, in double precision; tails of mass 2**-20 are escaped."""
+    """Compute a table per channel in double precision; tails of probability 2**-20 are escaped."""
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()
         exact.load_state_dict(bottleneck.state_dict())

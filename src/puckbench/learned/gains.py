@@ -1,6 +1,6 @@
 """One network for several rates: gains of the latent and an entropy bottleneck for each rate.
 
-The latent is multiplied by gains before rounding, and divided by them afterwards.
+The latent is multiplied by gains before rounding, and divided by gains afterwards.
 
 References
 ----------
@@ -49,7 +49,7 @@ class MultiRateNetwork(nn.Module):
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Return parameter groups for the optimiser: parameters of single rates learn faster."""
+    """Return parameter groups for the optimiser; gains and entropy bottlenecks learn faster."""
     of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     ids = set(map(id, of_rates))
     shared = [value for value in model.parameters() if id(value) not in ids]

@@ -1,6 +1,6 @@
 """Choice of the grid by the cloud's density.
 
-On a dense surface a voxel has about four occupied children. On too fine a grid a voxel has about
+On a dense surface, a voxel has about four occupied children. If the grid is too fine, it has about
 one, in an unpredictable position; the authors of PCGCv1 and PCGCv2 coarsen such grids by hand.
 Levels are in quarter octaves; an octave doubles the side of voxels.
 """
@@ -28,7 +28,7 @@ _MIN_VOXELS = 64
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
     """Return the octaves of coarsening, interpolated, after which a grid has the given density.
 
-    The density is the mean number of voxels per parent. The result is 0 if no grid is so dense. The
+    The density is the mean number of voxels per parent. The result is 0 if no grid reaches it.
     Morton keys (n,) are sorted and distinct.
     """
     previous = 0.0
@@ -44,7 +44,7 @@ def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
 
 
 def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
-    """Return `octaves_to_density` of points (n, 3) on the integer grid; 0 beyond 2**20 voxels."""
+    """Return `octaves_to_density` of points (n, 3) on the integer grid; 0 if over 2**20 wide."""
     if mean_occupied_children <= 1:
         return 0.0
     voxels: Voxels = np.rint(points).astype(np.int64)

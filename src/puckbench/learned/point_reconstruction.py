@@ -27,8 +27,8 @@ _MAX_POINTS_PER_VOXEL = 9
 _CONFIDENT = 0.8
 """A network is confident if kept voxels have at least this share of the sum of probabilities."""
 _SPARSE, _DENSE = 1.2, 3.0
-"""Mean kept voxels per block: up to the first, all blocks get equal numbers of points; from the
-second, numbers that the probabilities predict; in between, a blend."""
+"""Limits of the mean number of kept voxels per block. Below the first, all blocks get equal numbers
+of points; above the second, numbers that the probabilities predict; in between, a blend."""
 _SHRINKAGE = 0.8
 """Shrinkage factor of a centroid's distance from its block's centre: networks are overconfident."""
 _VOXEL_PROJECTION, _BLOCK_PROJECTION = 0.3, 0.5
@@ -136,7 +136,7 @@ def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
 def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]:
     """Round counts (m,) to integers of at least 1, with about the same sum.
 
-    Counts of centres with the fewest neighbours, where voxels were lost, are rounded up.
+    Counts are rounded up at the centres with the fewest neighbours, where voxels were lost.
     """
     whole = np.floor(counts)
     remainder = int(np.rint(counts.sum()) - whole.sum())

@@ -30,7 +30,7 @@ from puckbench.learned.gains import MultiRateNetwork
 
 DIGEST_BYTES = 8
 _LENGTH_BYTES = 8
-"""Bytes of the integer at the start of a safetensors file, the length of its JSON header."""
+"""Bytes of the JSON header's length at the start of a safetensors file."""
 _TABLES = ("frequency_tables.lowest", "frequency_tables.length", "frequency_tables.frequencies")
 _MAX_MAGNITUDE = 2**16
 N = TypeVar("N", bound=MultiRateNetwork)

@@ -44,13 +44,13 @@ class Drive:
     Parameters
     ----------
     turns
-        Points of each turn, m, in the sensor's frame; with the turn's ``returns`` if available.
+        Points of each turn, m, in sensor coordinates; with the turn's ``returns`` if available.
     starts
         Times at which turns begin, (n,), s.
     turn_s
         Duration of a turn, s; 0 if all its points have one time.
     pose_times, poses
-        (m,), s, and (m, 4, 4) from the frame of the points to the world.
+        (m,), s; (m, 4, 4), from sensor to world coordinates.
     about
         Scene, seed, sensor, error model, and source of the poses.
 
@@ -83,7 +83,7 @@ class Drive:
             raise InputError(f"poses from {span}, turns from {self.starts[0]:g} to {end:g} s")
 
     def poses_at(self, share: float) -> Floats:
-        """Return the poses (n, 4, 4) at a fraction of each turn's duration, from 0 to 1."""
+        """Return the poses (n, 4, 4) at the fraction `share`, 0 to 1, of each turn's duration."""
         from scipy.spatial.transform import Rotation, Slerp
 
         times = np.clip(self.starts + share * self.turn_s, self.pose_times[0], self.pose_times[-1])

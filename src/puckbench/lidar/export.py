@@ -87,7 +87,7 @@ def read_source(path: Path) -> ScanTable | RecordedReturns:
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
     """Write a scan or recording in the format of the path's suffix; return counts by name.
 
-    With `clean`, write true coordinates; BlenSor's format (.evd) contains true and measured ones.
+    If `clean`, coordinates are true, not measured; BlenSor's format (.evd) contains both.
     """
     suffix = _checked_suffix(path, len(source))
     if isinstance(source, RecordedReturns | Returns):

@@ -17,7 +17,7 @@ _OFF_THE_MIRROR = 1e-4
 
 @dataclass(frozen=True)
 class _Paths:
-    """Paths of rays that end on a mirror so far, with the last direction of each."""
+    """Ray paths whose last hit so far is on a mirror, with their last directions."""
 
     rays: NDArray[np.int64]
     directions: Floats

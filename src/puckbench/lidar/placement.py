@@ -11,7 +11,7 @@ from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.lidar.raycast import RayCaster
 
 INSIDE = 0.5
-"""A sensor is inside a scene if more than this share of rays in all directions hits it."""
+"""A sensor is inside a scene if more than this share of rays in all directions hits the scene."""
 
 # A closer sensor touches the surface: rounding errors decide which side it sees.
 _LEAST_CLEARANCE_M = 1e-3
@@ -22,7 +22,7 @@ _IF_MEANT = "(to scan from there, add --anywhere)"
 
 
 def check_untouched(caster: RayCaster, places: Floats) -> None:
-    """Raise InputError if a position, (n, 3) relative to ``caster.origin``, is on the mesh."""
+    """Raise InputError if any of the `places` (n, 3), relative to the origin, is on the mesh."""
     touching = caster.clearances(places) < _LEAST_CLEARANCE_M
     if touching.any():
         raise InputError(f"the sensor at {_world(caster, places[touching][0])} touches the mesh")
@@ -93,7 +93,7 @@ _AT_A_TIME = 256
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """Return the free grid position (3,), m, that is nearest to the middle of the floor plan.
+    """Return the free grid position (3,), m, nearest to the middle of the floor plan.
 
     The position is `height` above the floor and at least `clearance` from all surfaces. More than
     the share `inside` of rays in all directions, and a ray straight down, must hit the scene.

@@ -23,7 +23,7 @@ _LEAST_COSINE = 1e-9
 
 @dataclass(frozen=True)
 class Cast:
-    """Rays that were cast, in the world: directions (n, 3), origins of steps (steps, 3), hits."""
+    """Rays in world coordinates: directions (n, 3), origins of steps (steps, 3), and hits."""
 
     directions: Floats
     origins: Floats
@@ -99,10 +99,10 @@ class RayCaster:
 def plane_distances(
     directions: Floats, starts: Floats, nearest: Floats, planes: Floats, limits: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Compute distances (n,), m, of rays (n, 3) from planes (n, 4), and cosines of incidence.
+    """Compute distances (n,), m, along rays (n, 3) to planes (n, 4), and cosines of incidence.
 
-    A miss, or a distance outside `limits`, has inf and nan. `nearest` (n,) are distances from
-    Embree (inf for a miss), which a ray parallel to its plane keeps.
+    They are inf and nan for a miss, or a distance outside `limits`. `nearest` (n,) are distances
+    from Embree (inf for a miss), which are kept for rays parallel to their planes.
     """
     cosine = dot(planes, directions)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -85,7 +85,7 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Project points onto a plane; return coordinates (n, 2), m, relative to the projected sensor.
+    """Return the coordinates (n, 2), m, of points in a plane, relative to the sensor's projection.
 
     The first axis is horizontal, the second points upwards; `origin` is the sensor's position.
     """

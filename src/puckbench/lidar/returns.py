@@ -37,7 +37,7 @@ from puckbench.lidar.turns import (
 USUAL_QUANTUM_M = 0.002
 """Velodyne's range quantum, the default for sensors that state none."""
 _LARGEST_INCREASE_DEG = 1.0
-"""A larger increase of the azimuth between blocks means missing blocks, unless it is one step."""
+"""A larger azimuth increase between blocks, unless it is one step, means missing blocks."""
 
 HOUR_US = 3.6e9
 _FAR_M, _NEAR_RIGHT_M, _NEAR_FORWARD_M = 25.04, 2.40, 1.93
@@ -59,8 +59,8 @@ class Beams:
     delays
         Times of firing as fractions of the time between columns.
     clockwise
-        Whether the sensor turns clockwise, seen from above, and azimuths from 0, forward (y),
-        increase clockwise.
+        Whether the sensor turns, and azimuths increase from 0 (forward, y), clockwise seen from
+        above.
     azimuths_deg
         Azimuths relative to the column's; empty: all 0.
     sideways_mm
@@ -71,8 +71,8 @@ class Beams:
     range_mm
         Lengths added to ranges; empty: all 0.
     near_right_mm, near_forward_mm
-        Lengths added instead to the range from which x is computed, at x = 2.4 m, or y, at
-        y = 1.93 m; linear to `range_mm` at 25.04 m (HDL-64E manual); empty: `range_mm`.
+        Lengths added to ranges at x = 2.4 m to compute x, and at y = 1.93 m to compute y; they
+        change linearly to `range_mm` at 25.04 m (HDL-64E manual); empty: as `range_mm`.
     """
 
     elevations_deg: tuple[float, ...]
@@ -90,7 +90,7 @@ class Beams:
     def of(cls, sensor: Sensor, firing: Firing = "sequential", is_virtual: bool = False) -> Self:
         """Return the beams of a sensor.
 
-        All rays of a virtual sensor start at its origin, and it rotates counter-clockwise.
+        A virtual sensor rotates counter-clockwise; all rays start at its origin.
         """
         none, delays = (0.0,) * sensor.lasers, (0.0,) * sensor.lasers
         if firing == "sequential":
@@ -143,10 +143,10 @@ class _FiringTableInSteps(FiringTable):
 
 @dataclass(frozen=True)
 class Returns:
-    """Returns of a spinning sensor in its frame: x right, y forward, z up.
+    """Returns of a spinning sensor in its coordinates: x right, y forward, z up.
 
-    The distance from the start of a beam is a range times `quantum_m`, plus `range_offset_m`.
-    Raises InputError if arrays of a turn do not have the layout's shapes.
+    The distance from a beam's start is the range times `quantum_m`, plus `range_offset_m` and the
+    beam's `range_mm`. Raises InputError if arrays of a turn do not have the layout's shapes.
     """
 
     beams: Beams
@@ -244,7 +244,7 @@ class Returns:
     ) -> tuple[Floats, Floats]:
         """Return the near corrections (n,), m, along x and y (velodyne_decoder's formula).
 
-        Heights get their mean; in the manual, the correction along y.
+        Heights get the mean of both; in the manual, the correction along y.
         """
         beams = self.beams
         far = np.asarray(beams.range_mm or (0.0,) * beams.lasers)[lasers] / 1000
@@ -267,7 +267,7 @@ class Returns:
         return np.asarray(np.radians(fired))
 
     def column_azimuths(self, turn: Turn) -> Floats:
-        """Return the azimuths of firings (columns, lasers), rad, without those of the lasers."""
+        """Return the azimuths of firings (columns, lasers), rad, without `Beams.azimuths_deg`."""
         return np.asarray(np.radians(self._fired_deg(turn)))
 
     def _fired_deg(self, turn: Turn) -> Floats:
@@ -341,7 +341,7 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
-    """Return the fields of `part` up to the last that differs from its default."""
+    """Return the fields of `part`, without newer fields that have the default."""
     later: dict[str, Any] = dict.fromkeys(
         ("radial_mm", "range_mm", "near_right_mm", "near_forward_mm", "shifts"), ()
     )

@@ -14,8 +14,8 @@ from puckbench.lidar.turns import CENTIDEGREES, Layout
 
 _QUANTUM_UNIT_M = 1e-7
 _HAS_STEPS, _HAS_SHIFTS = 128, 64
-"""Flags in the byte of the kinds of return. At the layout's end follow the number of azimuth steps
-minus 1, and the shifts of lasers, in 16 bits each."""
+"""Flags in the byte of the kinds of return: the layout ends with the number of azimuth steps minus
+1, or the lasers' shifts, in 16 bits each."""
 _CLOCKWISE, _HAS_OFFSET = 1, 2
 """Flags: the sensor rotates clockwise; a range offset (8 bytes, m) follows."""
 _MOST_NAME_BYTES = 255

@@ -24,7 +24,7 @@ from puckbench.lidar.sweep import Rays, Sweep
 __all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
 
 Progress = Callable[[int, int], None]
-"""Receives the numbers of scanned and of all frames."""
+"""Receives the number of scanned frames and that of all frames."""
 
 # Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
@@ -153,7 +153,7 @@ class _Scanner:
         return as_read
 
     def returns(self, frames: range) -> dict[str, NDArray[Any]]:
-        """Scan frames; return the columns of the rays that returned."""
+        """Scan frames; return the table columns of rays with a return."""
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)

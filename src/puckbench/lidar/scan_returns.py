@@ -19,8 +19,8 @@ from puckbench.lidar.turns import CENTIDEGREES, MAX_RANGE, Layout, Turn
 class ScanReturns:
     """Returns of a scan as its sensor would report them, and their rows (n,) in the scan's table.
 
-    Rows are in the order of ``returns.points()``. `still_at` is the position, m, of the sensor if
-    level and at rest, otherwise None.
+    Rows are in the order of ``returns.points()``. `still_at` is the position, m, of a level sensor
+    at rest, otherwise None.
     """
 
     returns: Returns
@@ -66,7 +66,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
 
 
 def true_points(table: ScanTable, scan_returns: ScanReturns) -> Floats:
-    """Return the true points (n, 3) of returns, in the sensor's frame, m."""
+    """Return the true points (n, 3) of returns, in sensor coordinates, m."""
     rows = scan_returns.rows
     yaw, pitch = table["yaw"][rows], table["pitch"][rows]
     level = table["distance"][rows] * np.cos(pitch)

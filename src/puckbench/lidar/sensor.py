@@ -26,7 +26,7 @@ _OF_LASERS = (
     "firing_offsets_us",
 )
 _CALIBRATED = "hdl64e_s3"
-"""Sensor whose units have calibration files."""
+"""Sensor whose individual units have calibration files."""
 
 
 class Sensor(Model):
@@ -60,7 +60,7 @@ class Sensor(Model):
     firing_interval_us: PositiveFloat | None = None
     """Time between successive lasers of a firing sequence."""
     firing_offsets_us: tuple[float, ...] | None = None
-    """Firing time of each laser in the sequence; excludes `firing_interval_us`."""
+    """Firing time of each laser in the sequence; replaces `firing_interval_us`."""
     wavelength_nm: PositiveFloat | None = None
     pulse_ns: PositiveFloat | None = None
     accuracy_m: PositiveFloat | None = None

@@ -31,7 +31,7 @@ _HANDLE_DIVISOR = 2.5614
 
 @dataclass(frozen=True)
 class Rays:
-    """Angles of rays in the sensor's frame, (frames, steps, lasers), rad, maybe broadcast views.
+    """Angles of rays in sensor coordinates, (frames, steps, lasers), rad; may be broadcast views.
 
     Measured points lie on these rays if `placed_as_fired`, otherwise on the nominal rays.
     """
@@ -55,12 +55,11 @@ class Sweep(Model):
     rotation_hz: PositiveFloat | None = None
     """Rotations per second; by default the sensor's."""
     azimuth_step_deg: PositiveFloat | None = None
-    """Azimuth between firings; by default the sensor's."""
+    """Azimuth step between firings; by default the sensor's."""
     max_range_m: PositiveFloat | None = None
     """Longest range; by default the sensor's."""
     frames_skipped: NonNegativeInt = 0
-    """Number of frames at the end that are not scanned; the pitch still ends in the last of
-    them."""
+    """Number of frames at the end that are not scanned; the last of them has `pitch_end_deg`."""
     timing: Literal["step", "firing"] = "step"
     """``step``: the lasers of an azimuth step fire together, as in BlenSor. ``firing``: each laser
     has its firing time, and the azimuth at that time; a step is the rotation during a firing

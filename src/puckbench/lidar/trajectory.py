@@ -31,7 +31,7 @@ class Poses:
 class Trajectory:
     """Poses at times (n,), s: positions (n, 3), m, and unit quaternions wxyz (n, 4).
 
-    Quaternions rotate from the sensor's frame (x right, y forward, z up) to the world.
+    Quaternions rotate from sensor coordinates (x right, y forward, z up) to the world.
     """
 
     times: Floats
@@ -39,7 +39,7 @@ class Trajectory:
     quaternions: Floats
 
     def at(self, times: Floats) -> Poses:
-        """Interpolate positions linearly and rotations by slerp; extrapolate by the end poses."""
+        """Interpolate positions linearly and rotations by slerp; clamp beyond the ends."""
         if len(self.times) == 1:
             first = np.zeros(times.shape, dtype=np.intp)
             return Poses(_matrices(self.quaternions[first]), self.positions[first])

@@ -1,8 +1,8 @@
 """Calibration of an individual HDL-64E: from its packets, VeloView's XML or ROS's YAML files.
 
 A packet has one byte of the calibration, which repeats every 4,160 packets (HDL-64E S3 User's
-Manual 63-HDL64ES3, Appendix E; the S2 is alike). Corrections of intensities (focal distance and
-slope) are not applied.
+Manual 63-HDL64ES3, Appendix E; also the S2). Corrections of intensities (focal distance and slope)
+are not applied.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _MESSAGE_BYTES, _LASER_BYTES = 1820, 28
 _START = b"UNIT#"
 _FIRST_LASER = 7
 _STATES = b"HMSDNYGTV"
-"""Types of packets that state time, temperature, GPS and firmware, which are not in the message."""
+"""Types of packets that state time, temperature, GPS or firmware, and no calibration."""
 _S3_TYPE = ord("W")
 _OF_LASER = np.dtype([("laser", "u1"), ("values", "<i2", 7)])
 _PER_UNIT = np.array([100, 100, 1, 1, 1, 1, 1])
@@ -42,7 +42,7 @@ _ROS_NAMES = (
 def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
     """Return a calibration, as fields of a `Sensor`, from the last two bytes (p, 2) of packets.
 
-    Returns None if it is incomplete.
+    Returns None if the calibration is incomplete.
     """
     message = status[~np.isin(status[:, 0], list(_STATES)), 1].tobytes()
     for match in re.finditer(re.escape(_START), message):

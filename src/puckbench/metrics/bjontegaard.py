@@ -80,7 +80,7 @@ class BjontegaardDelta:
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
     """Return the curve through points (k,), without missing values and dominated points.
 
-    A point is dominated if another has no higher rate and no lower quality.
+    A point is dominated if another point has no higher rate and no lower quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]

@@ -15,7 +15,7 @@ OUTLIER_DEVIATIONS = 2.0
 def density(points: Floats) -> dict[str, float]:
     """Return spacing, density and outliers of points (n, 3) from k = 16 nearest neighbours.
 
-    At most 100,000 random distinct points are query points.
+    At most 100,000 random distinct points are queried.
 
     Returns
     -------

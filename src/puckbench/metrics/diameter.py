@@ -7,7 +7,7 @@ from puckbench.geometry.cloud import Floats, check_points
 from puckbench.geometry.spatial_order import distinct_points
 
 BLOCK = 64
-"""Number of points per bounding box, the fastest for points on a sphere, the worst case."""
+"""Number of points per bounding box, fastest for points on a sphere (the worst case)."""
 ROUNDING = 1e-12
 """Relative tolerance that covers rounding errors of the bounds."""
 
@@ -37,7 +37,7 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Return centre and length of a segment between points, each the farthest from the other."""
+    """Return centre and length of a segment between two points, each farthest from the other."""
     point, centre, length = points[0], points[0], -1.0
     while True:
         distances = _distances(points, point)
@@ -73,7 +73,7 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 def _cap_squared(points: Floats, boxes: Floats, across: float, i: int, j: int) -> float:
     """Return an upper bound of the squared distance between points of boxes i and j.
 
-    It uses the points' extents along the line between the boxes' centres.
+    The bound uses the points' extents along the line between the boxes' centres.
     """
     x = boxes[i, 0, 0] + boxes[i, 1, 0] - boxes[j, 0, 0] - boxes[j, 1, 0]
     y = boxes[i, 0, 1] + boxes[i, 1, 1] - boxes[j, 0, 1] - boxes[j, 1, 1]

@@ -163,7 +163,7 @@ def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours)
 
     As in pc_error, the normal of a point b in B is the mean, not normalised, over all points of A
     whose nearest neighbour is b or, without such points, over b's nearest neighbours in A. `ab` are
-    the neighbours in B of points of A, `ba` the reverse.
+    the neighbours in B of points of A; `ba` are those in A of points of B.
     """
     takers, sources = _exact_pairs(ab)
     to_b = np.bincount(sources, minlength=size) == 0

@@ -30,7 +30,7 @@ def distinct_values(points: Floats, values: Floats, source: str) -> DistinctValu
 
 
 def pair_errors(a: DistinctValues, b: DistinctValues) -> tuple[Floats, Floats]:
-    """Return mean squared and largest differences (components,), maxima of both directions."""
+    """Return mean squared and largest differences (components,), the larger of both directions."""
     a_points, b_points = SearchablePoints(a.points), SearchablePoints(b.points)
     ab = np.abs(a.values - _means(b.values, b_points.nearest(a_points)))
     ba = np.abs(b.values - _means(a.values, a_points.nearest(b_points)))

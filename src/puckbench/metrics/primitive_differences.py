@@ -23,7 +23,7 @@ def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -
     -------
     dict
         ``angle_deg`` between normals or axes; ``position_m``, distance between planes or axes near
-        `centre` (3,), between sphere centres or cone apexes; ``radius_m``; ``half_angle_deg``.
+        `centre` (3,), or between sphere centres or cone apexes; ``radius_m``; ``half_angle_deg``.
     """
     a, b, kind = true.parameters, decoded.parameters, true.kind
     direction = "normal" if kind == "plane" else "axis"
@@ -84,4 +84,4 @@ _DISTANCES: dict[str, Callable[[Parameters, Floats], Floats]] = {
     "cone": _to_cone,
 }
 COMPARABLE = tuple(_DISTANCES)
-"""Kinds with comparable parameters; primitives of other kinds are matched by their points only."""
+"""Kinds with comparable parameters; other primitives are matched by their points only."""

@@ -19,7 +19,7 @@ from puckbench.metrics.primitive_differences import (
 Ints = NDArray[np.int64]
 
 MIN_SHARE = 0.001
-"""Minimum share of all points that a primitive must have to count."""
+"""Minimum share of all points for a primitive to count."""
 MIN_OVERLAP = 0.5
 """Intersection over union above which two primitives match."""
 FREEFORM = "freeform"
@@ -42,7 +42,7 @@ class Segmentation:
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
     """Assign points on the true surface to primitives of a decoded surface.
 
-    Both have the same coordinates; the `decoded_segmentation` is in metres.
+    `surface` and `cloud` are in the same coordinates; the result is in metres.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -78,8 +78,8 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
     -------
     list of dict
         For all kinds ("all") and for each ``kind``: ``true``, ``found``, ``matched``, numbers of
-        true, decoded and matched primitives; ``precision``; ``recall``; ``label_accuracy``, share
-        of the points on true primitives that lie on the match. Medians over matches:
+        true, decoded and matched primitives; ``precision``; ``recall``; ``label_accuracy``,
+        fraction of points on true primitives that lie on the match. Medians over matches:
         ``residual_m``, RMS distance of a true primitive's points to the match, and
         `parameter_differences`.
     """

@@ -51,6 +51,6 @@ def bootstrap_interval(
 
 
 def median_interval(values: Floats, *names: str) -> tuple[float, float]:
-    """Return the interval of the median of `values` (n,) except nan; `names` seed the bootstrap."""
+    """Return the bootstrap interval, seeded by `names`, of the median of non-nan `values` (n,)."""
     rng = generator(0, "median interval", *names)
     return bootstrap_interval(values[~np.isnan(values)], RESAMPLES, rng, np.median)

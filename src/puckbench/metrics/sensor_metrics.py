@@ -18,7 +18,7 @@ _OCTILES = 8
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
     """Return range errors (mm) and numbers of lost and added returns of a decoded scan.
 
-    Errors are over firings with returns in both scans. Raises InputError if firings differ.
+    Errors are those of firings with returns in both scans. Raises InputError if firings differ.
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
@@ -44,7 +44,7 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Return the metrics of `range_errors` for points (n, 3) and (m, 3) in the sensor's frame, m.
+    """Return the metrics of `range_errors` for points (n, 3) and (m, 3) in sensor coordinates, m.
 
     A range error is the offset, along the ray, of the nearest decoded point. If k returns have the
     same nearest point, which was decoded j times, k - j returns are lost, or j - k added.
@@ -68,11 +68,11 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
 def entropy_bits(
     noise: Floats, groups: NDArray[np.integer], step: float, conditions: Sequence[Floats] = ()
 ) -> float:
-    """Return the entropy, in bits per value, of noise (n,) in steps: a bound for lossless coding.
+    """Return the entropy, bits per value, of noise (n,) in units of `step`: the lossless bound.
 
     Miller's bias correction (1955) is added. The mean noise of each of the `groups` (n,), a laser
     in a turn, is subtracted, because a codec can learn means. The entropy is conditional on octiles
-    of the `conditions` (n,), from which a decoder can know the noise's deviation.
+    of the `conditions` (n,), from which a decoder can infer the noise's standard deviation.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     levels = np.rint((noise - means[groups]) / step)
@@ -96,7 +96,7 @@ def _entropy_bits(levels: Floats) -> float:
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
     """Return the bitrate at the sensor's speed, and coding speeds relative to the sensor.
 
-    Empty if the cloud's description `about` lacks ``turns`` or ``seconds``.
+    The result is empty if the cloud's description `about` lacks ``turns`` or ``seconds``.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

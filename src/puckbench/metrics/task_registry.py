@@ -1,4 +1,4 @@
-"""The registry of tasks, which measure decoded drives; drives name them under `tasks`.
+"""The registry of tasks, which measure decoded drives; a drive's configuration lists `tasks`.
 
 A task is a registered function::
 

@@ -23,8 +23,8 @@ class Truth:
     """The true surface of a cloud, with search indices.
 
     `surface` is a mesh in metres, or points in the reference's coordinates. Visible points are
-    `clean`, the noise-free points of the scan's rays, else `seen`, else `surface`, sampled if it is
-    a mesh.
+    `clean` (noise-free points of the scan's rays) if given, else `seen`, else `surface`, sampled if
+    it is a mesh.
     """
 
     def __init__(
@@ -66,8 +66,8 @@ def truth_distortion(
     """Return the `distortion` between true surface (A) and decoded cloud (B), as ``truth_...``.
 
     * A to B: from `visible`, points with true normals on the part that the sensor saw.
-    * B to A: to the closest point of the mesh or, to plane, along the mesh's normal there; without
-      a mesh, to the visible points.
+    * B to A: to the closest point of the mesh (point-to-plane: along the mesh's normal there) or,
+      without a mesh, to the visible points.
 
     With `is_scan`, the visible points are the clean scan, the intersections of rays and surface;
     the distortion from them is added as ``clean_...``.

@@ -27,8 +27,8 @@ def view_metrics(
     """Return PSNR (dB) and SSIM of six views of a decoded cloud against views of the reference.
 
     Points are discs of `radius` pixels, by default `closing_radius`. Views show luma (BT.709) if
-    both clouds have colours, else depth from the near side of the reference's bounding box. The
-    background counts: compare only codecs on one cloud.
+    both clouds have colours, else depth from the near side of the reference's bounding box. As the
+    background counts, compare only codecs on one cloud.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
@@ -72,7 +72,7 @@ def view(
 def closing_radius(points: Floats, pixels: int) -> int:
     """Return the disc radius, in pixels, that closes most gaps between points.
 
-    It is twice the median distance to the nearest neighbour, at least 1.
+    The radius is twice the median distance to the nearest neighbour, at least 1.
     """
     from puckbench.metrics.density import density
 

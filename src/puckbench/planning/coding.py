@@ -37,7 +37,7 @@ class CodingJobs:
         self.timing = self.plan.config.timing
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
-        """Return the files of a codec's ``metrics`` or ``recovery`` rows, by default of all."""
+        """Return the files of ``metrics`` or ``recovery`` rows, of a codec or of all codecs."""
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
         return tuple(
             f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])

@@ -39,7 +39,7 @@ def _checked_stand_in(cls: type[Model], values: Options) -> Options:
 
 Distinct = AfterValidator(_different)
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
-"""Name of a data set, codec and so on; part of file names."""
+"""Name of an entry (data set, codec, ...); part of file names."""
 RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)?$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 """``dataset/cloud``."""
@@ -555,7 +555,7 @@ class Config(Model):
 
 
 def checked(config: Mapping[str, Any]) -> Config:
-    """Check a configuration, after replacing data by any stand-ins that it requests.
+    """Check a configuration, after replacing data by stand-ins if requested.
 
     `puckbench.planning.plan` checks names of loaders, codecs, rates and clouds. Raises InputError
     with the key, its value and the allowed values.

@@ -29,8 +29,8 @@ _CODING_S, _TASK_S = 0.25, 0.06
 class DrivePlan:
     """Drives of one entry of the configuration.
 
-    By the drive's name, `scans` contains the scene and seed of a virtual drive, and `clouds` the
-    clouds of a recorded drive. `rates` contains rates by codec.
+    `scans` maps names of virtual drives to scene and seed; `clouds` maps names of recorded drives
+    to clouds; `rates` maps codecs to rates.
     """
 
     name: str
@@ -46,7 +46,7 @@ class DrivePlan:
 
 
 class DriveJobs:
-    """Drives of a plan; raises InputError if an entry is invalid."""
+    """Jobs for the drives of a plan; raises InputError if an entry is invalid."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan

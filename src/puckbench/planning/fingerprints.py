@@ -60,7 +60,7 @@ def _code_digest(file: Path) -> str:
 def _add_words(value: Any, words: list[str]) -> None:
     """Append words for code without docstrings, imports for type checkers and help texts.
 
-    Takes a third of the time of `ast.dump`.
+    This takes a third of the time of `ast.dump`.
     """
     if isinstance(value, ast.AST):
         words.append(type(value).__name__)

@@ -82,7 +82,7 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Tables, except the sensor study's, whose inputs and needs the plan meets."""
+        """Tables, except the sensor study's, with available inputs and met needs."""
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= {"scan_errors"} if self.plan.scanned else set()
         there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
@@ -126,7 +126,7 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
-        """Figures whose inputs are available and needs met, with the files of the inputs."""
+        """Figures with available inputs and met needs, and the files of their inputs."""
         inputs = self._cloud_inputs() | self._study_inputs()
         return {
             name: {needed: inputs[needed] for needed in entry.inputs}
@@ -195,7 +195,7 @@ class OutputJobs:
 
     @property
     def first_codec(self) -> str:
-        """The codec whose results are made first, and shown while the run continues."""
+        """The codec that runs first; its results are shown while the run continues."""
         return next(iter(self.plan.codecs), "")
 
     @cached_property

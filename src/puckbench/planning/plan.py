@@ -67,7 +67,7 @@ class DataSetPlan:
         return tuple(self.sources)
 
     def source_of(self, cloud: str) -> tuple[str, int]:
-        """Return the scene and seed of a cloud, also of an unusable one, whose job then fails."""
+        """Return a cloud's scene and seed; for an unusable cloud, values that make its job fail."""
         return self.sources.get(cloud, (cloud, 0))
 
     @property
@@ -84,9 +84,9 @@ class DataSetPlan:
 
     @property
     def has_true_surface(self) -> bool:
-        """Whether the true surface is available in the coordinate frame of the clouds.
+        """Whether the true surface is available in the clouds' coordinate frame.
 
-        A moving or tilted sensor only has true points.
+        For a moving or tilted sensor, only true points are available.
         """
         if not self.has_truth or not self.has_returns:
             return self.has_truth
@@ -220,7 +220,7 @@ class Plan:
 
     @property
     def anchor(self) -> str:
-        """The codec with which rates and distances are compared, by default the first."""
+        """The anchor codec for comparisons of rates and distances; by default the first codec."""
         return self.config.bd_rate.anchor or next(iter(self.codecs), "")
 
     def _coders_of(self, attribute: str) -> str:
@@ -290,7 +290,7 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """Return the rates at which a codec encodes a cloud; none if its job failed earlier."""
+        """Return the rates at which a codec encodes a cloud; none if this job failed before."""
         if f"{dataset}/{cloud}/{codec}" in self.config.failed:
             return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
@@ -427,7 +427,7 @@ class Plan:
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
 
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a codec's complete entry with these rates (parameters by name) only."""
+        """Return a codec's complete entry, restricted to `rates` (parameters by name)."""
         entry = {key: value for key, value in self.codecs[codec].items() if key != "metric_rates"}
         if all(map(self.opened[codec].is_length, rates)):
             return {**entry, "rates": {}, "metric_rates": rates}
@@ -440,7 +440,7 @@ class Plan:
     def checked_scenes(self, where: str, value: Sensing) -> ScenePlan:
         """Return the scene set of a data set or drive.
 
-        Raises InputError if it is missing or unsuited to `value.make`, or a codec is unknown.
+        Raises InputError if the set is missing or unsuited to `value.make`, or a codec is unknown.
         """
         scenes = self.scenes.get(value.scenes)
         if scenes is None:
@@ -510,7 +510,7 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
-    """Open a scene set, with `seed` if its entry has none."""
+    """Open a scene set; `seed` is the default seed."""
     scene_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, scene_seed)

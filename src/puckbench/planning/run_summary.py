@@ -40,7 +40,7 @@ _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) -> Iterator[str]:
     """Yield the lines of the summary, if the run made the table of medians.
 
-    `anchor` is the codec with which BD-rates compare; `since` is the time stamp of the run's start.
+    `anchor` is the anchor codec of BD-rates; `since` is the time stamp of the run's start.
     """
     summary = results / "tables" / "summary.csv"
     if not summary.exists() or summary.stat().st_mtime < since:

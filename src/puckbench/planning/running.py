@@ -55,5 +55,5 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def held_since() -> float:
-    """Return when this process locked its results (s, file system's clock), else infinity."""
+    """Return the time (s, by the file system) when this process locked its results, or infinity."""
     return os.fstat(_held[-1]).st_mtime if _held else math.inf

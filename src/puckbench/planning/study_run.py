@@ -61,9 +61,9 @@ def study_configuration(
 
 
 def _stored(reference: ReferenceResults) -> Options:
-    """Return the keys of a study's configuration that define clouds and metrics.
+    """Return the part of the study's stored configuration that defines clouds and metrics.
 
-    Raises InputError if the values name code, which would come from an untrusted file.
+    Raises InputError if it names code (``module:Class``): a file of results must not run code.
     """
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):

@@ -34,7 +34,7 @@ CONFIG = "config.yaml"
 """File name of the configuration in the results folder."""
 _CUBE = 1024
 _TURNS = 10
-"""Default number of turns, evenly spaced, of a recording."""
+"""Default number of turns of a recording, evenly spaced."""
 _BUDGET_S = 480.0
 """Estimated time (s) of all rates on one core above which a run uses fewer rates."""
 _FEW_RATES = 4
@@ -91,7 +91,7 @@ class UserRun:
     strict
         Whether to raise InputError for an unusable file.
     peak
-        Peak of the PSNRs of clouds in metres, m; by default `puckbench.metrics.psnr.PEAK_M`.
+        PSNR peak, in m, of clouds in metres; by default `puckbench.metrics.psnr.PEAK_M`.
     timeout_s
         Seconds after which a job fails.
     """
@@ -111,7 +111,7 @@ class UserRun:
     timeout_s: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
-    """Notes, by subject, on turns, rates and units that the run leaves out by default."""
+    """Notes, by subject, on omitted turns and rates, and on unknown units."""
     _bags: dict[Path, bool] = field(default_factory=dict, init=False, repr=False)
     """For each bag: True if it contains clouds, False if it contains data packets."""
 

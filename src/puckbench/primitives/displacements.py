@@ -1,8 +1,8 @@
 """Displacement of voxels along the normals of local planes.
 
-A voxel's local plane is fitted to the voxels around it; the voxel's points lie mostly on the
-plane's side of its centre. The encoder sends a displacement factor, the fraction of the distance
-that minimises the squared error, for each class of distance and surface thickness.
+A voxel's local plane is fitted to the voxels around it. Most points of a voxel lie on the same side
+of the voxel's centre as the plane. The encoder sends a displacement factor, the fraction of the
+distance that minimises the squared error, for each class of distance and surface thickness.
 """
 
 from __future__ import annotations

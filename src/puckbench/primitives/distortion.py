@@ -1,6 +1,6 @@
 """The encoder's estimate of the distortion of decoded points.
 
-References are the cloud, and its smoothed samples, which represent the surface without noise.
+The points are compared with the cloud, and with smoothed samples of the surface without noise.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class DistortionEstimator:
     def measure(self, decoded: Floats, offsets: NearestOffsets | None = None) -> Distortion:
         """Estimate the distortion of decoded points (k, 3).
 
-        If `offsets` is `nearest_offsets` of all points, a `subsample` of the points suffices.
+        If `offsets` are the `nearest_offsets` of all points, `decoded` may be a `subsample`.
         """
         queries = subsample(decoded)
         of_points, of_samples = offsets or self.nearest_offsets(decoded)

@@ -2,8 +2,8 @@
 
 A surface reproduces neither the positions nor the noise of its points. Voxels reproduce both, but
 locate the surface less precisely. A hybrid moves each voxel along the normal of the nearest surface
-point, by a transmitted fraction for each class of distances. The decoder also keeps surface points
-in occupied voxels, so that the decoded cloud is as dense as the input.
+point, by a fraction of the distance that is sent for each class of distances. The decoder also
+keeps surface points in occupied voxels, so that the decoded cloud is as dense as the input.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def encode(
 ) -> HybridCandidate | None:
     """Encode a cloud as a surface and the finest voxels such that both fit into `max_bytes`.
 
-    Returns None if too few bytes are left for voxels, or voxels are too many or too far from the
+    Returns None if too few bytes are left for voxels, or if voxels are too many or too far from the
     surface.
     """
     if not has_voxel_budget(surface.stream, max_bytes):

@@ -60,7 +60,7 @@ def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
     """Return the rotation that aligns most unit normals (n, 3) with the coordinate axes.
 
-    The rotation is zero if none aligns many more normals than are aligned already.
+    The result is zero unless a rotation aligns many more normals than no rotation.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN
@@ -90,7 +90,7 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 def _refine(normals: Floats, rotation: Floats) -> Floats:
     """Refine a rotation by aligning normals with their nearest axes (Kabsch 1976).
 
-    Each iteration uses normals within a smaller angle of an axis than the previous one.
+    Each iteration uses normals within a smaller angle of an axis.
     """
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:

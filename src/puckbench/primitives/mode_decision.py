@@ -47,9 +47,9 @@ better."""
 _HYBRID_LAMBDA_FACTORS = (8.0, 16.0, 32.0)
 """Factors of lambda for still coarser surfaces in hybrids."""
 _SPARSENESS = 2
-"""Factor by which the spacing of points is increased to compare surfaces."""
+"""Factor of the points' spacing when surfaces are compared."""
 _MAX_REJECTED = 3
-"""Number of consecutively rejected surfaces of revolution that ends the search."""
+"""Number of consecutively rejected surfaces of revolution after which the search ends."""
 _MIN_COST_RATIO = 0.98
 """Cost ratio below which a grid offset replaces the current one; smaller gains may be chance."""
 _DIAGONAL_OFFSETS = (0.25, 0.75, 1.25, 1.75)
@@ -65,8 +65,8 @@ _REFINEMENT_DEFAULTS = {
     for name in ("refinement", "refined_bpp", "max_voxel_size")
 }
 _POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
-"""Largest ratios of a surface's to undisplaced voxels' point-to-point error in two comparisons. A
-surface's error is never zero, because the positions of points on it are not coded."""
+"""Largest ratios, in two comparisons, of a surface's point-to-point error to that of undisplaced
+voxels. A surface's error is never zero, because positions of points on it are not coded."""
 
 
 def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | None = None) -> bytes:
@@ -141,8 +141,8 @@ def _select_mode(
 ) -> _Selection:
     """Select the finest surface that is better than voxels of equally many bytes.
 
-    If none is, the product of the errors (see `Distortion`) decides between voxels and the coarsest
-    surface, then between voxels and a hybrid.
+    If no surface is better, the product of the errors (see `Distortion`) decides between voxels and
+    the coarsest surface, then between voxels and a hybrid.
     """
     if best.coded is None:
         return _Selection(search.encode_to_budget(max_bytes).stream, None)
@@ -208,8 +208,7 @@ def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.Hy
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
     """Encode a hybrid, or voxels if voxels of equally many bytes are better.
 
-    `_voxels_lose_surface` decides if a surface was selected without refinement, otherwise the cost
-    does.
+    If a surface was selected without refinement, `_voxels_lose_surface` decides; otherwise cost.
     """
     cloud, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)

@@ -12,8 +12,8 @@ _MIN_POINTS = 8
 def estimate_noise(points: Floats, cell_size: float) -> float:
     """Estimate the standard deviation of the noise; 0 if no cell has enough points.
 
-    The estimate is the lower quartile, weighted by points, of the cells' deviations from their
-    planes. Curved and crossing surfaces raise only some deviations.
+    The estimate is the lower quartile, weighted by points, of the cells' deviations from fitted
+    planes; curved and crossing surfaces raise only higher quantiles.
     """
     rows, starts = group_by_cell(points, cell_size).sorted_rows()
     centred = points[rows] - points.mean(axis=0)

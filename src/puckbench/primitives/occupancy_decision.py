@@ -40,10 +40,7 @@ NO_CRITERION = OccupancyCriterion(
 
 @compiled_in_place
 def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
-    """Return the reduction of the distortion by decoded points at `point` (3,).
-
-    These points cover the area of a sampling cell.
-    """
+    """Return the distortion that a sampling cell of decoded points at `point` (3,) saves."""
     row, squared = _nearest_sample(criterion, point)
     if row < 0:
         return -criterion.area_weight * criterion.max_error

@@ -1,6 +1,6 @@
-"""Arrays of the octree that encoder and decoder share. All lengths are in cells.
+"""Arrays of the octree that encoder and decoder share.
 
-A cell is a node of the finest level. A column of an occupancy map is one cell wide.
+Lengths are in cells (nodes of the finest level). A column of an occupancy map is one cell wide.
 """
 
 from __future__ import annotations

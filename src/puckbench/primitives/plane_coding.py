@@ -1,4 +1,4 @@
-"""Coding of a leaf's plane: a neighbouring leaf's plane, or a new one predicted from a neighbour's.
+"""Coding of a leaf's plane: a neighbouring leaf's plane, or a new plane predicted from it.
 
 An index signals a neighbour's plane, as in the merge mode of video codecs. A new plane is fitted to
 the leaf's region (see `region_merging`), and quantised more finely for larger regions.

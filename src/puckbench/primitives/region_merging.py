@@ -40,7 +40,8 @@ class _Adjacency(NamedTuple):
 
 
 _Queue = list[tuple[float, int, int, int, int]]
-"""Binary heap of pairs of regions: cost of merging, both regions, and their versions then."""
+"""Binary heap of pairs of regions: cost of merging, both regions, and their versions when pushed.
+"""
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
@@ -179,7 +180,7 @@ def _root(regions: _Regions, i: int) -> int:
 
 @compiled
 def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
-    """Return the pairs (m, 2), lower index first, of leaves that share a face, an edge or a corner.
+    """Return the pairs (m, 2), lower index first, of leaves that share a face, edge or corner.
 
     `shape` (3,) is the size of the grid in cells; leaves may extend beyond it.
     """

@@ -82,7 +82,7 @@ class UnrolledMap(NamedTuple):
     bits: Bytes  # (columns,) row after row
 
     def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
-        """Return each occupied column's row, position in the row, and the row's length."""
+        """Return the row, position in the row, and length of the row of each occupied column."""
         columns = self.surface.columns_per_row()
         row = np.repeat(np.arange(self.surface.row_count), columns)
         column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)
@@ -211,7 +211,7 @@ def pack_parameters(surface: RevolutionSurface) -> bytes:
 
 
 def is_representable(surface: RevolutionSurface) -> bool:
-    """Return whether `pack_parameters` can represent a surface, which may be infinite."""
+    """Return whether `pack_parameters` can represent a surface; parameters may be infinite."""
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
         return False
     representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)

@@ -33,7 +33,7 @@ def fit_revolution(surface: RevolutionSurface, xyz: Floats, loss_scale: float) -
     """Fit a surface to points (n, 3).
 
     The initial origin should be beside the points: the fit moves the origin only perpendicularly to
-    the axis (of a sphere, in all directions).
+    the axis (a sphere's origin in all directions).
     """
     current = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
     trial = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))

@@ -41,7 +41,7 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return hypotheses (m, 9), unbounded spheres, cylinders and cones, through samples.
+    """Return hypotheses (m, 9): unbounded spheres, cylinders and cones through samples.
 
     Each seed, the index of a sample, is combined with two samples at each of three distances.
     `spacing` is the samples' spacing, `tolerance` the least radius; a sphere or cylinder may miss

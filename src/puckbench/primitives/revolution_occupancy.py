@@ -55,7 +55,7 @@ def fit_revolutions(
     weights: Floats,
     costs: RevolutionCosts,
 ) -> tuple[list[UnrolledMap], Mask]:
-    """Bound each surface by its inliers on no earlier map, and decide its map.
+    """Bound each surface by those inliers that are on no earlier map, and decide its map.
 
     The samples' `weights` (n,) average 1. Returns the maps that contain samples, and the mask (n,)
     of samples on no map.

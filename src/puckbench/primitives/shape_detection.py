@@ -51,7 +51,7 @@ Mask = NDArray[np.bool_]
 def detect_revolutions(
     xyz: Floats, normals: Floats, spacing: float, tolerance: float
 ) -> list[RevolutionSurface]:
-    """Return fitted and bounded surfaces of revolution, those with most inliers first.
+    """Return fitted, bounded surfaces of revolution, ordered by descending number of inliers.
 
     `spacing` is the samples' spacing, `tolerance` the largest distance of an inlier.
     """
@@ -167,10 +167,7 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Repeatedly select and refine the hypothesis with most new inliers.
-
-    New inliers are not inliers of earlier hypotheses.
-    """
+    """Repeatedly select and refine the hypothesis with most inliers of no earlier hypothesis."""
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)
@@ -235,10 +232,7 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the fraction of a bounded surface that samples cover.
-
-    It is measured in patches of two sample spacings a side.
-    """
+    """Return the fraction of a bounded surface's patches, two spacings wide, that have samples."""
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)
     radius = surface.profile(arc_length)[0]

@@ -34,9 +34,9 @@ def smooth_samples(
     """Project samples onto robust planes of their neighbours; return points and normals (n, 3).
 
     A neighbour's weight is the square root of its number of points, because noise is correlated
-    within a cell. The weight decreases with the distance from the sample (0 at `radius`) and from
-    the plane (0 at `outlier_distance`); in the second pass also with the angle between normals, to
-    preserve edges. `spacing` is the side of a sampling cell.
+    within a cell. The weight decreases with the distance from the sample (0 at `radius`), with the
+    distance from the plane (0 at `outlier_distance`) and, in the second pass, with the angle
+    between normals, to preserve edges. `spacing` is the side of a sampling cell.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))
@@ -102,7 +102,7 @@ def _smooth(
     """Smooth the samples of a range of blocks.
 
     `radii` are the radius and the outlier distance; `previous` are the previous pass's samples and
-    normals (normals are initially 0).
+    normals (initially 0).
     """
     xyz, previous_normals = blocks.xyz, previous[1]
     block_radius = -(-cell_radius // blocks.size)
@@ -138,10 +138,7 @@ def _smooth(
 
 @compiled
 def ranges_near(blocks: BlockedSamples, block: int, block_radius: int, ranges: Ints) -> Ints:
-    """Return index ranges (k, 2) of samples near a block, one range per row of blocks along z.
-
-    Near means within `block_radius` blocks.
-    """
+    """Return index ranges (k, 2), one per row of blocks, of samples up to `block_radius` away."""
     _, across, up = blocks.shape
     x, y, z = block // (across * up), block // up % across, block % up
     count = 0

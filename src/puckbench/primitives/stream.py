@@ -43,8 +43,8 @@ _CHECKSUM = struct.Struct("<H")
 VOXEL_HEADER_BYTES = _START.size + _VOXELS.size + _CHECKSUM.size
 """Bytes of a voxel stream besides the G-PCC octree and the displacement factors."""
 MAX_CELLS = 1 << 26
-"""Largest number of cells of the grid. This and the next limits bound a decoder's work and memory;
-the encoder codes voxels instead of surfaces that exceed them."""
+"""Largest number of cells of the grid. This limit and those below bound a decoder's work and
+memory; if a surface exceeds them, the encoder codes voxels."""
 MAX_NODES = 1 << 20
 """Largest number of coded octree nodes, leaves included."""
 MAX_LEAF_COLUMNS = 256

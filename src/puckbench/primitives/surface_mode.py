@@ -111,7 +111,7 @@ class CodedSurface(NamedTuple):
 
 
 def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]:
-    """Detect cylinders, cones and spheres, in units; those with most inliers come first."""
+    """Detect cylinders, cones and spheres, in units, ordered by descending number of inliers."""
     surface = cloud.surface
     spacing, tolerance = surface.spacing, _tolerance(cloud)
     return tuple(detect_revolutions(surface.xyz, surface.normals, spacing, tolerance))
@@ -127,8 +127,8 @@ def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
     """Encode a cloud as a surface.
 
-    Return None if the stream exceeds a decoder's limits, or decodes to no points or more than the
-    input has.
+    Return None if the stream exceeds a decoder's limits, or decodes to no points or to more points
+    than the input has.
     """
     surface, matrix = cloud.surface, rotation_matrix(mode.rotation)
     xyz = rotate(surface.xyz, matrix)

@@ -95,7 +95,7 @@ def _code_splits(
 ) -> int:  # fmt: skip
     """Encode or decode the occupied children of split nodes.
 
-    Return their number, or -1 if they are too many or the stream ends early.
+    Return the number of children, or -1 if they are too many or the stream ends early.
     """
     count, side_log2, is_writer = 0, geometry.depth - level - 1, is_writing(coder)
     for i in range(len(level_nodes)):

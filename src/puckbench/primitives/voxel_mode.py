@@ -97,7 +97,7 @@ class VoxelSearch:
         self._coded: dict[float, CodedVoxels] = {}
 
     def byte_count_at(self, voxel_size: float) -> int:
-        """Return the largest possible byte count of a stream of a given voxel size."""
+        """Return the largest byte count of a stream with this voxel size."""
         trial = Trial(voxel_size, CodedVoxels.of(self.points, voxel_size).most_bytes())
         self.trials.append(trial)
         return trial.byte_count
@@ -105,7 +105,7 @@ class VoxelSearch:
     def encode_to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
         """Encode the finest voxels that take at most about `max_bytes` bytes.
 
-        `max_voxel_size`, in 1/1023 of the extent, bounds their side whatever the budget.
+        `max_voxel_size`, in 1/1023 of the extent, bounds the voxels' side for any budget.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())
@@ -172,7 +172,7 @@ class DecodedVoxels(NamedTuple):
 
 
 def read_voxels(stream: bytes) -> DecodedVoxels:
-    """Decode a voxel stream; raise InputError for another kind or over `MAX_HYBRID_VOXELS`."""
+    """Decode a voxel stream; raise InputError if of another kind or over `MAX_HYBRID_VOXELS`."""
     header, payload = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")

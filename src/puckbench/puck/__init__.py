@@ -1,7 +1,7 @@
 """Compression of the returns of spinning LiDARs, without loss or with quantised ranges.
 
-A turn (revolution) is coded as an image of ranges, a row for each firing of all lasers and a column
-for each laser, with azimuths, times and reflectivities. Recordings are restored bit for bit.
+A turn (revolution) is coded as azimuths, times, reflectivities and an image of ranges, with a row
+for each laser and a column for each firing of all lasers. Recordings are restored bit for bit.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Coding of a turn's images of up to 16 bits: signal, reflectivity, near infrared, flags.
+"""Coding of a turn's images with up to 16 bits: signal, reflectivity, near infrared, flags.
 
 Like ranges, pixels are coded as binary decisions around least squares predictions. A return's
 reflectivity is nearly a function of the range and signal, and is estimated by learnt tables
@@ -36,7 +36,7 @@ from puckbench.puck.ranges import PAD
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
 _FEATURES_OF_NORMAL, _FEATURES_OF_THOROUGH = 13, 20
 _LEVELS = 20
-"""Number of levels of activity, the prediction errors around a pixel."""
+"""Number of levels of activity, the mean prediction error around a pixel."""
 _SIZES = 36
 """Number of levels of predicted values."""
 _CLIP = 480
@@ -187,7 +187,7 @@ def _base(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
     estimate: int,
 ) -> int:  # fmt: skip
-    """Return the base, in 1 / FINE, which features subtract from other values."""
+    """Return the base, in 1 / FINE; features are other values minus the base."""
     base = FINE * int(model.last[laser])
     if estimate > 0:
         return estimate
@@ -290,7 +290,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel minus the base or, with estimates, its error scaled to the base."""
+    """Return another pixel minus the base; with estimates, the pixel's error scaled to the base."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0

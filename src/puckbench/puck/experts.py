@@ -1,7 +1,7 @@
 """Experts, each of which predicts a number by a probability distribution.
 
-The mean is the expert's estimate, the scale the mean absolute error of earlier estimates in the
-same situation (context). The distribution gives probabilities of binary decisions.
+The distribution, which gives probabilities of binary decisions, has the expert's estimate as mean
+and the mean absolute error of earlier estimates in the same situation (context) as scale.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _ONE = 4096
 _REACH = 1024
 """Number of entries of the distribution's table on each side of the mean."""
 _PER_ERROR = 128
-"""Number of entries of that table per mean absolute error."""
+"""Number of the table's entries per mean absolute error."""
 _LEAST_SCALE = 2 * 256
 _INVERSE = _PER_ERROR * 256 << 13
 _MOST_ERROR = 4000
@@ -33,7 +33,10 @@ _MOST_ERROR = 4000
 
 
 class Experts(NamedTuple):
-    """State of all experts for a number; arrays are (experts,) by default."""
+    """State of the experts, whose distributions of the next number are mixed.
+
+    Arrays are (experts,) unless noted.
+    """
 
     means: Ints  # 0 for an expert without an estimate
     inverse: Ints  # of the scales
@@ -95,7 +98,7 @@ def write_logits(experts: Experts, edge: int, answers: Words) -> None:
 
 @inlined
 def narrow(experts: Experts, bit: int) -> None:
-    """Narrow the interval to the part above the last threshold (`bit` 1) or below it."""
+    """Narrow the interval to the part above (`bit` 1) or below the last threshold."""
     for k in range(len(experts.every)):
         lower, upper, edge = experts.lower[k], experts.upper[k], experts.edge[k]
         experts.lower[k] = edge if bit == 1 else lower

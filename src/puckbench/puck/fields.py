@@ -35,11 +35,11 @@ from puckbench.puck.turns import (
 )
 
 _DECISIONS = 48
-"""Decisions for a value, at most about as many."""
+"""Approximate maximum number of decisions for a value."""
 _ROW_BYTES, _MORE_BYTES = 10, 64
-"""Limits of the bytes that state the lengths of rows of bytes, for each row and in all."""
+"""Limits, per row and in all, of the bytes that state the lengths of rows of bytes."""
 _WIDTHS = (0, 8, 16)
-"""Bits of an image's values; 0 if all are 0."""
+"""Possible numbers of bits of an image's values; 0: all values are 0."""
 
 Image = NDArray[np.uint16] | Words
 
@@ -57,7 +57,7 @@ class FieldsEncoder:
         self._kind, self._effort, self._state = kind, effort, _State()
 
     def encode(self, turn: Turn, rest: Rest, *, is_key: bool) -> bytes:
-        """Encode a turn's further packet data; those of a key turn are decodable alone."""
+        """Encode a turn's further packet data; a key turn's data can be decoded alone."""
         if is_key:
             self._state = _State()
         layout, writer = self._kind.layout, PartWriter()

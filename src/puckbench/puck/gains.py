@@ -1,8 +1,8 @@
 """Estimates of reflectivities from the ranges and signals of returns.
 
 A reflectivity is nearly gain * signal * range^2. The logarithm of the gain is a constant plus one
-entry of each of five learnt tables. Their indices are: range; laser and range; laser; signal; the
-sum of the other four entries.
+entry of each of five learnt tables. The tables' indices are: range; laser and range; laser; signal;
+the estimate from the other four tables.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from puckbench.puck.numbers import halves
 
 MAX_VALUE = (1 << 16) - 1
 _OCTAVE = 4096
-"""A factor of 2 as a difference of logarithms."""
+"""Difference of logarithms for a factor of 2."""
 _BINS = 400
-"""Entries of a table of logarithms, 16 for an octave."""
+"""Entries of a table of logarithms, 16 per octave."""
 _COARSE_BINS, _COARSE = 52, 3
-"""Entries of a laser's table of logarithms of ranges, 2 ** (4 - _COARSE) for an octave."""
+"""Entries of a laser's table of logarithms of ranges, 2 ** (4 - _COARSE) per octave."""
 _TABLES = 5
 _VARIANCE = 1 << 24
-"""The variance 1 (squared octave)."""
+"""Integer for a variance of 1 squared octave."""
 _FIRST_VARIANCES = np.array([1.0, 0.05, 1.0, 0.05, 0.05])
 """Variances of the entries of the five tables before the first estimate, in squared octaves."""
 _LEAST_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
-"""Least variances of the entries of each table, so that they adapt to changes."""
+"""Least variances of the entries of each table, so that entries adapt to changes."""
 _LEAST_NOISE, _MOST_NOISE = _VARIANCE >> 13, _VARIANCE // 25
 """Limits of the variance of the error that no table explains."""
 _ROUNDING = round(0.2 * _VARIANCE)
-"""Variance of the logarithm of a value v because it is rounded, times v squared."""
+"""Variance of the logarithm of v due to the rounding of v, times v squared."""
 _EARLY_GAIN = -81633 << 8
 """Initial constant for reflectivities of 16 bits, from two sensors with early firmware (ranges in
 mm)."""
@@ -138,7 +138,7 @@ def _within(gains: Gains, estimate: int) -> int:
 
 @inlined
 def _start_range(gains: Gains) -> None:
-    """Initialise an unlearnt entry of the table of ranges with its learnt neighbour."""
+    """Initialise an unlearnt entry of the table of ranges with the learnt entry beside it."""
     sums, variances, first = gains.logarithms, gains.variances, gains.places[0] >> 8
     low, high = variances[first] == _VARIANCE, variances[first + 1] == _VARIANCE
     if low and not high:
@@ -158,7 +158,7 @@ def _gain(gains: Gains, place: int) -> int:
 def learn_estimate(gains: Gains, value: int) -> None:
     """Correct the entries of the last estimate, given the true `value`.
 
-    A Kalman filter without covariances: each entry's share of the error depends on its variance.
+    This is a Kalman filter without covariances: an entry's correction depends on its variance.
     """
     places, sums, variances, memory = gains.places, gains.logarithms, gains.variances, gains.memory
     if gains.farthest == MAX_VALUE:

@@ -22,8 +22,8 @@ MOST_RAW_BYTES = 1 << 26
 _GROUPS = 32
 """Maximum number of frequent lengths; only gaps of these lengths are coded as differences."""
 _HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
-"""LZMA options for differences of headers, whose neighbouring bytes are nearly independent: the
-output is no larger than by the preset, in a fifth of the time."""
+"""LZMA options for differences of headers, in which adjacent bytes are nearly independent. Output
+is no larger than with the preset, and takes a fifth of the time."""
 _CHUNK = 1 << 16
 """Limit of the bytes of an LZMA2 chunk that is stored uncompressed."""
 
@@ -41,7 +41,7 @@ def store_gaps(gaps: list[bytes]) -> bytes:
 
 
 def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
-    """Decode `count` gaps, after a call of `admit` with their size in bytes.
+    """Decode `count` gaps, after a call of `admit` with their total size in bytes.
 
     `admit` raises an error if the size is too large.
     """

@@ -1,7 +1,7 @@
 """Coding of a number as binary decisions around an expected value, the centre.
 
 The first decision is the side of the centre. Next, thresholds at growing distances from the centre
-bound the number; then the interval between thresholds is halved.
+bound the number. Finally, the interval between the thresholds is halved repeatedly.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def code_number(
 ) -> int:  # fmt: skip
     """Encode or decode a number from 0 to (farthest + step) // step; return it.
 
-    The experts estimate `step` * `number`. `centre`, at least 1, is the expected number, `unit` the
-    distance of the first decisions from it. Without experts, a counter for each kind of decision,
-    from `start` on, replaces context mixing.
+    The experts estimate `step` * `number`. `centre`, at least 1, is the expected number; `unit` is
+    the first threshold's distance from the centre. Without experts, a counter for each kind of
+    decision, from `start` on, replaces context mixing.
     """
     is_unmixed = len(experts.every) == 0  # a constant: the compiler removes the other branch
     low, high = 0, in_steps(farthest, step) + 2
@@ -102,7 +102,7 @@ def in_steps(number: int, step: int) -> int:
 
 @inlined
 def halves(value: int) -> int:
-    """Return the level of a number (at least 0) on a logarithmic scale, two levels per octave."""
+    """Return the level of a number >= 0 on a logarithmic scale, two levels per octave."""
     value += 1
     k: int = 63 - leading_zeros(value)
     return 2 * k + ((value >> (k - 1)) & 1 if k > 0 else 0)
@@ -120,8 +120,8 @@ def activity(
 ) -> int:
     """Return the level, from 0 to `levels` - 1, of the prediction errors around a pixel.
 
-    `error` is the laser's mean error, in 1 / FINE; `errors` and `then` are those of this turn and
-    the previous one.
+    `error` is the laser's mean error, in 1 / FINE; `errors` and `then` are errors of this and the
+    previous turn.
     """
     total = 2 * error
     total += errors[c, laser - 1] if laser > 0 else error

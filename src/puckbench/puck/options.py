@@ -20,13 +20,13 @@ class CodingOptions:
         Ranges are coded as multiples of this number of quanta (sensor steps); 1 is lossless.
     lmbda
         Lagrangian weight of the rate in nats against the squared error in quanta squared, rounded
-        to sixteenths. Above 0, an adjacent multiple may be coded to save bits.
+        to sixteenths. If above 0, a multiple beside the nearest one may be coded to save bits.
     times, reflectivities
-        Whether to encode them.
+        Whether they are encoded.
     effort
         Size of the models: larger ones compress better and take longer.
     key_every
-        Turns from one key turn, decodable alone, to the next; 0: only the first is a key turn.
+        Turns from one key turn (decodable alone) to the next; 0: only the first is a key turn.
     """
 
     step: int = 1

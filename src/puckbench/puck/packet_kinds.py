@@ -1,7 +1,7 @@
 """Formats of packets in recordings, and coding of packets as records of turns.
 
-A second record follows a turn if its packets hold more: an Ouster's further fields, an HDL-64E's
-status bytes, or the blocks without lasers of an Alpha Prime in dual return mode.
+A second record follows a turn if the packets hold more data: an Ouster's further fields, an
+HDL-64E's status bytes, or an Alpha Prime's blocks without lasers in dual return mode.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _OUSTER_CODE_BYTES = 3
 
 
 class PacketFormat(NamedTuple):
-    """A format of packets in a file: pieces (IP fragments) of these lengths, `hole` bytes apart."""
+    """A format of packets in a file: IP fragments of lengths `pieces`, `hole` bytes apart."""
 
     pieces: list[int]
     hole: int
@@ -65,13 +65,13 @@ class PacketFormat(NamedTuple):
 
 VELODYNE = PacketFormat([PACKET_BYTES], 0, find_packets, split_turns)
 _HOLES = (50, 52, 54, 68)
-"""Bytes of headers between IP fragments: pcap of Ethernet, of Linux, of a VLAN, and pcapng."""
+"""Bytes of headers between IP fragments: pcap (Ethernet, Linux cooked, VLAN) and pcapng."""
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
-    """Return the formats of packets to search for, in this order.
+    """Return the formats of packets in the order in which to search for them.
 
-    An Ouster's come first, if its metadata is beside the recording.
+    An Ouster's formats come first if metadata lie beside the recording.
     """
     metadata = metadata_beside(recording)
     try:
@@ -86,7 +86,7 @@ def formats_of(recording: Path) -> list[PacketFormat]:
 
 
 def decode_kind(body: bytes) -> Kind:
-    """Decode the body of a LAYOUT record; raise InputError if no packets have it."""
+    """Decode the body of a LAYOUT record; raise InputError if no packets have this layout."""
     layout, code = decode_layout(body)
     if len(code) == _OUSTER_CODE_BYTES:
         return OusterKind.decode(layout, code)
@@ -99,7 +99,7 @@ def decode_kind(body: bytes) -> Kind:
 
 
 def count_values(kind: Kind, body: bytes) -> int:
-    """Return the number of ranges in a coded turn, and of values in its fields' images."""
+    """Return the number of ranges and of field values in a coded turn."""
     images = len(kind.channels) if isinstance(kind, OusterKind) else 0
     return count_ranges(kind.layout, body) * (1 + images)
 
@@ -119,8 +119,8 @@ class _CodedTurn(NamedTuple):
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
     """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
 
-    Decoding starts at the last key turn up to `first`. Turns lack an Ouster's signals and ambient
-    light, which `decompress` restores.
+    Decoding starts at the last key turn up to turn `first`. Turns lack an Ouster's signals and
+    ambient light, which `decompress` restores.
     """
     layout: Layout | None = None
     turns: list[_CodedTurn] = []

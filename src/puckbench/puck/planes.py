@@ -29,19 +29,19 @@ Labels = NDArray[np.int32]
 Places = NDArray[np.int64]
 
 _SUMS = 11
-"""Sums of a set of returns: number, six of products of (r p), three of (r p) r, and of r^2."""
+"""Sums over a set of returns: 1, six products of components of r p, three of r p and r, and r^2."""
 _LONGEST_PIECE = 8
 _GAP = 3
 """Returns in a row are neighbours if at most this number of columns apart."""
 _STEEPEST = 6.0
-"""Neighbours with a larger tangent of the incidence angle are taken for an edge."""
+"""Neighbours are taken for an edge if the incidence angle has a larger tangent."""
 _JUMP = 4.0
 """Neighbours may differ by this number of standard deviations more than `_STEEPEST` allows."""
 _SLOPE = 2.0
 """Tangent of a typical incidence angle, the prior for slopes that returns do not determine."""
 _GAINS = (2.0, 8.0, 25.0)
-"""In successive rounds, a merger may add these multiples of the noise variance to the squared
-errors."""
+"""Multiples of the noise variance by which a merger may increase the sum of squared errors, in
+successive rounds."""
 _ROUNDS = 3
 _BORDER = 6
 """A border between planes moves by at most this number of returns."""
@@ -157,7 +157,7 @@ def _cut(
 ) -> int:  # fmt: skip
     """Cut rows into pieces, write each return's piece to `labels`, and return the number of pieces.
 
-    A piece ends at a jump or gap, or where two lines fit far better than one.
+    A piece ends at a jump or gap, or where two lines fit its returns far better than one.
     """
     ranges, rows = image
     count = 0

@@ -1,8 +1,9 @@
 """Coding of an Ouster's images at effort `fast`: ranges, signals, reflectivities and others.
 
 Adaptive least squares predict a pixel from its neighbours and the previous turn. The prediction
-error is split into a symbol and low bits, which are stored. Symbols are coded by asymmetric numeral
-systems (rANS; Duda 2013) with adaptive frequencies; their context is the size of nearby errors.
+error is split into low bits, which are stored uncoded, and a symbol. Symbols are coded by
+asymmetric numeral systems (rANS; Duda 2013) with adaptive frequencies; the context is the size of
+nearby errors.
 """
 
 from __future__ import annotations
@@ -33,29 +34,30 @@ _LOW = 1 << 31
 """Least state of a coder between symbols."""
 _STATE_WORDS, _WORD_BYTES = 4, 4
 _DENSE, _OCTAVES = 48, 26
-"""Numbers of symbols for single small errors, and for octaves of larger ones of each sign."""
+"""Numbers of symbols for small errors, and for octaves of larger errors of each sign."""
 _ZERO = _DENSE + 2 * _OCTAVES
 _SYMBOLS = _ZERO + 1
 _LEVELS = 20
 _CONTEXTS = 8 * _LEVELS
-"""Contexts: which of three neighbours are 0, and levels of the errors around the pixel."""
+"""Number of contexts, by which of three neighbours are 0, and by errors around the pixel."""
 _COUNT = 24
 """Increase of a symbol's count when it is coded."""
 _MOST_COUNTS = 1 << 17
 _FEATURES = 8
 _CLIP = 60 * FINE
-"""Limit of features: larger differences of ranges (edges) become 0, those of others are clipped."""
+"""Limit of features: larger differences of ranges (edges) become 0, of other pixels are clipped."""
 _FEW_BITS = 16
-"""A coder's state has room for a symbol and this number of bits."""
+"""A coder's state has room for a symbol and this number of low bits."""
 _LARGEST = 1 << 17
 """Limit of coefficients, in units of 2**-16."""
 _RIDGE = 5000
 _LEARNT = 64
-"""After this number of columns, only every fourth column and every eighth laser are learnt."""
+"""Number of columns after which least squares learn from every fourth column only, and tables of
+gains from every eighth laser."""
 _MOST_ERROR = 1 << 16
 _FIRST_ERROR = 48
 _FEW = 32
-"""Values above 0 are listed if at most 1 / 32 of an image has them."""
+"""Pixels above 0 are listed if they are at most 1 / 32 of an image."""
 _CODED, _LISTED = b"\0", b"\1"
 """First byte of a part."""
 
@@ -114,8 +116,8 @@ class ImageJob(NamedTuple):
     signals
         Signals of the same returns with borders, if the pixels are reflectivities.
     reference
-        Similar image with borders, from which pixels are predicted: for ranges of second returns,
-        those of the first.
+        Image with borders, from which pixels are predicted: ranges of first returns for ranges of
+        second returns.
     """
 
     number: int
@@ -417,7 +419,7 @@ def _learn_column(
 
 @inlined
 def _write_weights(model: _Model, image: _Image, c: int) -> None:
-    """Write a column's responses of the least squares, and weights, smaller for large errors."""
+    """Write a column's least squares responses and weights; large errors have small weights."""
     values, held, west, errors = image.values[c], image.held[c], image.held[c - 1], image.errors[c]
     around, responses, weights = model.columns[1], model.columns[4], model.columns[5]
     for k in range(len(weights)):
@@ -482,7 +484,7 @@ def _write_words(coder: _Coder, out: NDArray[np.uint32]) -> int:
 
 
 def framed(values: NDArray[Any]) -> Words:
-    """Return an image (columns, lasers) with borders, of zeros, as other images' jobs need it."""
+    """Return an image (columns, lasers) with borders of zeros, for jobs of other images."""
     framed = np.zeros((len(values) + 2 * PAD, values.shape[1] + 2), np.int32)
     framed[PAD:-PAD, 1:-1] = values
     return framed
@@ -543,7 +545,7 @@ class ImageCoder:
 
 
 def _listed(image: NDArray[Any]) -> bytes:
-    """Return the nonzero pixels and their indices, compressed, or nothing if they are many."""
+    """Return the nonzero pixels and their indices, compressed; no bytes if there are many."""
     if _FEW * np.count_nonzero(image) > image.size:
         return b""
     places = np.flatnonzero(image)

@@ -47,9 +47,9 @@ from puckbench.puck.numbers import (
 from puckbench.puck.options import Effort
 
 PAD = 8
-"""Array rows before an image's first column, for the last columns of the previous turn."""
+"""Array rows before an image's first column, which hold the previous turn's last columns."""
 _LEVELS = 16
-"""Number of levels of activity, the prediction errors around a firing."""
+"""Number of levels of activity, the mean prediction error around a firing."""
 _SITUATIONS = 4 * _LEVELS
 _JUMP = 24
 """A larger difference between columns, in range quanta, is taken for a change of surface."""
@@ -84,7 +84,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of a model, which uses only the first features, experts and contexts."""
+    """Sizes of a model, which uses the first `features` features (likewise experts, contexts)."""
 
     features: int
     experts: int
@@ -309,7 +309,7 @@ def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple
 
 @inlined
 def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
-    """Return `index`, or its neighbour towards the predicted `mean` if that costs less in total.
+    """Return `index`, or its neighbour towards `mean` if the rate-distortion cost is lower.
 
     One step towards the prediction saves about step / scale nats.
     """
@@ -339,7 +339,7 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return a change of range in quarter quanta; 0 if a range is missing or over 60 quanta off."""
+    """Return a change of range in quarter quanta; 0 if over 60 quanta, or if a range is missing."""
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 

@@ -1,6 +1,6 @@
 """Lossless compression of recordings, or of any other file.
 
-Data packets are recognised by their content, and those of each revolution are encoded as one turn.
+Data packets are recognised by content; the packets of a revolution are encoded as one turn.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ from puckbench.puck.sqlite_pages import (
 from puckbench.puck.stream import most_ranges
 
 _WINDOW = 1 << 24
-"""Bytes in which packets are searched for at a time; their turns form a batch."""
+"""Bytes that are searched for packets at a time; the packets' turns form a batch."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of the bytes of a recording: a constant, and more for each byte of the stream."""
 _FRAME_BYTES = 16
 """Limit of the bytes that state the length of a single gap; a decoder counts them too."""
 
 Report = Callable[[int, int], None]
-"""Called with the numbers of bytes that are done and of all bytes."""
+"""Function that gets the numbers of processed bytes and of all bytes."""
 
 
 @dataclass(kw_only=True)
@@ -126,8 +126,8 @@ def compress(
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    Packets are encoded as turns, other bytes compressed by LZMA. Lossy options raise InputError.
-    `report` is called with the number of processed bytes and the file's size.
+    Packets are encoded as turns; LZMA compresses other bytes. Lossy options raise InputError.
+    `report` gets the number of processed bytes and the file's size.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -269,10 +269,10 @@ class _PacketEncoder:
     def batches(
         self, data: Bytes, packets: _Packets, report: Callable[[int], None]
     ) -> Iterator[_Batch]:
-        """Yield three encodings of `data`; the caller uses the first within the limits.
+        """Yield three encodings of `data`; the caller uses the earliest within the limits.
 
-        They encode packets as turns, compress all bytes by LZMA, or store them, which is always
-        within the decoder's limits.
+        Packets are encoded as turns; LZMA compresses all bytes; or bytes are stored, which is
+        always within the decoder's limits.
         """
         yield self._batch(data, packets, report)
         self._packets = None

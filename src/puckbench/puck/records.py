@@ -1,6 +1,6 @@
 """Container format of streams: a magic number and a version, then records.
 
-A record is its kind, the length of its body (base 128) and, unless the body is empty, its CRC-32
+A record is its kind, the length of its body (base 128) and, unless the body is empty, the CRC-32
 and the body.
 """
 
@@ -23,7 +23,7 @@ DAMAGED = "the stream is damaged or truncated"
 
 
 def check(is_valid: bool) -> None:
-    """Raise InputError, that a stream is damaged, if something is not valid."""
+    """Raise InputError for a damaged stream unless `is_valid`."""
     if not is_valid:
         raise InputError(DAMAGED)
 

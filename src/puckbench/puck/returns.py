@@ -30,7 +30,7 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 
 
 def decode_returns(stream: bytes) -> Returns:
-    """Decode the output of `encode_returns`; raise InputError for any other or a damaged stream."""
+    """Decode the output of `encode_returns`; raise InputError for damaged and other streams."""
     without_turns, bodies = _read(stream)
     decoder = TurnDecoder(without_turns.layout)
     return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))

@@ -16,7 +16,7 @@ _FIRST_SCALE = 60 * FINE * 256
 
 
 class SecondReturnModel(NamedTuple):
-    """Adaptive state; `other` has each laser's last second range unequal to the first range."""
+    """Adaptive state; `other` is each laser's last second range that differs from the first."""
 
     same: Mixer
     value: Mixer
@@ -55,8 +55,8 @@ def code_second_returns(
     """Encode or decode a turn's second ranges; return False if the stream ends early.
 
     Second ranges fill `ranges` (PAD + columns, lasers) from row PAD on; `first` are first ranges.
-    `then` and `then_first` are those of the previous turn; for `nearest` see `ranges.code_ranges`.
-    When encoding, `source` and `source_first` are the original ranges.
+    `then` and `then_first` are the previous turn's; for `nearest` see `ranges.code_ranges`. An
+    encoder reads the original ranges, `source` and `source_first`.
     """
     step = model.step
     for c in range(PAD, len(ranges)):

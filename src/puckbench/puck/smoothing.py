@@ -1,9 +1,9 @@
 """Smoothing of decoded ranges: returns are moved along their rays to fitted planes.
 
 Biases of lasers, estimated from planes that several lasers hit, are subtracted. A return moves out
-of its quantisation interval by at most three standard deviations of the noise. Returns that scatter
-around a plane by more than the noise (leaves) are moved less. The last bits of results depend on
-how a machine rounds sines and square roots.
+of its quantisation interval by at most three standard deviations of the noise, or a tenth of the
+step. Returns that scatter around a plane by more than the noise (leaves) are moved less. The last
+bits of results depend on how a machine rounds sines and square roots.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ _WIDEN = 3.0
 """A return may leave its quantisation interval by this number of standard deviations of the noise.
 """
 _WIDEN_STEPS = 0.1
-"""Number of steps by which any return may leave the interval, as large steps hide the noise."""
+"""Fraction of the step by which any return may leave the interval, as large steps hide the noise.
+"""
 _MOST_NOISE_M = 0.05
 """Limit of the estimated noise: larger estimates come from leaves."""
 _SCATTER = 5.0
@@ -160,7 +161,7 @@ def _image(coded: Floats, directions: Floats, origins: Floats, biases: Floats) -
 def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
     """Estimate the biases of the lasers, (lasers,), m, with mean zero.
 
-    A common bias is indistinguishable from a larger room.
+    A bias of all lasers is indistinguishable from a larger room.
     """
     labels, vectors = planes
     lasers, most = len(labels), 3 * std

@@ -18,7 +18,7 @@ Coarsely quantised scans without noise have few bits per range.
 _SMALL_BYTES, _MANY_RANGES = 1 << 20, 6 << 20
 """A stream of up to 1 MiB holds at most 6 Mi ranges: some seconds of a recording."""
 _RANGES_PER_TURN = 1024
-"""Ranges that are added for each turn, since decoding even two ranges of a key turn takes 1 ms."""
+"""Ranges added for each turn, since decoding even two ranges of a key turn takes 1 ms."""
 
 
 def count_ranges(layout: Layout, body: bytes) -> int:

@@ -67,7 +67,7 @@ _QUICK = 128
 """Flag: ranges and reflectivities are coded by `quick_images`."""
 _CLOCK = 1 << 32
 _FARTHEST_COLUMN = 180
-"""A column of the previous turn is a context within 1 / 180 of a revolution."""
+"""A column of the previous turn is a context only within 1 / 180 of a revolution."""
 _FIRST_ERROR = 48
 _DECISIONS, _WIDE_DECISIONS = 48, 80
 """Approximate maximum number of decisions for a range of 16 or 32 bits."""
@@ -98,7 +98,10 @@ class _State:
 
 @dataclass
 class _CodedTurn:
-    """A coded turn, the context of the next; lists have an item for each return of a beam."""
+    """A coded turn, from which the next turn is predicted.
+
+    Lists have an item for each kind of return (strongest, last).
+    """
 
     azimuths: Ints
     strongest: RangeContext

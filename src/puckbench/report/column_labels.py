@@ -126,8 +126,8 @@ _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     (f"hausdorff_{_KIND}_m", "Hausdorff distance, {}", "m", None),
     (f"hausdorff_sq_{_KIND}", "Squared Hausdorff distance, {}", SQUARED, None),
 )
-"""Pattern of column names; label, with `_WORDS` for the pattern's groups; unit; group of columns.
-If the group is None, names may have a prefix in `_REFERENCES`."""
+"""Pattern of column names; label, in which `_WORDS` replace ``{}``; unit; group of columns. If the
+group is None, a prefix in `_REFERENCES` determines the group."""
 _REFERENCES = {
     "truth_": (_TRUTH, ", to the true surface"),
     "clean_": (_CLEAN, ", to the clean scan"),

@@ -30,7 +30,7 @@ class Comparison:
     deltas
         Result of `bd_rate`, with ``codec`` from the run and ``anchor`` from the reference.
     same_streams
-        Numbers of equally large streams and of all streams, by common codec.
+        Numbers of streams with equal sizes, and of all streams, by common codec.
     """
 
     run_rows: pd.DataFrame

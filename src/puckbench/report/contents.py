@@ -12,7 +12,7 @@ TITLE = "Point-cloud compression on virtual LiDAR scans"
 
 
 class Example(Model):
-    """A cloud in the viewer, with the files of the prepared cloud and its decoded versions.
+    """Files of a cloud in the viewer: the prepared cloud and its decoded versions.
 
     `kind` is "object", "raw", "clean" or "noisy". `decoded` has a PLY file, or an archive (.zip)
     that contains ``<rate>.ply``, for each codec and rate.

@@ -25,8 +25,7 @@ FASTEST = "Fastest"
 """Group of the columns with times."""
 _REFERENCE = "reference"
 _EXACT = 1e-4
-"""A scan nearer than this to the true surface counts as free of errors (m, or squared grid
-units)."""
+"""Distance to the true surface (m, or squared grid units) below which a scan counts as exact."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class FindingsColumn:
         return self.ranking[0] if self.ranking and not self.ties else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> FindingsColumn:
-        """Return the column with `ties`: codecs that the best one does not beat, by `is_better`."""
+        """Return the column with its ties: codecs for which ``is_better(best, codec)`` is false."""
         best, *others = self.ranking or ("",)
         return replace(self, ties=tuple(c for c in others if not is_better(best, c)))
 

@@ -1,7 +1,7 @@
 """Render the page: templates with data, style and scripts inserted.
 
-The interactive plot uses no library: the smallest has 4.8 MB and needs a weaker content security
-policy.
+The interactive plot uses no library: the smallest in a Python package has 4.8 MB and needs a
+weaker content security policy.
 """
 
 from __future__ import annotations

@@ -116,9 +116,9 @@ def _cells(
 
 
 def _quartiles(values: Floats) -> Floats:
-    """Return quartiles (3, columns) of values (n, columns), without nan; nan if there are none.
+    """Return quartiles (3, columns) of values (n, columns), without nan; nan for empty columns.
 
-    Much faster than the quantiles of a data frame of many columns.
+    This is much faster than quantiles of a wide data frame.
     """
     quartiles = np.full((len(_SHARES), values.shape[1]), np.nan)
     is_missing = np.isnan(values)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parent / "reference"
 OF_DRIVES = Path(__file__).parent / "reference_drives"
-"""Folder of tables of drives."""
+"""Folder with tables of results on drives."""
 DIGEST = "digest"
 """Column with the digest of a cloud's coordinates."""
 KEY = "puckbench.reference"
@@ -51,7 +51,7 @@ _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
 _TIMED = ("encode_curve", "evaluate_curve", "encode_drive")
 """Jobs that time codecs."""
 MIN_PROCESSOR_SHARE = 0.95
-"""Minimum ratio of processor time to wall time of these jobs (one thread each) on an idle machine.
+"""Minimum ratio of processor to wall time of `_TIMED` jobs (one thread each) on an idle machine.
 Measured: 0.97 (encoding) and 0.99 (decoding, evaluation) on an idle machine, 0.83 and 0.88 on a
 busy one (docs/notes/times.md)."""
 
@@ -220,7 +220,7 @@ def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
 
 
 def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
-    """Return why a run's times are not comparable, by the costs of jobs; empty if they are."""
+    """Return why a run's times are not comparable, judged by job costs; empty if comparable."""
     timed = [cost for cost in costs if cost["job"] in _TIMED]
     if not timed:
         return "no log tells whether the machine was idle"

@@ -26,7 +26,7 @@ _MOST_VALUES = 5
 
 @dataclass(frozen=True)
 class RunDescription:
-    """Rows of the data sets and of the codecs, by heading; the machine; the configuration."""
+    """Rows (values by heading) of data sets and codecs; the machine; the configuration as YAML."""
 
     datasets: tuple[Mapping[str, str], ...]
     codecs: tuple[Mapping[str, str], ...]

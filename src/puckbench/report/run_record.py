@@ -24,7 +24,7 @@ class RunRecord(Model):
     processor_s
         Processor time of all jobs, s.
     busy_s
-        Time with at least one running job, s, without pauses between interrupted runs.
+        Time during which a job ran, s, without pauses between interrupted runs.
     commits
         Commits of the sources, ordered by their first job.
     """

@@ -25,7 +25,7 @@ BYTES_PER_POINT = 28 / 3
 MOST_DECADES = 3
 """Maximum range of the error colour scale, powers of ten."""
 _MOST_POINTS, _MOST_MB = 20_000, 8.0
-"""Maximum number of points of a cloud, and total size (MB) of the clouds in the page."""
+"""Maximum number of points of a cloud, and maximum size (MB) of all clouds in the page."""
 _LEAST_DECADES = 0.3
 _STEPS = 65535
 _LEAST_POINTS = 100
@@ -56,8 +56,8 @@ def viewer_payload(
 def initial_view(
     examples: Sequence[Example], metrics: pd.DataFrame | None, scan_errors: pd.DataFrame | None
 ) -> dict[str, Any]:
-    """Return the example, codec and rate that most reduce the scan's distance to the true surface;
-    without a true surface, the last example.
+    """Return the example, codec and rate with the least distance to the true surface, relative to
+    the scan's distance; without a true surface, return the last example.
     """
     gains: dict[tuple[int, str, str], float] = {}
     for number, example in enumerate(examples):
@@ -157,8 +157,9 @@ def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
 def decoded_for_viewer(
     original: PointCloud, decoded: Iterable[tuple[str, str, Floats]], most: int
 ) -> list[tuple[str, str, ViewerCloud]]:
-    """Return decoded clouds (codec, rate, cloud) with errors; `decoded` has the original's
-    frame.
+    """Return decoded clouds (codec, rate, cloud) with errors.
+
+    `decoded` contains codec, rate, and points (m, 3) in the original's coordinate frame.
     """
     from pykdtree.kdtree import KDTree
 
@@ -189,10 +190,7 @@ def example_payload(
 
 
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
-    """Return the limits of a codec's colour scale, which leave out outliers.
-
-    The limits span at most three powers of ten.
-    """
+    """Return the limits of a codec's colour scale, without outliers: at most three decades."""
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])
     if not errors.any():
@@ -203,7 +201,7 @@ def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
 
 
 def cloud_payload(shown: ViewerCloud, limits: tuple[float, float] = (0.0, 0.0)) -> dict[str, Any]:
-    """Encode a cloud in base64: coordinates in 65,535 steps of its box, and errors as `levels`."""
+    """Encode a cloud in base64: coordinates in 65,535 steps of its box, errors by `levels`."""
     low, high = shown.xyz.min(axis=0), shown.xyz.max(axis=0)
     extent = np.maximum(high - low, 1e-9)
     steps = np.rint((shown.xyz - low) * (_STEPS / extent)).astype("<u2")

@@ -30,7 +30,7 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """Return the specification of a building's room, a stretched room of the catalogue."""
+    """Return the specification of a building's room, made by stretching a catalogue room."""
     kind = room_types()[name]
     rng = generator(seed, "building", name)
     base = str(rng.choice(ROOM_CHOICES[kind]))

@@ -36,7 +36,7 @@ def calibration_origin(name: str) -> tuple[float, float, float]:
 def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
     """Return a scene with the wall `distance` metres from the sensor, and the sensor's position.
 
-    The scene is turned by 180 degrees, so that the wall is in direction +y from the sensor.
+    The scene is rotated by 180 degrees: the wall is in direction +y.
     """
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])

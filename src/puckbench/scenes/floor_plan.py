@@ -16,7 +16,7 @@ _TOUCH = 0.005
 class FloorPlan:
     """Floor of a room, and the space that objects occupy, in metres.
 
-    `outline` (n, 2) is the floor's corners, counter-clockwise. An occupied space is a rectangle in
+    `outline` (n, 2) has the floor's corners, counter-clockwise. An occupied space is a rectangle in
     x and y, (4, 2), and a range of z.
     """
 

@@ -64,9 +64,9 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps of depth and height `step`, rising towards +y.
+    """Make `count` steps with the depth and height `step`, rising towards +y.
 
-    The last step is `at_back` deep.
+    The last step has the depth `at_back`.
     """
     depth, rise = step
     parts: list[Surface] = []

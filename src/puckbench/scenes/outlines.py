@@ -30,7 +30,7 @@ def line(*points: Point) -> Outline:
 
 
 def ring(*paths: Outline) -> Outline:
-    """Join paths, by lines from the end of each to the start of the next, to a closed outline."""
+    """Join paths into a closed outline, by lines from each path's end to the next path's start."""
     following = (*paths[1:], paths[0])
     return tuple(
         segment
@@ -64,7 +64,7 @@ def circle(radius: float, steps: int, centre: Point = (0.0, 0.0)) -> Outline:
 
 
 def curve(points: Sequence[Point], steps: int) -> Outline:
-    """Make a Catmull-Rom curve through points, with `steps` segments from point to point."""
+    """Make a Catmull-Rom curve with `steps` segments between successive points."""
     smooth = catmull_rom(np.array(points, dtype=np.float64), steps)
     return (Segment("curve", smooth),)
 

@@ -116,7 +116,7 @@ class Room:
 
 
 def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
-    """Occupy an item's space at the pose `place` (4, 4) if it is free; return whether it is."""
+    """Occupy an item's space at the pose `place` (4, 4) if free; return whether it was free."""
     low, high = item_bounds(item)[:, 2] + place[2, 3]
     grounds = [_ground(piece, place) for piece in _feet(item)]
     if not all(plan.is_free(ground, low, high) for ground in grounds):

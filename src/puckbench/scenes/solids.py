@@ -53,7 +53,7 @@ def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> S
 def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
     """Revolve a profile of (r, z) points, with the solid on its left, about z.
 
-    A closed body's profile starts on the axis below and ends on the axis above. Lines give planes,
+    A closed body's profile starts and ends on the axis, from bottom to top. Lines give planes,
     cylinders and cones; arcs give spheres and tori; curves are freeform.
     """
     closed = degrees >= 360.0
@@ -102,7 +102,7 @@ def superquadric(
 
 
 def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = False) -> Surface:
-    """Sweep a circle of one radius, or of one per point, along a path (n, 3).
+    """Sweep a circle, with one radius or a radius per point, along a path (n, 3).
 
     The result is a freeform surface with flat ends, or without ends if `closed`.
     """

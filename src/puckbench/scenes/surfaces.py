@@ -12,7 +12,7 @@ from puckbench.geometry.mesh import Primitive
 
 @dataclass(frozen=True)
 class Shape:
-    """A geometric primitive in a normalised pose: plane z = 0, axis z, centre or apex at 0.
+    """A geometric primitive in a normalised pose: plane z = 0, axis z, centre or apex (0, 0, 0).
 
     `kind` is as in `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
     the pose, ``ratios`` (angles, exponents) do not.
@@ -73,7 +73,7 @@ class Surface:
     def at_sides(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, axis: int = 0, **angles: float
     ) -> list[Surface]:
-        """Return a copy whose `axis` coordinate is negated, and one at (x, y, z), rotated."""
+        """Return two rotated copies, at (x, y, z) and with the `axis` coordinate negated."""
         place = [-value if number == axis else value for number, value in enumerate((x, y, z))]
         return [self.at(*place, **angles), self.at(x, y, z, **angles)]
 
@@ -190,8 +190,8 @@ def grid(
 ) -> Surface:
     """Make a surface through a grid of points (m, n, 3).
 
-    Normals are cross products of row and column directions. `closed` connects the last row, or
-    column, to the first.
+    Normals are cross products of row and column directions. `closed` (rows, columns): whether the
+    last is connected to the first.
     """
     rows, columns, _ = points.shape
     index = np.arange(rows * columns).reshape(rows, columns)

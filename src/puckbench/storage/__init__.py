@@ -1,1 +1,1 @@
-"""Codecs in storage formats: LAZ, differences between points, data packets, range images."""
+"""Storage formats as codecs: LAZ, Cloudini, data packets, range images."""

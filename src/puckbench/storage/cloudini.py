@@ -1,6 +1,6 @@
-"""Encoder and decoder for points as Cloudini's format, version 5, by pureini.
+"""Encoder and decoder of points in Cloudini's format, version 5, by the package pureini.
 
-Each coordinate is a field FLOAT64 with the step as its resolution, compressed by Zstandard.
+Each coordinate is a FLOAT64 field with the step as resolution; Zstandard compresses the fields.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ _VERSION, _POINT_BYTES = 5, 24
 
 
 def encode_cloudini(points: Floats, step: float) -> bytes:
-    """Encode points (n, 3) in m, rounded to `step`, in their order; raise InputError if coordinates
-    exceed 31 bits.
+    """Encode points (n, 3) in m, in their order, rounded to multiples of `step`.
+
+    Raises InputError if coordinates exceed 31 bits.
     """
     check_steps(points, step)
     stream = _encoder(len(points), step).encode(points.astype("<f8").tobytes())
@@ -36,7 +37,7 @@ def encode_cloudini(points: Floats, step: float) -> bytes:
 def decode_cloudini(stream: bytes) -> Floats:
     """Decode the points (n, 3) from a stream written by `encode_cloudini`.
 
-    Raises InputError if the stream is damaged, or has another layout.
+    Raises InputError if the stream is damaged or has different fields.
     """
     from pureini import PointcloudDecoder
 

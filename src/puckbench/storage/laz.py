@@ -1,4 +1,4 @@
-"""Encoder and decoder for points as LAZ: compressed LAS 1.2, point format 0, by laspy and lazrs."""
+"""Encoder and decoder of points as LAZ (compressed LAS 1.2, point format 0) by laspy and lazrs."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ from puckbench.storage.steps import check_points_of, in_steps
 MAGIC = b"LASF"
 _HEADER_BYTES = 227
 _STARTS = struct.Struct("<HIIBHI")
-"""At byte 94: size of the header, position of the points, number of variable length records, point
-format, size of a point, number of points."""
+"""Header fields from byte 94: header size, position of the points, number of variable length
+records, point format, size of a point, number of points."""
 _POINT_FORMAT, _POINT_BYTES, _COMPRESSED = 0, 20, 128
 _STARTS_AT, _SCALES_AT = 94, 131
 _RECORD_HEADER_BYTES = 54
 _MOST_SCALE = 1e290
 _CHUNKS_AT, _CHUNKS = struct.Struct("<q"), struct.Struct("<II")
-"""Before the points: position of the chunk table. At its start: version, and number of chunks."""
+"""Before the points, position of the chunk table; the table's first fields: version and number of
+chunks."""
 
 
 Intensities = NDArray[np.uint16]
 
 
 def encode_laz(points: Floats, step: float, intensities: Intensities | None = None) -> bytes:
-    """Encode points (n, 3) in m, rounded to `step`, in their order; raise InputError if coordinates
-    exceed 31 bits.
+    """Encode points (n, 3) in m, in their order, rounded to multiples of `step`.
+
+    Raises InputError if coordinates exceed 31 bits.
     """
     las = las_points(in_steps(points, step), step, np.zeros(3), _POINT_FORMAT)
     las.header.system_identifier, las.header.generating_software = "OTHER", "puckbench"
@@ -43,9 +45,9 @@ def encode_laz(points: Floats, step: float, intensities: Intensities | None = No
 
 
 def intensity_bytes(stream: bytes) -> int:
-    """Return by how many bytes a stream is larger than without intensities.
+    """Return the number of bytes that intensities add to a stream.
 
-    LAZ has no separate bytes for them: the points are encoded again.
+    LAZ does not store them separately, so the points are encoded again.
     """
     points, intensities = decode_laz(stream)
     step = float(np.frombuffer(stream, "<f8", 1, _SCALES_AT)[0])
@@ -53,10 +55,9 @@ def intensity_bytes(stream: bytes) -> int:
 
 
 def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
-    """Decode a stream of `encode_laz`; return points (n, 3) and intensities (n,).
+    """Decode a stream of `encode_laz`; return points (n, 3) in m, and intensities (n,).
 
-    Raises InputError if the stream is damaged, or if another program wrote it. To read LAZ files of
-    other programs, use `puckbench.io.las`.
+    Raises InputError if the stream is damaged or another program's (see `puckbench.io.las`).
     """
     import lazrs
 
@@ -78,8 +79,10 @@ def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
-    """Check a header against `encode_laz`'s, with points from byte `begin` and the record `vlr`;
-    return point count and scales (3,).
+    """Check that `encode_laz` wrote the header; return point count and scales (3,).
+
+    begin: position of the points.
+    vlr: LAZ record, which precedes the points.
     """
     if len(stream) < begin + _CHUNKS_AT.size:
         raise InputError("the stream is truncated")
@@ -96,7 +99,7 @@ def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]
 
 
 def _check_chunks(stream: bytes, begin: int, chunks: int) -> None:
-    """Raise InputError if the number of chunks is wrong: lazrs would allocate memory for it."""
+    """Raise InputError if the number of chunks, for which lazrs allocates memory, is wrong."""
     (at,) = _CHUNKS_AT.unpack_from(stream, begin)
     if not begin < at <= len(stream) - _CHUNKS.size or _CHUNKS.unpack_from(stream, at)[1] != chunks:
         raise InputError("the stream is damaged (its table of chunks)")

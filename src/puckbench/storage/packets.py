@@ -1,8 +1,8 @@
-"""Encoder and decoder of returns as a Velodyne's data packets.
+"""Encoder and decoder of returns as data packets of a Velodyne.
 
 A stream's body is:
 
-    the number of turns, and the number of packets in each, base 128
+    the number of turns, and the number of packets of each turn, base 128
     the packets, 1,206 bytes each, compressed
 """
 
@@ -29,14 +29,14 @@ from puckbench.lidar.turns import Turn
 
 _FEW_PACKETS = 1024
 _MANY_PACKETS, _BYTES_PER_PACKET = 1 << 15, 64
-"""Number of packets allowed in any stream, and number of bytes that allow another packet: decoding
-a stream of 1 MB takes some seconds at most."""
+"""Number of packets that any stream may hold, and bytes for each further packet; decoding 1 MB
+takes some seconds at most."""
 
 
 def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> bytes:
     """Encode returns as data packets; missing times and reflectivities become 0.
 
-    Raises InputError unless the returns fill packets of a shipped Velodyne.
+    Raises InputError unless the returns fill whole packets of a Velodyne that puckbench describes.
     """
     kind = check_whole_packets(returns)
     parts = [packets_of(kind, _completed(turn, kind)) for turn in returns.turns]
@@ -65,7 +65,7 @@ def decode_packets(body: bytes, decompress: Callable[[bytes, int], bytes]) -> Re
 
 
 def check_whole_packets(returns: Returns) -> PacketKind:
-    """Return the kind of packets that the returns fill; raise InputError if there is none."""
+    """Return the kind of packets that the returns fill; raise InputError if no kind fits."""
     kind = _kind(returns)
     if any(len(turn.azimuths) % kind.layout.blocks_per_time for turn in returns.turns):
         raise InputError("a turn is not of whole data packets")

@@ -1,8 +1,8 @@
-"""Encoder and decoder for turns as range images: a row for each laser, a column for each firing.
+"""Encoder and decoder of turns as range images: a row for each laser, a column for each firing.
 
-Rows run from the highest laser down, shifted as the layout says. Pixels have 16 bits and count
-range steps, from 1; 0 means no return. Pixels of 32 bits are in two images: their lower and upper
-16 bits. A stream's body has these parts, each after its length, base 128:
+The highest laser is the first row; the layout specifies shifts of rows. Pixels of 16 bits count
+range steps from 1; 0 means no return. Pixels of 32 bits are split into two images, of the lower and
+of the upper 16 bits. A stream's body has these parts, each after its length, base 128:
 
     the layout (`lidar.returns_header`)
     the beams and the quantum (`lidar.returns_header`)
@@ -10,8 +10,8 @@ range steps, from 1; 0 means no return. Pixels of 32 bits are in two images: the
         turn, base 128
     differences between successive azimuths (16 bits, zigzag), low bytes first, by Zstandard
     an image for each turn and kind of return, by an image codec
-    if 2^17 is added to the quanta: an image of reflectivities for each of them; a pixel without a
-    return repeats its left neighbour or, in the second image, the first image
+    if 2^17 is added to the quanta: an image of reflectivities for each turn and kind of return; a
+        pixel without a return repeats its left neighbour or, in the second image, is 0
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from puckbench.lidar.turns import (
 
 Image = NDArray[np.uint16]
 EncodeImage = Callable[[Image, int], bytes]
-"""Encode an image (rows, columns) without loss; the number is the quanta in a step of a pixel."""
+"""Encode an image (rows, columns) without loss; the number is the quanta per pixel step."""
 DecodeImage = Callable[[bytes, tuple[int, int], int], Image]
-"""Decode an image; arguments are the stream, the shape, and the quanta in a step. Raises InputError
+"""Decode an image; arguments are the stream, the shape, and the quanta per step. Raises InputError
 if the stream is damaged or has another shape."""
 _MAX_QUANTA = 1 << 15
 _WIDE, _REFLECTIVITIES = 1 << 16, 1 << 17
@@ -53,12 +53,11 @@ _FEW_PIXELS = 1 << 20
 def encode_range_images(
     returns: Returns, quanta: int, encode_image: EncodeImage, reflectivities: bool = False
 ) -> bytes:
-    """Encode returns, with ranges rounded to steps of `quanta` quanta (steps of the sensor).
+    """Encode returns, with ranges rounded to steps of `quanta` quanta (the sensor's range unit).
 
-    `reflectivities`: also those, if all turns have them.
+    `reflectivities`: whether to encode reflectivities, if all turns have them.
 
-    A sensor that records two returns per beam gives two images. In the second, a pixel is 0 if both
-    returns are equal.
+    Two returns per beam give two images. In the second, a pixel is 0 if both returns are equal.
     """
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
@@ -117,7 +116,6 @@ def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
 
 
 def reflectivity_bytes(body: bytes) -> int:
-    """Return the number of bytes of the images of reflectivities in a body."""
     reader = Reader(body)
     layout = decode_layout(_part(reader))[0]
     _part(reader)
@@ -140,7 +138,7 @@ def _numbers(reader: Reader) -> tuple[int, int, list[int]]:
 
 
 def _check_pixels(pixels: int, body: bytes) -> None:
-    """Raise InputError if there are implausibly many pixels, before memory is allocated."""
+    """Before memory is allocated, raise InputError if the number of pixels is implausible."""
     if pixels > min(_FEW_PIXELS + _PIXELS_PER_BYTE * len(body), most_points(len(body))):
         raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they can hold")
 
@@ -176,7 +174,10 @@ def _reflectivities(images: Sequence[Ranges], turn: Turn, layout: Layout) -> NDA
 
 
 def _swapped(image: Ranges, first: Ranges) -> Ranges:
-    """Exchange 0 and the first image's value in each pixel; a second call restores the image."""
+    """Replace 0 by the first image's value in each pixel, and this value by 0.
+
+    A second call restores the image.
+    """
     other = np.where(image == 0, first, image)
     swapped: Ranges = np.where(image == first, 0, other).astype(image.dtype)
     return swapped

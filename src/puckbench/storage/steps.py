@@ -10,7 +10,7 @@ from puckbench.geometry.cloud import Floats
 _POINTS_PER_BYTE = 256
 _FEW_POINTS = 65536
 MOST_STEPS = float(2**30)
-"""Largest extent of a cloud, in steps, for `in_steps` if it is within a kilometre of the origin."""
+"""Largest extent, in steps, that `in_steps` accepts of a cloud within a kilometre of the origin."""
 
 
 def in_steps(points: Floats, step: float) -> NDArray[np.int64]:

@@ -22,7 +22,7 @@ _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5"
 class Item:
     """A figure or table of the thesis; `state` is done, missing, impossible or unplanned.
 
-    `note` is the file, the command that makes it, or the reason why none can be made.
+    `note` is the file, the command that makes the file, or the reason why it is impossible.
     """
 
     title: str
@@ -64,7 +64,7 @@ class Reproduction:
         return Path(self.config.results)
 
     def command(self, *targets: str) -> list[str]:
-        """Return the Snakemake command for `targets`; options of several values follow them."""
+        """Return the Snakemake command for `targets`, which precede options of several values."""
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
         return [*words, *(["--config", *settings] if settings else [])]

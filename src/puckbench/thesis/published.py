@@ -6,10 +6,11 @@ FAR_M = 30.0
 """Distance of the sensor from the wall in Figure 5.19; in other figures, 1 to 5 m."""
 
 PRINTED_MEAN_M, PRINTED_STD_M = 0.000, 0.014
-"""Plane residuals of the real VLP-16, equal for walls and floors (section 5.1.3)."""
+"""Mean and standard deviation (m) of the real VLP-16's plane residuals, equal for walls and floors
+(section 5.1.3)."""
 
 REAL_MEAN_M, REAL_STD_M = 0.0007, 0.0138
-"""Plane residuals of the real VLP-16 in the sample of Figure 5.18."""
+"""Mean and standard deviation (m) of the real plane residuals in Figure 5.18."""
 
 MODEL_STDS_M = {"none": 2.7e-7, "hdl64e": 0.0652, "vlp16": 0.0186, "vlp16_divergence": 0.0198}
 """Standard deviations of the error models' residuals, walls and floors, 1 to 5 m (Figure 5.18)."""

@@ -30,8 +30,9 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 def dataset_roles(plan: Plan) -> dict[str, str]:
     """Return the role of each data set: the thesis's data set that it represents.
 
-    Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms. Sampled
-    meshes are sampled rooms if also scanned, else objects. Clouds in metres have no role.
+    A virtual scan has the role of the clean scans if its error model is ``none``, else of the noisy
+    ones. A recorded cloud has the role of the rooms, a sampled mesh that of the sampled rooms if
+    the plan also scans the mesh, else of the objects. Clouds in metres have no role.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {

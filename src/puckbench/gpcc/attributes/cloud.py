@@ -89,8 +89,8 @@ def encode_cloud(
     scale, origin, sensor
         See `coder.encode_geometry`.
     source
-        Exact positions (n, 3), in the coordinates of decoded positions, to recolour merged points;
-        by default `points`.
+        Exact positions (n, 3), in the coordinates of decoded positions, from which merged points
+        are recoloured; by default `points`.
 
     Raises
     ------

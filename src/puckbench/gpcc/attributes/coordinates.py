@@ -41,7 +41,7 @@ def _convert(positions: Int32s, origin: Ints, elevation: Ints, result: Int32s) -
 
 
 def scaled_coordinates(positions: Int32s, scale: Sequence[int]) -> Int32s:
-    """Subtract the minimum from positions (n, 3), and multiply by scale / 256."""
+    """Subtract the minimum from positions (n, 3); multiply the result by scale / 256."""
     wide = positions.astype(np.int64)
     wide = (wide - wide.min(axis=0)) * np.array(scale, dtype=np.int64) + 128 >> 8
     if wide.max() >= 1 << MOST_BITS + _SPARE_BITS or wide[:, 2].max() >= 1 << MOST_BITS:

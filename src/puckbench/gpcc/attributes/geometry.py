@@ -64,7 +64,7 @@ class SlicePoints:
         return self._sorted[scale]
 
     def levels(self, aps: AttributeParameterSet, header: AttributeHeader) -> Levels:
-        """Return an attribute's levels of detail; equal parameters reuse the last result."""
+        """Return an attribute's levels of detail; for equal parameters, the last result."""
         # As in TMC13, an attribute also reuses levels from other coordinates than its own.
         key = (
             aps.num_pred_nearest_neighbours_minus1,

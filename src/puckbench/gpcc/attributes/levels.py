@@ -92,7 +92,7 @@ def _build(
     bias: Ints,
     predictors: Predictors,
 ) -> tuple[Int32s, list[int]]:
-    """Return the points, finest level first, and the number of points left before each level."""
+    """Return the points, finest level first, and the number of points left for each level."""
     count = len(points.codes)
     atlases = empty_atlas(), empty_atlas(), empty_atlas()
     order = np.empty(count, dtype=np.int32)
@@ -176,10 +176,10 @@ def _retain_centroids(
     period: int,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Retain the most central point of each run of nodes with at least `period` points in all.
+    """Retain the most central point of each run of nodes; a run has at least `period` points.
 
     size_log2: log2 of half a node's side.
-    backward: whether the last of equally central points is retained, not the first.
+    backward: whether to retain the last, not the first, of equally central points.
     """
     count = len(remaining)
     if count == 1:
@@ -298,7 +298,7 @@ def _add_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
 
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
-    """Scale squared distances; return the number of neighbours not much farther than the first."""
+    """Scale squared distances; return how many are below 2^FRACTION_BITS times the first."""
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):
         weights[i, k] = (weights[i, k] + (1 << shift >> 1)) >> shift
@@ -318,7 +318,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Int32s, weights: Ints, i: int, positions: Int32s) -> None:
-    """Move 1/16 of each neighbour's weight to the nearer other neighbour, 5/16 to the farther."""
+    """Move 1/16 of each neighbour's weight to the nearer, 5/16 to the farther of the two others."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab = _squared_distance(positions, a, b)
     ac = _squared_distance(positions, a, c)

@@ -71,7 +71,7 @@ def dequantise(
 
 @inlined
 def unweighted(scaled: int, root: int) -> int:
-    """Return scaled * root / 2^40, rounded; TMC13's product overflows for 16-bit values."""
+    """Return scaled * root / 2^40, rounded, without TMC13's overflow for 16-bit values."""
     size = abs(scaled)
     low = (size & _LOW_MASK) * root + (1 << 2 * _LOW_BITS >> 1)
     rounded = ((size >> _LOW_BITS) * root + (low >> _LOW_BITS)) >> _LOW_BITS
@@ -162,7 +162,7 @@ def quantise(
 def choose_last_component(transformed: Ints, ends: Ints, factors: Ints) -> None:
     """Write the factors (levels,) of `dequantise` for transformed values (n, 3).
 
-    As in TMC13, the factor before the first empty level also applies to all later levels.
+    As in TMC13, the factor of the last level before an empty one applies to all later levels.
     """
     start = integer(0)
     for level in range(len(ends)):

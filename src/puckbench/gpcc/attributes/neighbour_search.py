@@ -1,7 +1,8 @@
 """Search for the three nearest neighbours of points in a level of detail.
 
-Candidates are points of coarser levels, first in the same and adjacent cells, and preceding points
-of the same level. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`, `MortonIndexMap3d`.
+Candidates are points of coarser levels, first in the same and adjacent cells, and points of the
+same level that are coded earlier. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
+`MortonIndexMap3d`.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ PRECEDING_NEIGHBOURS = np.array(
 class Atlas(NamedTuple):
     """Grid of 128^3 cells.
 
-    cells: (128^3, 2) index of each cell's first point and of the last + 1, or zeros.
+    cells: (128^3, 2) first index of a cell's points, and last index + 1 (0 if empty).
     used: codes of occupied cells; filled: (1,) their number.
     """
 
@@ -70,8 +71,8 @@ class SearchOptions(NamedTuple):
 
     cell_bits: log2 of the cells' side.
     inter_range: number of candidates before and after the centre in coarser levels.
-    intra: whether points of the same level are candidates, `intra_range` of them.
-    most: number of neighbours.
+    intra, intra_range: whether points of the same level are candidates, and how many.
+    most: maximum number of neighbours.
     mask_bits: ignored low bits of coordinates.
     most_distance: squared distance beyond which only the nearest neighbour is used, or -1.
     """
@@ -86,9 +87,9 @@ class SearchOptions(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    """Int32s (n, 3), and bounding boxes of 8, 64, 512, ... successive ones.
+    """Positions (n, 3), and bounding boxes of 8, 64, 512, ... successive positions.
 
-    boxes: (m, 6), those of 8 positions first.
+    boxes: (m, 6), first the boxes of 8 positions.
     starts: first box of each size; index 0 is not used.
     """
 
@@ -110,7 +111,7 @@ def empty_atlas() -> Atlas:
 
 @inlined
 def neighbour_code(code: int, offset: int) -> int:
-    """Return the Morton code of a cell at an offset of -1 to 1 along each axis; wraps around."""
+    """Return the Morton code of a cell at an offset of -1 to 1 along each axis, with wraparound."""
     return (
         _moved(code, offset, X_BITS, 4)
         | _moved(code, offset, Y_BITS, 2)
@@ -145,7 +146,7 @@ def clear(atlas: Atlas) -> None:
 def holds_near_point(
     positions: Int32s, indices: Int32s, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
-    """Return whether a preceding cell's first point is near `point` (squared distance: radius2)."""
+    """Return whether a preceding cell's first point is within sqrt(`radius2`) of `point`."""
     for offset in PRECEDING_NEIGHBOURS:
         other = neighbour_code(cell, offset)
         if other >> _CELL_BITS != cell >> _CELL_BITS:
@@ -216,7 +217,8 @@ class Query(NamedTuple):
 def _rank(query: Query, k: int) -> int:
     """Return a candidate's rank, which decides between equidistant candidates.
 
-    Ranks follow the offset from the centre: 0, 1, -1, 2, -2, then all larger, then all smaller.
+    Near candidates rank first, by offset from the centre: 0, 1, -1, 2, -2, ...; those after the
+    centre follow; those before the centre are last.
     """
     if query.centre < 0:
         return query.coarser + k
@@ -243,7 +245,7 @@ def _index(query: Query, key: int) -> int:
 
 @inlined
 def _with(best: Best, query: Query, distance: int, k: int) -> Best:
-    """Insert a candidate into the three smallest keys: distance * 2^32 + rank."""
+    """Insert a candidate's key (distance * 2^32 + rank) into the three smallest keys."""
     a, b, c = best
     if k < query.low or k > query.high or k == query.nearest or k == query.second:  # noqa: PLR1714
         return best
@@ -292,12 +294,12 @@ class Grid(NamedTuple):
     """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`.
 
     bias: factors (3,) of distances.
-    ranges: (27, 2) first and last + 1 of the points in the current cell, which comes first, and its
-        neighbours.
-    state: (6,) block and code of the current cell; points that are in the atlas; number of ranges;
-        number of their points; whether none of the cells is in another block.
-    complete: whether to skip empty blocks. In TMC13, the first empty block ends the filling of
-        the atlas.
+    ranges: (27, 2) first index and last index + 1 of the points in the current cell, then in each
+        adjacent cell.
+    state: (6,) block (128^3 cells) and code of the current cell; index of the next point for the
+        atlas; number of ranges; number of points in them; whether all cells are in one block.
+    complete: whether to skip blocks without a query; in TMC13, such a block ends the filling of the
+        atlas.
     following: whether to leave out cells that precede the current one.
     """
 
@@ -399,7 +401,7 @@ def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: 
 def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best, int]:
     """Search a point's cell and its neighbours, unless they hold too many points.
 
-    The result is final if the third distance is less than the returned distance.
+    All points nearer than the returned distance are found.
     """
     _enter_cell(grid, code)
     if grid.state[4] > _MOST_IN_CELLS:
@@ -440,8 +442,8 @@ class Level(NamedTuple):
 def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: int) -> int:
     """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
 
-    Int32s from the number of coarser points on are those of the same level. Returns what remains
-    of `work`, the permitted number of operations; negative if exceeded.
+    With c coarser points, an index below c is that of a coarser point; c + i is point i of the same
+    level. Returns the rest of `work`, the permitted number of operations; negative if exceeded.
     """
     coarser_codes = level.near.codes
     coarser_count, following = len(coarser_codes), integer(0)
@@ -538,7 +540,7 @@ def _search_coarser(
 def _search_same_level(
     best: Best, level: Level, options: SearchOptions, i: int, offset: int
 ) -> tuple[Best, int]:
-    """Search points of the same level, with ascending indices above `i`."""
+    """Search points of the same level in ascending order from the index `i` + 1."""
     x, y, z = _place(level, i)
     positions = level.same_level.positions
     last = len(positions) - 1
@@ -560,7 +562,7 @@ class Predictors(NamedTuple):
     """Up to three points that predict each point (n,), in coding order.
 
     counts: number of neighbours.
-    neighbours: (n, 3) their places in coding order, which precede the point's.
+    neighbours: (n, 3) places of the neighbours in coding order, before the point.
     weights: (n, 3) squared distances, or weights whose sum is 2^FRACTION_BITS.
     """
 
@@ -584,7 +586,7 @@ def nearest_neighbours(
 
     retained: points of coarser levels.
     bias: factors (3,) of distances.
-    work: as for `find_nearest`.
+    work: see `find_nearest`.
     predictors: output; `neighbours` are indices of points, not yet places in coding order.
     """
     same_level = order[part]

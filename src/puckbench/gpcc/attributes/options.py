@@ -141,11 +141,11 @@ transform, with `_lidar` for frames of sensors (category 3). Lossy sets have a m
 `qp` changes."""
 
 _QPS = (51, 46, 40, 34, 28, 22)
-"""QPs of the rates of MPEG's common test conditions, r01 first."""
+"""QPs of the rates r01 to r06 of MPEG's common test conditions."""
 _SCALES = (1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8, 15 / 16)
-"""Scales of these rates for clouds of 10 bits."""
+"""Scales of r01 to r06 for clouds of 10 bits."""
 _LOG2_STEPS = np.log2([0.004, 0.008, 0.032, 0.064, 0.256, 0.512])
-"""Log2 of the grid steps (m) of these rates, r06 first, for frames of 18 bits at 1 mm."""
+"""Log2 of the grid steps (m) of r06 to r01 for frames of 18 bits at 1 mm."""
 _EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
 
 
@@ -166,7 +166,7 @@ def mpeg_conditions(
     *,
     spherical: bool = False,
 ) -> dict[str, AttributeOptions]:
-    """Return options of MPEG's test conditions for attributes of 8 or, for reflectances, 16 bits.
+    """Return options of MPEG's test conditions for colours of 8, reflectances of 8 or 16 bits.
 
     Parameters
     ----------

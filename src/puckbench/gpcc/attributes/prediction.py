@@ -38,7 +38,7 @@ class PredictionTools(NamedTuple):
     ends: end of each level of detail in coding order.
     most: largest value.
     direct: number of neighbours whose value may be the prediction.
-    average_disabled: 1 if a coded mode cannot be the average, otherwise 0.
+    average_disabled: 1 if a coded mode cannot be the average.
     threshold: least difference of neighbours' values at which a mode is coded.
     inter_component: (levels, 2) factors, in units of 1/4, that predict the other components from
         the first component's residual, or empty.
@@ -72,12 +72,13 @@ def code_values(
     weights: Ints,
     greater: Ints,
 ) -> None:
-    """Write coefficients of values (n, components) in coding order, and replace values by decoded
-    ones; or write values of coefficients.
+    """Encode or decode values (n, components) in coding order.
+
+    An encoder writes `coefficients` and decoded `values`; a decoder writes `values`.
 
     weights: (n,) weights of residuals.
-    greater: working memory (3, 2) of an encoder, or (0, 2) in a decoder: probabilities of residuals
-        above 0 and above 1, in units of 2^-20.
+    greater: (3, 2) working memory, in a decoder (0, 2): probabilities of residuals above 0 and
+        above 1, in units of 2^-20.
     """
     layer, level, encoding = integer(0), integer(0), len(greater) > 0
     for k in range(len(greater)):
@@ -205,7 +206,7 @@ def _put_mode(coefficients: Coefficients, i: int, tools: PredictionTools, mode: 
 
 @inlined
 def _with_mode(magnitude: int, tools: PredictionTools, mode: int, k: int, components: int) -> int:
-    """Append the bits of a mode that a component holds to the magnitude of its coefficient."""
+    """Append a mode's bits, if any, for component `k` to the magnitude of the coefficient."""
     modes, mode = tools.direct + 1 - tools.average_disabled, mode - tools.average_disabled
     if components == 1 and modes == 4:
         return 4 * magnitude + mode

@@ -116,7 +116,7 @@ def place_of(
 
 @inlined
 def quantised(value: int, reciprocal: int) -> int:
-    """Quantise a value with `FRACTION_BITS` fractional bits; drop fractions below 2/3."""
+    """Quantise a value with `FRACTION_BITS` fractional bits; from 2/3, round away from 0."""
     if value >= 0:
         return (value * reciprocal + _THIRD) >> _RECIPROCAL_BITS
     return -((_THIRD - value * reciprocal) >> _RECIPROCAL_BITS)

@@ -6,8 +6,8 @@ or 3 components; coefficients are in coding order (see `residuals`). The reconst
 clipped to the bit depth.
 
 From the root to the points, each block of k children (at most eight) is transformed to its mean,
-known from the parent's reconstruction, and k - 1 coefficients. The transform of a prediction,
-interpolated from the parent and its neighbours, is subtracted from the coefficients. Points with
+which the parent's reconstruction gives, and k - 1 coefficients. A prediction, interpolated from the
+parent and its neighbours, is also transformed and subtracted from the coefficients. Points with
 equal positions are transformed last. Fixed-point numbers have 15 fractional bits; products are
 rounded half away from zero.
 
@@ -46,7 +46,7 @@ _FRACTION = 15
 _HALF = 1 << _FRACTION - 1
 _REGION_FRACTION = 4
 _SMALL = 4096
-"""Roots of numbers below this one are tabulated."""
+"""Roots of smaller numbers are tabulated."""
 _DIRECTIONS = 19
 """Number of nodes that share a face or an edge with a node, including the node itself."""
 
@@ -67,7 +67,7 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
     Parameters
     ----------
-    codes : (n,) ascending Morton codes; equal codes in decoding order.
+    codes : (n,) ascending Morton codes; points with equal codes are in decoding order.
     thresholds : numbers of neighbours; see `Thresholds`.
     """
     coefficients = np.zeros(attributes.shape, dtype=np.int32)
@@ -84,9 +84,9 @@ def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -
 
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
-    """Return a block's transform plan for each occupancy; ranks number the occupied children.
+    """Return a block's transform plan for each occupancy; ranks are indices of occupied children.
 
-    pairs (256, 13, 2): ranks of the children that each butterfly combines, then 0 and 0.
+    pairs (256, 13, 2): ranks of the children that each butterfly combines, then zeros.
     order (256, 8): ranks of the children that hold the coefficients, in coding order.
     owners (256, 8): rank of the child whose region determines a coefficient's quantisation, or -1.
     """
@@ -155,7 +155,7 @@ class _Level(NamedTuple):
     starts: (m + 1,) first point of each node, then the number of points.
     first, occupancy: (m,) first child on the level below, and bit mask of the children's octants.
     neighbours: (m, 19) the node itself and its neighbours; -1 if absent.
-    counts: (m,) number of the parent's neighbours that touch its children, plus 1.
+    counts: (m,) number of the parent's neighbours that touch the parent's children, plus 1.
     means, scaled: (m, c) reconstructed mean; mean times the square root of the number of points,
         in units of 1/4.
     """
@@ -173,7 +173,7 @@ class _Setting(NamedTuple):
     """Arrays for the transforms of all levels.
 
     sums: (n + 1, c) cumulative sums of the points' attributes, or (0, c) in a decoder.
-    offsets: (n, 2) QP offset of a node at its first point, in units of 1/16, or (0, 2).
+    offsets: (n, 2) each node's QP offset at the node's first point, in units of 1/16, or (0, 2).
     steps, reciprocals: step sizes of all quantisation parameters, see `step_sizes`.
     roots: (2, k) square roots and inverse square roots of small numbers.
     buffer: (2c, 8) attributes of a block's children, then their prediction.
@@ -268,7 +268,7 @@ def _write_starts(joints: NDArray[np.uint8], height: int, starts: NDArray[np.int
 
 @compiled
 def _joints(codes: Ints) -> NDArray[np.uint8]:
-    """Return the height of the lowest common ancestor of each point and the next."""
+    """Return the height of the lowest common ancestor of each two successive points."""
     joints = np.empty(len(codes) - 1, dtype=np.uint8)
     for i in range(len(joints)):
         joints[i] = (66 - leading_zeros(codes[i] ^ codes[i + 1])) // 3
@@ -277,7 +277,7 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 
 @compiled
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
-    """Return the mean QP offset of each node at its first point, rounded as in TMC13.
+    """Return each node's mean QP offset at the node's first point, rounded as in TMC13.
 
     Nodes are halved along one axis at a time. A node's offset replaces the offset of its lower
     half, which has the same first point.
@@ -430,9 +430,9 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Write the parent and its neighbours that touch a child; return the number of these nodes.
+    """Write a parent and those neighbours that touch a child; return the number of these nodes.
 
-    Other directions are neither written nor read.
+    Entries of other directions are neither written nor read.
     """
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent

@@ -55,9 +55,9 @@ class AttributeReader:
         self._branches: list[AttributeReader] = []
 
     def branch(self) -> AttributeReader:
-        """Return a decoder of the next slices, which has the parameter sets so far.
+        """Return a decoder of the next slices, with the parameter sets read so far.
 
-        It may run in another thread.
+        The decoder may run in another thread.
         """
         branch = AttributeReader()
         branch._aps = dict(self._aps)

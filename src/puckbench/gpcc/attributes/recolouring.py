@@ -1,4 +1,4 @@
-"""Attributes of points with changed or merged positions, from those of the source points.
+"""Attributes of points with changed or merged positions, from those of source points.
 
 In TMC13: `recolourColour`, `recolourReflectance`, with their default parameters.
 """
@@ -35,7 +35,7 @@ class Source(NamedTuple):
 def recoloured(positions: NDArray[np.int32], values: Values, source: Source, most: int) -> Values:
     """Return values (m, components) of `positions` (m, 3).
 
-    A value minimises the larger of two errors: from the average of the nearest source points, and
+    Each value minimises the larger of its errors from the average of the nearest source points, and
     from all source points to which the position is nearest.
 
     values: (n, components) of the source's points.
@@ -57,7 +57,6 @@ def recoloured(positions: NDArray[np.int32], values: Values, source: Source, mos
 
 
 def _tree(points: Floats, neighbours: int) -> tuple[KdTrees, Floats]:
-    """Return a tree of points (n, 3), and its bounding box."""
     trees, box = empty_trees(points, len(points), 2 * len(points), neighbours), np.empty(6)
     trees.rows[:] = np.arange(len(points))
     build(trees, 0, 0, len(points), box, _NEARLY_ONE)

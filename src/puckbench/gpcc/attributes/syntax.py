@@ -222,7 +222,7 @@ def attribute_ids(io: SyntaxElements, header: AttributeHeader) -> None:
 
 
 def _differences(io: SyntaxElements, values: list[int], stride: int = 1) -> list[int]:
-    """Read or write 8-bit values minus the values `stride` places before, which start as 4."""
+    """Read or write 8-bit values as differences from values `stride` places before, initially 4."""
     result: list[int] = [4] * stride
     for value in values:
         coded = result[-stride] + io.signed(value - result[-stride])

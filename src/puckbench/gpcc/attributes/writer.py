@@ -66,7 +66,7 @@ class AttributeEncoder:
     attributes
         See `cloud.encode_cloud`.
     options
-        Options by name.
+        Options by attribute name.
     recolour
         Function that returns the values of merged points.
 
@@ -281,7 +281,7 @@ def encoded_attribute(
     header: AttributeHeader,
     attribute: AttributeDescription,
 ) -> Values:
-    """Return coefficients (n, components) in coded order, and set the factors in `header`."""
+    """Return coefficients (n, components) in coded order; set prediction factors in `header`."""
     bits = attribute.attr_bitdepth_minus1 + 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)
     if not aps.has_levels:

@@ -9,10 +9,10 @@ _TOLERANCE = 1e-6
 
 
 def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> Ints:
-    """Return the faces, ascending, that a triangle fan around the first corner does not tile.
+    """Return the sorted indices of faces that a triangle fan around the first corner does not tile.
 
-    A fan tiles a face if all triangles have the polygon's orientation. `face` (t,), ascending, is
-    the face of each of the `triangles` (t, 3).
+    A fan tiles a face if all triangles have the polygon's orientation. `face` (t,), ascending, has
+    the face index of each triangle in `triangles` (t, 3).
     """
     of_polygon = np.flatnonzero(np.bincount(face, minlength=faces)[face] > 1)
     if not len(of_polygon):
@@ -35,7 +35,8 @@ def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> 
 def clip_ears(points: Floats) -> Ints:
     """Triangulate a polygon with corners (n, 3) in space; return corner indices (t, 3).
 
-    The corners need not be coplanar. An edge that occurs twice may join a hole to the outline.
+    The corners need not be coplanar. A hole may be joined to the outline by an edge that occurs
+    twice.
     """
     from mapbox_earcut import triangulate_float64
 

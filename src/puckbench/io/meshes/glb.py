@@ -34,7 +34,7 @@ _IDENTITY = np.eye(4)
 
 
 def read_glb(path: Path) -> Polygons:
-    """Read all meshes of a scene with the transforms of their nodes, in metres with y up.
+    """Read all meshes of a scene, transformed by their nodes, in metres with y up.
 
     Lines and points are counted as skipped. Raises InputError if the file needs other files,
     compression or instancing.

@@ -21,7 +21,7 @@ class Polygons:
     Parameters
     ----------
     corners
-        Vertex indices, face after face, (sum of sizes,).
+        Vertex indices of all faces, concatenated, (sum of sizes,).
     sizes
         Number of corners of each face, (f,).
     up
@@ -48,10 +48,10 @@ def uniform_polygons(vertices: Floats, faces: Ints) -> Polygons:
 
 
 def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
-    """Triangulate convex faces as fans around their first corners, concave faces by ear clipping.
+    """Triangulate convex faces as fans around first corners, and concave faces by ear clipping.
 
-    Returns the mesh and each triangle's face (t,), ascending. Raises InputError if a concave face
-    has more than `MAX_CORNERS` corners.
+    Returns the mesh and the face index of each triangle (t,), ascending. Raises InputError if a
+    concave face has more than `MAX_CORNERS` corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):

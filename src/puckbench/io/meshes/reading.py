@@ -34,7 +34,7 @@ SUFFIXES = tuple(_READERS)
 def read_mesh(path: Path, up: str = "z") -> Mesh:
     """Read a mesh file and rotate it to z up.
 
-    `up` is the up axis of the file (y or z), unless its format defines it. Raises InputError if the
+    `up` is the file's up axis (y or z), unless the format defines one. Raises InputError if the
     mesh is damaged, empty, without area, or not finite.
     """
     mesh, report = read_mesh_report(path, up)
@@ -49,11 +49,11 @@ def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
 
 
 def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
-    """Read a mesh as `read_mesh` does; return it with a report on the file.
+    """Read a mesh as `read_mesh` does; return the mesh and a report on the file.
 
     The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
     ``triangles`` (of the returned mesh), ``zero_area`` (triangles removed from unlabelled meshes)
-    and ``skipped`` (other elements by name).
+    and ``skipped`` (numbers of skipped elements by name).
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")

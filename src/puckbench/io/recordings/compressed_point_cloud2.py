@@ -36,8 +36,8 @@ _log = logging.getLogger(__name__)
 def decompressed_columns(message: Any) -> Columns:
     """Decompress a deserialised message; return its fields as `point_columns` does.
 
-    Formats are zlib, zstd, draco and (if pureini is installed) cloudini. Others, and damaged
-    messages, raise InputError.
+    Formats are zlib, zstd, draco and (if pureini is installed) cloudini. Other formats and damaged
+    messages raise InputError.
     """
     if message.format in _PARSED:
         is_empty = not message.height * message.width
@@ -141,7 +141,7 @@ def _cloudini_columns(message: Any) -> Columns:
 
 
 def parse_cloudini(path: Path) -> ParsedFile:
-    """Decode a Cloudini stream; the column `data` has the bytes of the points."""
+    """Decode a Cloudini stream; the column `data` contains the points' bytes."""
     try:
         from pureini import PointcloudDecoder
     except ImportError as error:

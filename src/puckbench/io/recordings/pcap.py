@@ -124,7 +124,7 @@ class _Fragment(NamedTuple):
     offset: int
     is_last: bool
     end: int
-    """Position of the fragment's end in the frame."""
+    """Byte offset of the fragment's end in the link-layer packet."""
 
 
 class _IpPacket(NamedTuple):

@@ -21,7 +21,7 @@ _MAX_NAME_LENGTH = 40
 
 
 class Value(NamedTuple):
-    """A value of each point: its type, offset in a point, and place in a field of the message."""
+    """A value of each point: type, byte offset in the point, and position in a message field."""
 
     name: str
     kind: np.dtype[Any]
@@ -33,9 +33,9 @@ class Value(NamedTuple):
 def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Columns:
     """Return the fields of a deserialised message as arrays (height * width,), by name.
 
-    `data` are the bytes of the points if the message has none. A field `a` with several values per
-    point becomes the columns `a_0`, `a_1`, ... Raises InputError if the message is inconsistent or
-    the data are too short. Columns take at most the memory of the data.
+    `data` are the points' bytes if the message has none. A field `a` with several values per point
+    becomes the columns `a_0`, `a_1`, ... The columns need at most the memory of the data. Raises
+    InputError if the message is inconsistent or the data are too short.
     """
     data = np.asarray(message.data if data is None else data, dtype=np.uint8)
     height, width, step = int(message.height), int(message.width), int(message.point_step)

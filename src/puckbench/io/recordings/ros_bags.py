@@ -24,7 +24,7 @@ from puckbench.io.recordings.sqlite_bags import SIDE_FILE_SUFFIXES, sqlite_bag
 from puckbench.io.recordings.topics import BagFile, Topic, Topics, added_up, choose_topic, listed
 
 _MAGICS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
-"""Suffix of each kind of bag by its first bytes."""
+"""File suffixes of bag formats by a file's first bytes."""
 _METADATA = "metadata.yaml"
 _MAX_MAGIC_LENGTH = 16
 
@@ -45,7 +45,7 @@ def bag_format(start: bytes) -> str | None:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a folder, or a file that begins as a ROS bag does."""
+    """Whether a path is a folder, or a file with the first bytes of a ROS bag."""
     if path.is_dir():
         return True
     try:
@@ -67,12 +67,12 @@ def read_messages(
     topic: str | None = None,
     numbers: Sequence[int] | None = None,
 ) -> Messages:
-    """Read messages of the topic that `puckbench.io.recordings.topics.choose_topic` chooses.
+    """Read messages of the topic chosen by `puckbench.io.recordings.topics.choose_topic`.
 
-    `numbers`, sorted, selects messages of the topic, counted from 0; by default all are read.
+    `numbers` (sorted, from 0) selects messages; by default, all are read.
     `definitions` define types that `rosbags` lacks; definitions in the bag are not used, because
     `rosbags` would compile them. Raises InputError if the file is damaged, or lacks the topic or a
-    message.
+    selected message.
     """
     from rosbags.serde import SerdeError
 

@@ -1,4 +1,4 @@
-"""Reader of ROS 2 bags in SQLite (.db3) that does not rely on their schema."""
+"""Reader of ROS 2 bags in SQLite databases (.db3) with untrusted schemas."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SIDE_FILE_SUFFIXES = ("-wal", "-journal")
 _TABLES = ("topics", "messages")
 _CHECK_INTERVAL = 10_000
 _MIN_STEPS, _STEPS_PER_BYTE = 10_000_000, 100
-"""Limit of SQLite's instructions, for a file and per byte; a row takes about twenty."""
+"""SQLite instructions allowed per file and, in addition, per byte; a row takes about twenty."""
 
 _KINDS = "SELECT type, rootpage > 0 FROM sqlite_schema WHERE lower(name) = ?"
 _ROWS = (
@@ -27,10 +27,10 @@ _ROWS = (
 
 @contextmanager
 def sqlite_bag(path: Path, folder: Path) -> Iterator[BagFile]:
-    """Open a database.
+    """Open a bag.
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
-    changes side files. Damage, and reading in too many steps, raise apsw.Error.
+    changes side files. Damage, and too many SQLite instructions, raise apsw.Error.
     """
     with closing(_connection(path, folder)) as database:
         _check_tables(database)

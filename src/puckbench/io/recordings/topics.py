@@ -19,7 +19,7 @@ Topics = dict[str, Topic]
 
 
 def added_up(parts: Iterable[tuple[str, str, int]]) -> Topics:
-    """Return topics from names, types and numbers of messages, which are added by name."""
+    """Merge topics (name, type, number of messages) by name; add their numbers of messages."""
     topics: Topics = {}
     for name, kind, messages in parts:
         before = topics[name].messages if name in topics else 0
@@ -30,8 +30,7 @@ def added_up(parts: Iterable[tuple[str, str, int]]) -> Topics:
 class BagFile(NamedTuple):
     """The topics of one file of a bag, and a function that reads messages of a topic.
 
-    The function yields messages with numbers in a sorted sequence, or all (None). Messages of a
-    topic are numbered by time.
+    The function takes a sorted sequence of message numbers, in time order, or None (all messages).
     """
 
     topics: Topics
@@ -45,10 +44,9 @@ def refuse_topic(name: str | None) -> None:
 
 
 def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) -> str:
-    """Return the topic `name`; without one, the only topic of the first type in `kinds` that
-    occurs.
+    """Return the topic `name`; by default, the only topic of the first type in `kinds` that occurs.
 
-    Raises InputError if there is no such topic or several.
+    Raises InputError if no topic or several topics match.
     """
     if name is not None:
         if name not in topics:

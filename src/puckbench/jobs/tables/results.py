@@ -60,10 +60,9 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Every measurement, one row per data set, cloud, codec and rate.
 
     Columns: bytes, bits per point, times in seconds, peak memory in MiB, and metrics in grid units
-    (``scale`` units per metre) or, for clouds in metres (``frame``), in metres. The ``peak`` of D1
-    and D2 PSNRs has the same unit; ``lossless`` clouds have no PSNR. Columns ``truth_...`` are
-    measured against the true surface, ``clean_...`` against the clean scan of the same rays, if
-    any.
+    (``scale`` units per metre) or, if ``frame`` is metric, in metres. The ``peak`` of D1 and D2
+    PSNRs has the metrics' unit; ``lossless`` clouds have no PSNR. Columns ``truth_...`` are
+    measured against the true surface, ``clean_...`` against the clean scan of the same rays.
     """
     return read_rows(files)
 
@@ -78,8 +77,8 @@ def cloud_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     duplicates, distance to the nearest point (m), points per square metre (median, 5 and 95 %),
     share of outliers, digest of the coordinates, points left out (``dropped_points``), missing
     returns among these, and the user's file (``source``). For clouds in metres with a sensor's
-    returns: turns, their time in seconds, and the entropy of the noise in steps of the sensor's
-    ranges (bits).
+    returns: number and duration (s) of turns, and the entropy (bits) of the noise in steps of the
+    sensor's ranges.
     """
     return [cloud_row(file.parent.name, file) for file in files]
 
@@ -139,8 +138,8 @@ def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
     Columns: numbers of labelled (``true``), decoded (``found``) and matched primitives, precision
     and recall, label accuracy of the points, and medians over matched primitives of residuals and
-    parameter differences. The kind "all" covers all kinds; a stream without primitives has only
-    this row, empty.
+    parameter differences. The kind "all" covers all kinds; a stream without primitives has only an
+    empty row of this kind.
     """
     return read_rows(files)
 
@@ -150,8 +149,8 @@ def drive_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Tasks of a robot on the decoded turns of drives, one row per drive, codec and rate.
 
     Columns: bits per point (``bpp``), seconds for all turns, whether decoded turns have the times
-    of firings (``has_times``), and the values and settings of each task. The codec ``undecoded`` is
-    the drive itself, with and without times.
+    of firings (``has_times``), and the values and settings of each task. The codec ``undecoded``
+    means the original drive, with and without times.
     """
     return read_rows(files)
 
@@ -171,9 +170,9 @@ def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     """Medians over the clouds of each data set, codec and rate, and their spread.
 
     Columns: medians, quartiles (``_q25``, ``_q75``), 5 % and 95 % quantiles (``_q05``, ``_q95``;
-    interpolated between clouds), and the number of clouds. ``lossless`` clouds have no error except
-    rounding, and no PSNR; medians rank them best. PSNRs have no median if the clouds' peaks
-    (``peak``) differ.
+    interpolated between clouds), and the number of clouds. ``lossless`` clouds have only rounding
+    errors and no PSNR; for medians, their PSNR is the highest. PSNRs have no median if the clouds'
+    peaks (``peak``) differ.
     """
     import pandas as pd
 

@@ -1,7 +1,7 @@
 """Causal neighbourhood of a voxel's children: cells that are known before the children are coded.
 
 A voxel's children are the inner eight of 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16 z`` of a
-mask. A cell is unknown while the cell's parent is occupied but not coded yet.
+mask. A cell is unknown while its parent is occupied but not coded yet.
 """
 
 from __future__ import annotations
@@ -87,9 +87,9 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 
 @compiled_in_place
 def _share_outside_layer(outside: int, count: int) -> int:
-    """Quantise to 0, 1 or 2 the fraction of neighbours outside the voxel's layer normal to an axis.
+    """Return 0, 1 or 2: a small, medium or large share of neighbours outside the voxel's layer.
 
-    The fraction is 18 / 26 if all 26 neighbours are occupied, 0 if only those in the layer are.
+    The layer is normal to an axis. The share is 18 / 26 if all 26 neighbours are occupied.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 

@@ -19,7 +19,7 @@ WEIGHT_UNITS = 2**9
 UNITS = 2**5
 """Activations, residual stream and logits are multiples of 1 / UNITS."""
 MAX_WEIGHT = 2**11 - 1
-"""Maximum weight in units of 1 / WEIGHT_UNITS, exact in half precision, as weights are stored."""
+"""Maximum weight in units of 1 / WEIGHT_UNITS; half precision stores such weights exactly."""
 MAX_ACTIVATION = 255
 MAX_RESIDUAL = 2**11
 MAX_SUM = 2**24

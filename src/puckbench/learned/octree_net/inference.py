@@ -1,4 +1,4 @@
-"""Inference of the sparse octree net in chunks of a level's voxels, exactly as by the model."""
+"""Inference of the sparse octree net in chunks of a level's voxels; results equal the model's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Context mixing of the bits of symbols, each the occupancy of a child.
+"""Context mixing of the bits of symbols; each bit is the occupancy of a child.
 
 The network's probability of a bit is mixed with those of adaptive contexts, which learn the scan's
 statistics from the causal neighbourhood.
@@ -58,7 +58,7 @@ _STARTS = np.cumsum((0, *_SIZES))
 _CONTEXTS = int(_STARTS[-1])
 _ROWS = (_BIT_KINDS, 2 * _FACE_COUNTS, _BIT_PLACES * _STATES)
 """Rows of the three sets of weights: by the kind of bit, by the numbers of cells at the child's
-faces, and by the states of those outside the voxel."""
+faces, and by the states of cells at faces outside the voxel."""
 _BY_FACE_COUNTS, _BY_CELLS = _ROWS[0], _ROWS[0] + _ROWS[1]
 _MIXER = MixerOptions(
     experts=1,
@@ -73,7 +73,7 @@ _MIXER = MixerOptions(
     tables=2,
 )
 _MAX_VOXEL_BYTES = 11
-"""Maximum bytes of a voxel: eight decisions of at most log2(65,536 / 32) bits each."""
+"""Maximum bytes of a voxel: eight decisions, each of at most log2(65,536 / 32) bits."""
 _CHILDREN = np.array([EVEN, ODD])
 
 
@@ -155,21 +155,24 @@ def _find_contexts(
     mixer: Mixer, cells: CellMasks, starts: Ints, child: int, place: int, logit_step: int,
     occupied: int, unknown: int,
 ) -> None:  # fmt: skip
-    """Compute the contexts of a child's bit, and the rows of mixing weights.
+    """Compute the contexts of the bit of a voxel's child, and the rows of mixing weights.
 
-    The caller completes contexts 0, 1 and 10. Cells are those near the child:
+    A cell is a place of the child's size; cells share a face, an edge or a corner with the child,
+    inside its voxel or outside. The caller adds what it knows of the voxel to contexts 0, 1 and 10.
+    Each context depends on:
 
-    0. neighbours at the voxel's faces
+    0. the voxel's neighbours at faces
     1. the voxel's first symbol and number of neighbours
-    2. cells at faces
-    3. numbers of cells at faces, edges and corners
-    4. cells at faces outside the voxel, and two steps away
-    5. numbers of cells far away, at faces, and at edges inside the voxel
-    6. cells at faces, and at edges outside the voxel
-    7. cells at faces outside the voxel, and six cells beside those
+    2. the cells that share a face
+    3. the numbers of cells that share a face, an edge and a corner
+    4. the cells outside that share a face, and those two steps away
+    5. the numbers of cells far away, of those that share a face, and of those inside that share an
+       edge
+    6. the cells that share a face, and those outside that share an edge
+    7. the cells outside that share a face, and six cells beside them
     8. the network's probability, and the cells of context 4
-    9. cells at faces inside the voxel, which show the cloud's density
-    10. orientation of the voxel's neighbours, and cells two steps away
+    9. the cells inside that share a face, which show the cloud's density
+    10. the orientation of the voxel's neighbours, and the cells two steps away
     """
     half = place >> 2
     beyond, second, edges, across, inside, joined = 0, 0, 0, 0, 0, 0

@@ -1,6 +1,6 @@
 """The sparse octree net, which predicts the symbols of voxels, level by level, from features.
 
-All levels share the weights. Parents' features give those of their children. The voxels of a level
+All levels share the weights. Children's features are computed from their parents'. A level's voxels
 are coded in groups; a convolution before each group uses the symbols of previous groups.
 """
 

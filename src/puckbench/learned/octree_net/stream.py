@@ -26,12 +26,12 @@ MAX_VOXELS = 2**21
 """Maximum voxels of a part; larger clouds are cut to bound working memory."""
 _MAX_TOTAL = 2**25
 _TOTAL, _TOTAL_PER_BYTE = 5 * 2**19, 64
-"""Maximum voxels of all parts, and additional voxels per byte of their symbols."""
+"""Maximum voxels of all parts, and additional voxels per byte of symbols."""
 _MAX_VOXELS_PER_BYTE = 2**14
-"""Maximum voxels per byte: eight decisions, of at least 0.0007 bits, decode up to 8 voxels."""
+"""Maximum voxels per byte: eight decisions of at least 0.0007 bits each decode up to 8 voxels."""
 _NODES, _NODES_PER_BYTE = 2**17, 4
-"""Maximum voxels of all levels above the finest, and additional voxels per byte, besides 3/8 of the
-finest level's voxels (a plane needs 1/3). The network takes about 4 microseconds per voxel."""
+"""Levels above the finest may have `_NODES` voxels, 3/8 of the finest level's voxels (a plane needs
+1/3), and `_NODES_PER_BYTE` voxels per byte. The network takes about 4 microseconds per voxel."""
 _MIN_SCALE = 2.0**-400
 """Minimum scale; with smaller scales, coordinates could overflow."""
 _FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
@@ -101,7 +101,7 @@ def _read_part(reader: Reader) -> CodedPart:
 
 
 def max_nodes(part: CodedPart) -> int:
-    """Return the maximum number of voxels, above the finest level, of a part of this size."""
+    """Return the maximum number of voxels that a part has on all levels above the finest."""
     return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
 
 

@@ -22,8 +22,8 @@ Frequencies = NDArray[np.int32]
 EVEN, ODD = (0, 3, 5, 6), (1, 2, 4, 7)
 VALUES = 16
 GROUPS = 4
-"""Number of groups of voxels, coded one after another. The voxels of a layer of a 2x2x2 block are
-in four groups, so that the first shows where a plane lies."""
+"""Number of groups of voxels, coded one after another. The four voxels of a layer of a 2x2x2 block
+are in different groups, so that the first group shows where a plane lies."""
 _GROUP = np.array([0, 1, 2, 3, 3, 2, 1, 0])
 _CODES = np.arange(256)
 _FREQUENCY_BITS = 16

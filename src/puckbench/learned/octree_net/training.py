@@ -29,7 +29,7 @@ _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
 
 
 def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
-    """Return the bits of symbols per level, `levels` levels above the voxels, coarsest first."""
+    """Return the bits of the symbols of `levels` levels above the voxels, coarsest level first."""
     device = model.root.device
     sets, child_maps = pyramid(keys, levels, pool)
     features = model.root_features(len(sets[-1]))

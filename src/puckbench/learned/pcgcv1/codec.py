@@ -90,8 +90,11 @@ def encode(
         Index of the rate in ``weights.lmbdas``, lowest bitrate first.
     scale
         Voxels per step of the finest grid, before coarsening.
-    mean_occupied_children, grid_level_offset
-        Choice of the voxel grid, see `choose_grid_level`; by default the input's grid.
+    mean_occupied_children
+        The grid is coarsened until voxels have this mean number of occupied children; by default
+        it is the input's grid.
+    grid_level_offset
+        Number of further levels of coarsening (`choose_grid_level`).
     rho
         Decoded voxels per occupied voxel.
     min_points
@@ -101,7 +104,8 @@ def encode(
     context_mixing
         Mix the Laplace distributions of the latent with adaptive contexts.
     point_reconstruction
-        Decode as many points as were encoded, instead of voxel centres.
+        Decode as many points as were encoded, placed in the decoded voxels; otherwise one point at
+        the centre of each voxel.
 
     Raises
     ------
@@ -191,7 +195,7 @@ def _analyse(
     first: int,
     pool: ThreadPool,
 ) -> tuple[CubeBatch, Integers, TableIndexes]:
-    """Return a batch of cubes from `first` on, its latents (n, channels), and their tables."""
+    """Return the batch of cubes from `first` on, its latents (n, channels), and their tables."""
 
     def code_cube(cube: int) -> tuple[Integers, Integers, TableIndexes]:
         x = occupancy(cubes.keys_of(first + cube), cubes.side)

@@ -30,7 +30,7 @@ Integers = NDArray[np.int32]
 _MAX_POSITIONS = 2**20
 """Maximum positions of the latent for context mixing; each takes about 500 bytes of memory."""
 _INCREMENT = 4
-"""Increment of the frequency of a coded bit length, initially 1."""
+"""Amount by which a bit length's frequency (initially 1) grows when it is coded."""
 
 
 def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> bytes:

@@ -29,13 +29,13 @@ from puckbench.learned.pcgcv1.occupied_blocks import STRIDE, Bools
 
 _LANES = 16
 _TILE = 4
-"""Maximum voxels computed jointly along an axis; the layer of one channel computes 4x4."""
+"""Maximum voxels computed jointly along an axis; the layer with one channel computes 4x4 voxels."""
 _CHUNK_ROWS = 16384
 """Voxels of a chunk that stays in the cache while the last layers of a block are applied."""
 _MARGIN = 16
-"""Margin, in voxels, of a cube's computed part around occupied voxels. Seven 3x3x3 layers reach
-seven voxels, so that features within `_INVALID_MARGIN` of a border of the part inside the cube are
-wrong and discarded."""
+"""Margin, in voxels, around occupied voxels in the computed part of a cube. Seven 3x3x3 layers
+reach seven voxels; therefore features within `_INVALID_MARGIN` of the part's borders inside the
+cube are wrong and are discarded."""
 _INVALID_MARGIN = 8
 _SYNTHESIS_MARGIN = 8
 """Margin, in voxels, around the blocks whose logits are needed: seven for the layers, and one where

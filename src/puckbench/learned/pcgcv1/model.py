@@ -3,7 +3,7 @@
 The network follows section III and figure 5 of the paper (see `puckbench.learned.pcgcv1`); layers
 have the authors' names. Gains are not in the paper (see `gains`).
 
-Padding is TensorFlow's 'same': a convolution of stride two pads one voxel at the far end only, a
+Padding is TensorFlow's 'same': a convolution of stride two pads one voxel at the far end only; a
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 """
 

@@ -1,4 +1,4 @@
-"""Occupied blocks of cubes, which are not in the paper.
+"""Occupied blocks of cubes, an addition to the paper.
 
 A block is the 4x4x4 voxels of one position of the latent. Networks trained with blocks omit the
 latent of empty blocks. The decoder places voxels in all occupied blocks and none elsewhere, which
@@ -48,7 +48,7 @@ def cubes_with_blocks(blocks: Voxels, side: int) -> CodedCubes:
 
 
 def pooled(blocks: Bools) -> Bools:
-    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2), true where any of eight values is."""
+    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2), true where any of eight values is true."""
     m, s = len(blocks), blocks.shape[-1] // 2
     return np.asarray(blocks.reshape(m, s, 2, s, 2, s, 2).any(axis=(2, 4, 6)))
 

@@ -92,7 +92,7 @@ def check_work(content: Pcgcv1Stream, side: int, decoded_voxels: int) -> None:
 
 
 def max_sparse(content: Pcgcv1Stream) -> int:
-    """Return the maximum number of losslessly coded voxels, of over half a bit each."""
+    """Return the maximum number of losslessly coded voxels; each takes over half a bit."""
     return min(_SPARSE + _SPARSE_PER_BYTE * len(content.sparse), 2**21)
 
 

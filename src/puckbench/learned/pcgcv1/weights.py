@@ -1,7 +1,7 @@
 """Weights of PCGCv1: sets trained by puckbench, and the authors' archives with renamed parameters.
 
-In the authors' NumPy archives, kernels have the axes (d, h, w, in, out), those of transposed
-convolutions (d, h, w, out, in).
+In the authors' NumPy archives, kernels have axes (d, h, w, in, out), or (d, h, w, out, in) in
+transposed convolutions.
 """
 
 from __future__ import annotations

@@ -165,7 +165,7 @@ def _coarse_keys(block: CodedBlock) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int) -> list[Keys]:
-    """Split sorted keys into equal parts of about `max_voxels`, between voxels of stride 8."""
+    """Split sorted keys between voxels of stride 8 into equal parts of about `max_voxels`."""
     parts = -(-len(keys) // max_voxels)
     borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
     targets = np.arange(1, parts) * len(keys) // parts

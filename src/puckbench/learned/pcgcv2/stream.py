@@ -145,7 +145,7 @@ def _read_block(reader: Reader) -> CodedBlock:
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
     """Raise InputError if the numbers of voxels at strides 1, 2, 4 and 8 are impossible.
 
-    Voxels at strides 4 and 8 have one to eight children on average, those at stride 2 up to eight.
+    Voxels at strides 4 and 8 have one to eight children on average, voxels at stride 2 up to eight.
     """
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (

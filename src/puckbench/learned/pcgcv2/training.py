@@ -1,10 +1,10 @@
 """Training of PCGCv2: the rate-distortion loss and the optimiser step.
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
-dominates. R is the bits of the latent per point. D sums over scales the mean binary cross entropy,
-in bits, of candidate voxels, weighted by the side of the voxels (equally by the authors), since a
-voxel lost at stride 4 cannot be recovered. Uniform noise replaces rounding. In training, a scale
-keeps both the occupied voxels and those that the network selects.
+dominates. R is the bits of the latent per point. D is the sum over scales of the candidate voxels'
+mean binary cross entropy in bits, weighted by the voxels' side (the authors weight scales equally),
+since a voxel lost at stride 4 cannot be recovered. Uniform noise replaces rounding. In training, a
+scale keeps both the occupied voxels and those that the network selects.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""RENO: lossless coding of LiDAR voxels by sparse convolutions, with its authors' weights.
+"""RENO: lossless coding of LiDAR voxels by sparse convolutions.
 
 `load_weights` reads a checkpoint of the authors.
 

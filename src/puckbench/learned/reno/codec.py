@@ -1,7 +1,7 @@
-"""Encode points in millimetres to RENO streams, and decode such streams.
+"""Encoding of points in millimetres to RENO streams, and decoding.
 
-The grid is that of the authors' program: coordinates from a corner, at -131,072 mm on each axis,
-are divided by the grid step (posQ in the program) and rounded, ties to even.
+The grid is that of the authors' program: coordinates relative to a corner, at -131,072 mm on each
+axis, are divided by the grid step (posQ in the program) and rounded, ties to even.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def decode(stream: bytes, weights: RenoWeights) -> Floats:
 
 
 def _grid_offsets(points: Floats) -> NDArray[np.int64]:
-    """Return each axis' distance from the grid's corner to the origin, in units of 131,072 mm.
+    """Return each axis's distance from the grid's corner to the origin, in units of 131,072 mm.
 
     The distance is 1, as in the authors' program, unless coordinates exceed +-131,072 mm.
     """

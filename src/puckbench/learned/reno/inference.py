@@ -32,7 +32,7 @@ def target_features(
 ) -> Floats32:
     """Return the features of children, computed from those of their parents.
 
-    `slots` (n,) are the children's slots (see `sparse.voxels`), `table` holds their neighbours.
+    `slots` (n,) (see `sparse.voxels`) and `table` are the children's slots and neighbour table.
     """
     channels = weights.channels
     embedded = weights.child_embedding.reshape(-1, channels)[slots & 7]

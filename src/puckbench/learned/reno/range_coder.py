@@ -1,9 +1,10 @@
 """The range coder of the authors' program (torchac), for symbols with 16-bit frequencies.
 
+The coder has 32 bits of precision, and ends streams as torchac does.
+
 References
 ----------
-Witten, Neal, Cleary: "Arithmetic coding for data compression", CACM 1987; with 32 bits of
-precision, and the end of a stream as in torchac.
+Witten, Neal, Cleary: "Arithmetic coding for data compression", CACM 1987.
 """
 
 from __future__ import annotations

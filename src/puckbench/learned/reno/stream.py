@@ -3,10 +3,10 @@
 * magic "RENO", version, CRC-32 of the rest
 * digest of the weights (8 bytes), number of decoded voxels (uint32), CRC-32 of their sorted Morton
   keys, 8 bytes each (uint32); offsets of the grid in 131,072 mm (3 signed base-128 numbers)
-* authors' stream: posQ in mm (float16); voxels of the base, which is the coarsest level: number
-  (int32), coordinates (3 int32 each), occupancies (uint8 each); number of runs of symbols (uint16);
-  each run, preceded by the length in bytes (uint32). Each level below the base has a run of first
-  and a run of second symbols.
+* authors' stream: posQ in mm (float16); voxels of the base (coarsest level): number (int32),
+  coordinates (3 int32 each), occupancies (uint8 each); number of runs of symbols (uint16); each
+  run, preceded by the length in bytes (uint32). Each level below the base has a run of first and a
+  run of second symbols.
 """
 
 from __future__ import annotations

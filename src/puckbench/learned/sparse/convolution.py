@@ -23,7 +23,7 @@ _CHUNK_FLOATS = 2**20
 machines; smaller chunks spend more time in Python, on one thread."""
 _MIN_ROWS, _MAX_ROWS = 64, 4096
 _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
-"""Features and rows of a chunk on other devices, where starting a computation is slow."""
+"""Features and rows of a chunk on a GPU, where starting a computation is slow."""
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from puckbench.learned.sparse.voxels import CENTRE, OFFSETS
 
 Flat = NDArray[np.float32]
 Matrices = tuple[Tensor, ...]
-"""Kernel matrix (count * c, count * d) of each offset, where `count` children are connected."""
+"""Kernel matrix (count * c, count * d) of each offset, which connects `count` children."""
 Segments = list[Tensor]
-"""For each offset the features (m, count * channels) of its m pairs of rows."""
+"""Features (m, count * channels) of the m pairs of rows of each offset."""
 
 
 class NeighbourPairs(NamedTuple):
@@ -67,7 +67,7 @@ class CompiledGatherScatter:
     def gather(
         self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
     ) -> Segments:
-        """Gather features (n, children, channels) of a chunk's neighbours at each offset but zero.
+        """Gather features (n, children, channels) of a chunk's neighbours at all nonzero offsets.
 
         With `at_output`, gather the features of the rows themselves, at the children that the
         convolution writes.
@@ -162,7 +162,7 @@ def _elements_after(features: Tensor) -> int:
 
 @cache
 def _mover(width: int, is_gather: bool) -> Callable[..., None]:
-    """Compile a loop that copies features of pairs to `packed` memory, or adds packed features."""
+    """Compile a loop that copies pairs' features to `packed`, or adds `packed` to features."""
 
     @compiled
     def move(

@@ -1,8 +1,8 @@
 """Kernel maps of a sparse 3x3x3 convolution: the kernel matrix of each pair of voxels.
 
 There are two memory layouts. *Voxels*: a row is one voxel. *Blocks*: a row is a parent's eight
-children. An offset between parents connects 8 children of one parent (zero offset), 4 (across a
-face), 2 (edge) or 1 (corner) with as many of the other, in 27 larger matrix products.
+children, for 27 larger matrix products. An offset between two parents connects 8 children of one
+parent (zero offset), 4 (across a face), 2 (edge) or 1 (corner) with as many of the other parent.
 """
 
 from __future__ import annotations

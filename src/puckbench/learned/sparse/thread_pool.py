@@ -1,6 +1,6 @@
 """A thread pool whose threads keep their working memory from layer to layer.
 
-One thread computes a chunk of rows, so that results do not depend on the number of threads.
+One thread computes each chunk of rows, so that results do not depend on the number of threads.
 Allocation for each layer would take as long as the arithmetic.
 """
 

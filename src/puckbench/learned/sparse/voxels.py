@@ -27,7 +27,7 @@ AXIS_BITS = 20
 OFFSETS = 27
 """Offsets of neighbours, zero included; their indices are ``dx + 1 + 3 (dy + 1) + 9 (dz + 1)``."""
 FACES = (12, 14, 10, 16, 4, 22)
-"""Offsets of the neighbours that share a face, in both directions along x, y and z."""
+"""Indices of the offsets across faces, in both directions along x, y and z."""
 CENTRE = 13
 CHILDREN = 8
 

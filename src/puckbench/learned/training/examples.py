@@ -63,7 +63,7 @@ class CubeExamples:
 def random_symmetry(
     voxels: Voxels, size: int, rng: np.random.Generator, upright: bool = False
 ) -> Voxels:
-    """Apply to voxels a random one of a cube's 48 symmetries, or of the 8 that keep the z axis."""
+    """Apply a random symmetry of a cube to voxels: one of 48, or of the 8 that keep the z axis."""
     axes = 2 if upright else 3
     symmetric = voxels.copy()
     mirrored = np.where(

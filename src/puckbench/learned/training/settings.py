@@ -1,6 +1,6 @@
-"""Settings of the training of learned codecs, as pydantic models.
+"""Training settings of learned codecs, as pydantic models.
 
-A codec names a subclass of `BaseTraining`, whose fields are the options of a configuration and of
+The fields of a codec's subclass of `BaseTraining` are the options of a configuration and of
 ``puckbench train --options``.
 """
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from puckbench.learned.training.loop import BaseTrainer
 
 _MIN_VOXELS, _SIZE = 200, 64
-"""Minimum voxels of a cube of this side; for smaller cubes, in proportion to a face's area."""
+"""Minimum voxels of a cube of side `_SIZE`; smaller cubes need fewer, in proportion to side**2."""
 
 Rates = Mapping[str, Mapping[str, Any]]
 Channels = Annotated[int, Field(gt=0, multiple_of=4)]
@@ -36,7 +36,7 @@ def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 Lmbdas = Annotated[tuple[PositiveFloat, ...], Field(min_length=1), AfterValidator(_ascending)]
-"""Lagrangian weights, in ascending order without duplicates."""
+"""Ascending Lagrangian weights without duplicates."""
 
 
 class BaseTraining(Model, ABC):
@@ -49,7 +49,7 @@ class BaseTraining(Model, ABC):
     cube_size
         Voxels along an edge of a cube.
     learning_rate, final_learning_rate
-        Learning rate at the start and at the end, with a cosine schedule between.
+        Learning rates at the start and the end of a cosine schedule.
     seed
         Seed of initial weights, cubes, and noise that replaces rounding.
     """
@@ -63,7 +63,7 @@ class BaseTraining(Model, ABC):
 
     @abstractmethod
     def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
-        """Open a new model with optimiser, on CUDA if available, otherwise on the CPU."""
+        """Open a trainer of a new model, on CUDA if available, otherwise on the CPU."""
 
     @abstractmethod
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
@@ -89,7 +89,7 @@ class BaseTraining(Model, ABC):
 
 
 class MultiRateTraining(BaseTraining):
-    """Settings of a training for several rates at once.
+    """Settings of a training for several rates.
 
     Parameters
     ----------
@@ -98,8 +98,8 @@ class MultiRateTraining(BaseTraining):
     min_kept_fraction
         Minimum fraction of voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
-        Densities, in occupied children per voxel. For each density, clouds are used on the finest
-        grid, coarsened by whole octaves, that reaches it.
+        Densities, in occupied children per voxel. For each density, clouds are coarsened by the
+        fewest whole octaves that reach the density.
     """
 
     network: ClassVar[NetworkType]

@@ -19,10 +19,11 @@ FRAME, SPOT = "frame", "spot"
 class CalibrationOptions:
     """Options of a calibration.
 
-    Returns of a cell share a bias. A cell is one laser in one frame (`cells` is ``"frame"``;
-    virtual scans) or direction (``"spot"``; a sensor at rest). With spots, `frame_sigma_m` is the
-    unevenness of the walls, and the lasers' mean bias is assumed to be zero. `parameters` names the
-    fields of `Sigmas` to estimate; other fields are zero. Ranges are multiples of `quantum_m`.
+    The returns of a cell share a bias. A cell contains the returns of one laser in one frame
+    (`cells` is ``"frame"``, for virtual scans) or in one direction (``"spot"``, for a sensor at
+    rest). With spots, `frame_sigma_m` is the unevenness of the walls, and the lasers' mean bias is
+    assumed to be zero. `parameters` names the fields of `Sigmas` to estimate; the other fields are
+    zero. Ranges are multiples of `quantum_m`.
     """
 
     cells: str = FRAME
@@ -41,9 +42,9 @@ class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
     `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean;
-    they are empty for several devices. `mean`, m, is the lasers' mean bias, or None if inseparable
-    from the estimated positions of the planes. `most_incidence_rad` and `ranges_m` (shortest,
-    longest) limit the returns that were used.
+    they are empty for several devices. `mean`, m, is the lasers' mean bias; None if it cannot be
+    separated from the positions of the planes. `most_incidence_rad` is the largest incidence, and
+    `ranges_m` are the shortest and longest range, of the returns used.
     """
 
     sigmas: dict[str, Estimate]
@@ -60,7 +61,7 @@ class Calibration:
 def calibrate(
     tables: Sequence[pd.DataFrame], settings: CalibrationOptions | None = None
 ) -> Calibration:
-    """Estimate the parameters of range errors from tables of plane residuals, one for each device.
+    """Estimate the parameters of range errors from one table of plane residuals per device.
 
     The method is restricted maximum likelihood (Patterson and Thompson, "Recovery of inter-block
     information when block sizes are unequal", Biometrika 58, 1971).

@@ -45,7 +45,7 @@ def settings_for(
 ) -> CalibrationOptions:
     """Return the options for calibrating an error model, or a real sensor (the model ``real``).
 
-    None selects the model's default of an option.
+    Options that are None have the model's defaults.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000

@@ -65,7 +65,7 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Maximise the restricted likelihood over the parameters named in `free`, from `start`."""
+    """Maximise the restricted likelihood over the parameters in `free`, beginning at `start`."""
     first = start or _start(likelihood, free)
     if not free:
         return first
@@ -110,11 +110,11 @@ def _searched(
 def intervals(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, widening: float = 1.0
 ) -> dict[str, Estimate]:
-    """Return estimates with 95 % intervals, by the names in `free`: m, m per rad^2, and m per m.
+    """Return the estimate and 95 % interval of each `free` parameter, m, m per rad^2 or m per m.
 
-    Intervals come from the curvature of the likelihood (observed Fisher information); if a bias's
-    sigma has a standard error above 10 %, its interval comes from the profile likelihood, and may
-    begin at zero. Intervals of ray noise are multiplied by `widening` (`RayShape.widening`).
+    Intervals come from the curvature of the likelihood (observed Fisher information). If the
+    standard error of a bias's sigma exceeds 10 %, the interval comes from the profile likelihood,
+    and may begin at zero. Intervals of ray noise are widened by the factor `RayShape.widening`.
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)

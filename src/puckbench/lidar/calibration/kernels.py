@@ -1,7 +1,7 @@
-"""Compiled loops of the likelihood: sums over returns, and elimination of normal biases.
+"""Compiled loops of the likelihood: sums over returns, and elimination of random biases.
 
 A return's row of the design matrix has five non-zero entries: three coefficients (b0, b1, b2) of
-its plane, 1 for its laser, and 1 for its laser in its scan.
+its plane, 1 for the laser's bias, and 1 for the laser's bias in the scan.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ def group_sums(
     least: tuple[float, float],
     sums: Floats,
 ) -> None:
-    """Write the terms of each group of returns in the normal equations to `sums` (g, 16).
+    """Sum the terms of the normal equations over each group of returns, in `sums` (g, 16).
 
-    With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
-    (3), w z z and the log variances. `groups` are the groups' first rows, and the end; `values` are
-    errors (n,), basis (n, 3) and features (n, 3). The standard deviation, m, is the sum of features
-    times `sigma`, at least ``least[0]``; ``least[1]`` is added to the variance.
+    For weight w = 1 / variance, basis b and error z, the terms are w, w b (3), w b b (6), w z,
+    w z b (3), w z z and the log variance. `groups` (g + 1,) are the groups' first rows, and n;
+    `values` are errors (n,), basis (n, 3) and features (n, 3). The standard deviation, m, is the
+    scalar product of features and `sigma`, at least ``least[0]``; ``least[1]`` is added to the
+    variance.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -71,8 +72,8 @@ def absorb_cells(
     """Add ``X' V^-1 X`` to `matrix` (p, p) and ``X' V^-1 z`` to `right` (p,).
 
     The covariance V of the errors z is the diagonal of the rays' variances, plus `variance` for
-    each pair of returns in a cell; the formula of Sherman and Morrison inverts V. `codes` are each
-    group's cell, surface, matrix column of the laser, and matrix column of the laser in its scan.
+    each pair of returns in a cell; the Sherman-Morrison formula inverts V. `codes` are each group's
+    cell, surface, matrix column of the laser, and matrix column of the laser in its scan.
     Returns the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells' biases.
     """
     cell, surface, laser, scan = codes
@@ -142,10 +143,10 @@ def _take_cell(
 
 @compiled
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Eliminate the biases of lasers in scans, the columns from `core` on, from the equations.
+    """Eliminate the scan biases, the columns from `core` on, from the equations.
 
-    Each bias is normal with variance `variance`; no equation contains two of them. Returns two
-    numbers as `absorb_cells` does.
+    Scan biases are normally distributed with variance `variance`; no equation contains two. Returns
+    the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to them.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):

@@ -1,8 +1,8 @@
 """Restricted likelihood of range errors: plane parameters are integrated out.
 
-The model is ``error = mean + laser bias + scan bias + frame bias + ray noise`` with normal biases
-per laser of a device, per laser and scan, and per laser and frame. Planes and mean have a flat
-prior, so that fitting planes to the noise does not bias the sigmas.
+The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normally
+distributed, per laser of a device, per laser and scan, and per laser and frame. Planes and mean
+have a flat prior, so that fitting planes to the noise does not bias the sigmas.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Sigmas:
 
 NAMES = tuple(sigma.name for sigma in fields(Sigmas))
 BIASES, RAYS = NAMES[:3], NAMES[3:]
-"""Names of the sigmas of biases (at least 0), and of the parameters of ray noise."""
+"""Names of the biases' sigmas (at least 0), and of the parameters of ray noise."""
 
 
 @dataclass(frozen=True)

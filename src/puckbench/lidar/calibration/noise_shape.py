@@ -26,7 +26,7 @@ class RayShape:
 
     @property
     def widening(self) -> float:
-        """Factor by which standard errors of a sigma exceed those under Gaussian noise.
+        """Factor by which a sigma's standard error exceeds that for Gaussian noise.
 
         The score of a scale parameter is ``e^2 - 1`` for standardised noise e; its variance is the
         kurtosis minus one (2 for Gaussian noise).
@@ -35,7 +35,7 @@ class RayShape:
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of ray noise; Gaussian for fewer than 30 pairs of returns."""
+    """Estimate the distribution of ray noise; assume Gaussian noise below 30 pairs of returns."""
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)

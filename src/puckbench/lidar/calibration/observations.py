@@ -1,9 +1,9 @@
 """Range errors from tables of plane residuals.
 
 The range error is the distance of the measured point from the ray's intersection with the fitted
-plane. A ray of direction d meets the plane at distance h with normal n at the range r, with ``1 / r
-= n d / h``. A small error of the plane changes the range by the scalar product of ``r^2 d`` and
-three unknown numbers.
+plane. A ray of direction d meets a plane (normal n, distance h from the sensor) at the range r,
+where ``1 / r = n d / h``. A small error of the plane changes the range by the scalar product of
+``r^2 d`` and three unknown numbers.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ Codes = NDArray[np.int64]
 class Observations:
     """Range errors of returns on planes whose parameters are uncertain, sorted by cell and surface.
 
-    A cell is one laser in one frame (or direction) of one scan. A group is the part of a cell on
-    one surface. Lasers of different devices have different numbers.
+    A cell contains the returns of one laser in one frame (or direction) of one scan. A group is the
+    part of a cell on one surface. Lasers of different devices have different numbers.
 
     Parameters
     ----------
     error
-        (n,) m.
+        (n,) range errors, m.
     basis
         (n, 3) derivatives of the error with respect to the surface's plane parameters.
     features
         (n, 3): 1, squared incidence (rad^2), range (m).
     groups
-        (g + 1,) first row of each group, and the end.
+        (g + 1,) first row of each group, and n.
     surface, laser, scan, cell
-        (g,) numbers from 0; `scan` numbers lasers in scans.
+        (g,) numbers from 0; `scan` numbers pairs of laser and scan.
     tells_mean
         Whether the lasers' mean bias can be separated from the planes.
     """
@@ -86,7 +86,7 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Compute range errors from tables of plane residuals, one for each device.
+    """Compute range errors from one table of plane residuals per device.
 
     For `cells` see `CalibrationOptions`.
     """

@@ -10,9 +10,9 @@ class BeamOfWidth(Vlp16):
     """Base class of variants of `Vlp16` whose beams have an angular width."""
 
     yaw_width_deg: NonNegativeFloat | None = None
-    """Full width of the beam; by default the sensor's divergence."""
+    """Full horizontal width; by default the sensor's divergence."""
     pitch_width_deg: NonNegativeFloat | None = None
-    """Full width of the beam; by default the sensor's divergence."""
+    """Full vertical width; by default the sensor's divergence."""
 
     def beam_widths_deg(self, sensor: Sensor) -> tuple[float, float]:
         yaw, pitch = self.yaw_width_deg, self.pitch_width_deg

@@ -31,8 +31,8 @@ class BeamFootprint(BeamOfWidth):
     sub_rays: PositiveInt = 9
     """Number of rays of a beam."""
     returns: Echo = "strongest"
-    """Echo that is measured: the ``first``, the ``strongest`` (with most rays; of equals the
-    first), the ``last``, or the ``mean`` of all hits."""
+    """Measured echo: the ``first``, the ``strongest`` (with most rays; the first of several such),
+    the ``last``, or the ``mean`` of all hits."""
     merged_within_m: NonNegativeFloat = 0.9
     """Largest difference between successive ranges of an echo; the default is half the length of
     the VLP-16's pulse of 6 ns."""
@@ -59,10 +59,10 @@ class BeamFootprint(BeamOfWidth):
 
 
 def echoes(apart: Floats, gap: float, choice: Echo) -> tuple[Floats, NDArray[np.intp]]:
-    """Return each beam's echo: mean distance (inf for none), and the ray nearest to the mean.
+    """Return the mean distance of each beam's chosen echo, and the ray nearest to this distance.
 
-    `apart` (beams, rays) are distances of rays, m, inf for a miss. In increasing order, a distance
-    more than `gap` beyond the previous one begins a new echo.
+    `apart` (beams, rays) are distances, m, inf for a miss. In increasing order, a distance more
+    than `gap` beyond the previous one begins a new echo. A beam without echo has the distance inf.
     """
     order = np.argsort(apart, axis=1, kind="stable")
     reach = np.take_along_axis(apart, order, axis=1)

@@ -37,9 +37,9 @@ class Calibrated(ErrorModel):
     file: str | None = None
     """Path of a model file, or name of a shipped one; other parameters override the file's."""
     device: NonNegativeInt | None = None
-    """0 is the measured device (`bias_m`); n > 0 is a simulated device, with the same biases from
-    ``N(0, laser_sigma_m)`` in all scans. The default is the measured device or, without `bias_m`, a
-    new simulated device in each scan."""
+    """0 is the measured device (`bias_m`); n > 0 is a simulated device, whose biases, drawn from
+    ``N(0, laser_sigma_m)``, are equal in all scans. The default is the measured device or, without
+    `bias_m`, a new simulated device in each scan."""
     bias_m: tuple[float, ...] | None = None
     """Biases of the measured device by laser id, relative to their mean."""
     laser_sigma_m: NonNegativeFloat = 0.0
@@ -119,7 +119,7 @@ class Calibrated(ErrorModel):
 
 
 def read_parameters(file: str) -> dict[str, Any]:
-    """Read the parameters of `Calibrated` from a YAML file: a path, or a shipped file's name."""
+    """Read the parameters of `Calibrated` from a YAML file, by path or by a shipped file's name."""
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else _SHIPPED / f"{file}.yaml"
     content = read_yaml(path)

@@ -24,7 +24,7 @@ class Surfaces:
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return the value of each triangle, (t,), by its object's name or else semantic class."""
+        """Look up each triangle's value, (t,), by its object's name, then by semantic class."""
         numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
         return np.array([*numbers, default])[self.object_id]
 

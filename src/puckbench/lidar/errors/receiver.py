@@ -27,9 +27,9 @@ class Receiver(Model):
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     reflectivity: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default={})
-    """Diffuse reflectivities, 0 to 1, by name or else semantic class of the object."""
+    """Diffuse reflectivities, 0 to 1, by the object's name or else semantic class."""
     default_reflectivity: NonNegativeFloat = 1.0
-    """Reflectivity of all other objects."""
+    """Diffuse reflectivity of objects that `reflectivity` omits."""
     attenuation_from_m: NonNegativeFloat = 50.0
     attenuation_limit: NonNegativeFloat = 0.1
     attenuation_slope_per_m: NonNegativeFloat = 0.01

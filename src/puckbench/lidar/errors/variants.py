@@ -9,7 +9,7 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 
 @ERROR_MODELS.register("vlp16_table51")
 class Vlp16Table51(Vlp16):
-    """Error model `Vlp16` with the sigmas of the thesis's Table 5.1 instead of section 5.4."""
+    """Error model `Vlp16` with the sigmas of the thesis's Table 5.1."""
 
     title, colour, variant_of = "VLP-16, Table\u00a05.1", "#6699CC", Vlp16
 
@@ -19,7 +19,7 @@ class Vlp16Table51(Vlp16):
 
 @ERROR_MODELS.register("hdl64e")
 class Hdl64e(Vlp16):
-    """Error model `Vlp16` with the defaults of the simulator BlenSor, which are for the HDL-64E."""
+    """Error model `Vlp16` with BlenSor's default sigmas, which are for the HDL-64E."""
 
     title, colour, variant_of = "HDL-64E", "#CC79A7", Vlp16
 

@@ -17,8 +17,8 @@ class Vlp16(ErrorModel):
     """Range noise with a bias for each laser and independent noise for each ray (thesis, eq. 5.4).
 
     A measured range is ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0,
-    bias_sigma_m)``. The default sigmas are those of the thesis's section 5.4 and code; the thesis's
-    Table 5.1 has other sigmas.
+    bias_sigma_m)``. The default sigmas are those of the thesis's section 5.4 and code;
+    `Vlp16Table51` has the sigmas of Table 5.1.
     """
 
     title, colour = "VLP-16", "#0072B2"
@@ -45,7 +45,7 @@ class Vlp16(ErrorModel):
         return noisy
 
     def ray_scale(self, hits: Hits) -> Floats | float:
-        """Return the scale of the ray noise, m, of each ray or of all; finite even for a miss."""
+        """Return the noise scale, m, of each ray or one for all rays; finite even for a miss."""
         return self.ray_sigma_m
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:

@@ -16,8 +16,8 @@ from puckbench.lidar.sweep import Rays
 class Vlp16Divergence(BeamOfWidth):
     """Error model `Vlp16` with rays in random directions within the beam (thesis, section 5.5.3).
 
-    The thesis chose this model. Uniformly distributed offsets of up to half of the beam's widths
-    are added to yaw and pitch. The reported angles are the nominal ones.
+    The thesis chose this model. Uniform random offsets of up to half the beam's widths are added to
+    yaw and pitch. The reported angles are the nominal ones.
     """
 
     title, colour = "Beam divergence", "#009E73"

@@ -34,7 +34,7 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Whether `topic` has clouds or, if it is None, the bag has clouds but no data packets."""
+    """Whether `topic` has clouds; without a topic, whether the bag has clouds but no packets."""
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -55,7 +55,7 @@ def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
 def read_cloud_messages(
     path: Path, topic: str | None, numbers: Sequence[int]
 ) -> list[CloudMessage]:
-    """Read messages of a topic of clouds by their sorted numbers, from 0."""
+    """Read the messages with sorted `numbers`, from 0, of a topic of clouds."""
     definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
     bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
     columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns
@@ -76,7 +76,7 @@ def read_recorded_cloud(
     keep_missing: bool = False,
     drop_invalid: bool = False,
 ) -> PointCloud:
-    """Read a message as a cloud, which may be empty or have points that are not finite.
+    """Read a message as a cloud, which may be empty or have non-finite points.
 
     Missing returns are removed and counted as in `puckbench.io.clouds.read_cloud`.
     """

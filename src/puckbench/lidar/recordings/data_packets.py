@@ -87,10 +87,10 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
 
 
 def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -> PacketLog | None:
-    """Return the packets of an Ouster sensor, or None if the capture is from a Velodyne.
+    """Return the packets of an Ouster sensor, or None if the capture seems to have none.
 
-    The sensor's metadata are beside the recording (`ouster.metadata_beside`); `name` is as in
-    `packets_of_capture`.
+    The sensor's metadata are beside the recording (`ouster.metadata_beside`);
+    `packets_of_capture` explains `name`.
     """
     sizes = Counter(datagram.length for datagram in capture.datagrams)
     metadata = metadata_beside(recording)
@@ -127,7 +127,7 @@ def whole_packets(
 ) -> PacketLog:
     """Return the distinct undamaged packets among 1,206-byte payloads.
 
-    `received` are times, s. The result's `about` adds counts of payloads left out.
+    `received` are times, s. The result's `about` also counts the payloads left out.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):

@@ -41,7 +41,7 @@ Columns = Mapping[str, NDArray[Any]]
 def read_points(
     path: Path, sensor: Sensor | None = None, time_unit: TimeUnit | None = None
 ) -> RecordedReturns:
-    """Read points x, y, z (m, in the sensor's frame) with a laser column as a table of returns.
+    """Read points x, y, z (m, sensor's coordinates) with a laser column as a table of returns.
 
     By default, the sensor is a VLP-16, and the time unit is inferred. See `returns_of_columns`.
     """
@@ -52,12 +52,12 @@ def read_points(
 def returns_of_columns(
     columns: Columns, device: Sensor, time_unit: TimeUnit | None, path: Path
 ) -> RecordedReturns:
-    """Convert the columns of points in the frame of a sensor to a table of returns.
+    """Convert the columns of points in a sensor's coordinates to a table of returns.
 
     The laser column is the first of `laser_id`, `laser`, `label`, `ring`, `channel` and `line`
-    that, as ids or as ranks by elevation, puts the points on their lasers' cones. Azimuths count
+    whose values, as ids or ranks by elevation, put the points on the lasers' cones. Azimuths count
     clockwise from y; distances follow from horizontal range and nominal elevation. Points at the
-    origin or with all coordinates nan are left out. A column `turn` of integers is kept.
+    origin or with all coordinates nan are left out. An integer column `turn` is kept.
     """
     columns, counts = without_missing(path, columns)
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)

@@ -20,7 +20,7 @@ from puckbench.lidar.sensor import Sensor
 _FEWEST = 16
 """Least number of points of a fitted laser."""
 _HEIGHT_PRIOR = 0.002
-"""Weight of the prior height 0: points at a single distance do not determine the height."""
+"""Weight of the prior height 0, since points at a single distance do not determine the height."""
 _USUAL_HZ, _LARGEST_STEP_RAD, _ROUNDS = 10.0, np.pi / 6, 3
 
 
@@ -99,7 +99,7 @@ def _rotation(
     *,
     lasers: int,
 ) -> tuple[float, Floats | None]:
-    """Return the rotation rate, Hz, and lasers' azimuths (rad, mean 0), None if unknown."""
+    """Return the rotation rate, Hz, and the lasers' azimuths (rad, mean 0; None if unknown)."""
     order = np.lexsort((seconds, laser, turn))
     azimuth, laser, seconds = azimuth[order], laser[order], seconds[order]
     turn = np.unique(turn[order], return_inverse=True)[1]

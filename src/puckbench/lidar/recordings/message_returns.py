@@ -74,8 +74,8 @@ def read_message_columns(
 ) -> Columns:
     """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
 
-    Times are relative to the first message's stamp; times since 1970, to that message's first time.
-    Points without coordinates are left out.
+    Times are relative to the first message's stamp or, if counted since 1970, to that message's
+    first time. Points without coordinates are left out.
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns

@@ -1,7 +1,7 @@
 """Lidar packets of Ouster sensors, decoded with the sensor's metadata (JSON).
 
 Formats follow the Ouster Firmware User Manual (Lidar Data Packet Format) and the Ouster SDK 1.0.
-Points are in Ouster's sensor frame, whose x axis is forward.
+Points are in Ouster's sensor coordinates, whose x axis is forward.
 """
 
 from __future__ import annotations
@@ -23,15 +23,14 @@ from puckbench.lidar.turns import MAX_LASERS, Layout, Turn
 
 LEGACY = "LEGACY"
 _FIRST_RADIAL_MM = 12.163
-"""Distance of the beams' origin from the axis if the metadata lack it (first OS-1)."""
+"""Default distance of the beams' origin from the axis (first OS-1)."""
 _COLUMNS = (512, 1024, 2048, 4096)
 _MOST_DEG = 90.0
 _LASERS = (16, 32, 64, 128)
 _COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
 """Allowed numbers of columns in a packet, and the usual number."""
 _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-"""First elements of the transform from the lidar's frame to the sensor's; the next is the
-height."""
+"""First elements of the transform from lidar to sensor coordinates; the next is the height."""
 
 
 class Field(NamedTuple):
@@ -169,7 +168,8 @@ class OusterSensor:
 def metadata_beside(recording: Path) -> Path | None:
     """Return the JSON file with a recording's metadata, or None.
 
-    The file's stem is that of the recording, with or without ``_0`` added, or its longest prefix.
+    For ``x.pcap`` this is ``x_0.json``, else ``x.json``, else the file with the longest stem with
+    which ``x`` begins.
     """
     stem = recording.stem
     names = (path for path in recording.parent.glob("*.json") if path.is_file())

@@ -34,13 +34,13 @@ _FRAGMENT_BYTES, _UDP_BYTES = 1480, 8
 header."""
 _NS = 1000
 _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("frame", "<u4")])
-"""Header of a column; a time in ns is the sum of hours, the turn's time in us and a remainder."""
+"""Header of a column; its time is the sum of hours, the turn's time in us and a remainder."""
 
 
 class Channel(NamedTuple):
     """A pixel field, for one kind of return, that a `Turn` does not store.
 
-    For a reflectivity, `signal` is the index of the same return's signal channel; otherwise None.
+    For a reflectivity, `signal` is the channel index of the return's signal; otherwise None.
     """
 
     field: Field
@@ -58,7 +58,7 @@ class Rest(NamedTuple):
     heads
         (columns, bytes) headers of columns.
     outsides
-        (packets, bytes) before and after each packet's columns; a correct CRC-64 is stored as 0.
+        (packets, bytes) data before and after each packet's columns; a correct CRC-64 becomes 0.
     remainders
         (columns,), remainders of times below 1 us, in units of `unit` ns.
     """
@@ -75,7 +75,7 @@ class Rest(NamedTuple):
 class OusterKind:
     """Format of packets, and the layout of their images.
 
-    If `is_fragmented`, a packet is in IP fragments of the usual size, `hole` bytes apart.
+    If `is_fragmented`, packets are split into IP fragments of the usual size, `hole` bytes apart.
     """
 
     profile: str
@@ -123,7 +123,7 @@ class OusterKind:
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """Fields that cover all bits of a pixel that `turn_of` does not convert."""
+        """Fields of all pixel bits that `turn_of` does not convert."""
         profile = PROFILES[self.profile]
         signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
         dependent = [

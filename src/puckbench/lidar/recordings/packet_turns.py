@@ -4,9 +4,9 @@ Manuals: VLP-16 63-9243 Rev. E, chapter 9; HDL-32E 63-9113 Rev. M, appendix C; V
 HDL-64E 63-HDL64ES2 and 63-HDL64ES3 (one format); Alpha Prime (VLS-128) 63-9483, section 9.3.
 
 All banks of an Alpha Prime's firing have the azimuth of its first lasers (section 9.5 of the
-manual, velodyne_decoder, a recording by TIER IV). ROS's driver instead interpolates between blocks.
+manual, velodyne_decoder, a recording by TIER IV). ROS's driver interpolates between blocks.
 
-Packets of an HDL-64E name neither sensor nor return mode, which follow from flags and equal
+Packets of an HDL-64E state neither sensor nor return mode; both follow from flags and equal
 azimuths, as in velodyne_decoder. A single return counts as the strongest.
 """
 
@@ -55,9 +55,9 @@ _BANKS = {HDL64E: 2, VLS128: 4}
 _CHANNELS = 32
 _BLOCK_BYTES = BLOCK.itemsize
 _MOST_AT_ONCE = 4096
-"""Packets that are compared at a time."""
+"""Number of packets compared at a time."""
 _STATUS_BYTES = 2
-"""At the end of a packet of an HDL-64E; other sensors have mode and product there."""
+"""Size of the status that ends an HDL-64E's packet, where other packets have mode and product."""
 
 Payloads = NDArray[np.uint8]
 
@@ -72,7 +72,7 @@ class PacketKind:
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Indices of the blocks in a packet, (firings, kinds of return, banks), strongest first."""
+        """Indices of a packet's blocks, (firings, kinds of return, banks); strongest kind first."""
         return _blocks(self.product, self.mode)
 
     @property
@@ -143,7 +143,7 @@ def kind_codes(payloads: Payloads) -> NDArray[np.int64]:
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
-    """Return the ascending positions of the data packets of `SENSORS` in bytes."""
+    """Return the ascending positions in `data` of the data packets of `SENSORS`."""
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
@@ -174,7 +174,7 @@ def _with_flags(
 
 
 def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
-    """Return the ascending offsets of packets of `size` bytes that overlap no earlier one kept."""
+    """Drop from ascending `places` packets of `size` bytes that overlap an earlier kept one."""
     if (np.diff(places) >= size).all():
         return places
     kept: list[int] = []
@@ -220,8 +220,8 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 def is_whole(payloads: Payloads, codes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
     """Return for each packet (p, 1206) whether its flags and azimuths are valid.
 
-    Blocks of a firing must have equal azimuths. Packets of unknown sensors count as a VLP-16's.
-    `codes` are the packets' `kind_codes`, if they have been computed.
+    Blocks of a firing must have equal azimuths. Packets of unknown sensors are checked as a
+    VLP-16's. `codes` are the packets' `kind_codes`, computed if None.
     """
     packets, is_valid = _viewed(payloads)["blocks"], np.zeros(len(payloads), np.bool_)
     codes = kind_codes(payloads) if codes is None else codes.copy()
@@ -270,7 +270,7 @@ def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> Recorded
 
 
 def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
-    """Return each return's turn: how often the azimuth has passed 0."""
+    """Return each return's turn number: how often the azimuth has passed 0."""
     passed, previous = 0, 0
     numbers: list[NDArray[np.int64]] = []
     for turn in returns.turns:

@@ -2,8 +2,8 @@
 
 A packet has 12 blocks, each with a flag, an azimuth (0.01 degrees) and 32 returns (distance,
 reflectivity). The returns are two firings of a VLP-16, one firing of a sensor with 32 lasers, or
-one of a bank of 32 lasers (named by the flag) of a larger sensor. The time is that of the first
-firing (VLP-16 User Manual 63-9243 Rev. E, chapter 9).
+one firing of a larger sensor's bank of 32 lasers, which the flag names. The packet's time is that
+of the first firing (VLP-16 User Manual 63-9243 Rev. E, chapter 9).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ HOUR_S = 3600.0
 STRONGEST_MODE, LAST_MODE, DUAL_MODE = 0x37, 0x38, 0x39
 MODES = {STRONGEST_MODE: "strongest", LAST_MODE: "last", DUAL_MODE: "dual"}
 HDL64E, VLS128 = 0x63, 0xA1
-"""Codes of products; HDL64E is our own, since packets of an HDL-64E state no product."""
+"""Codes of products; HDL64E is not Velodyne's, since packets of an HDL-64E state no product."""
 PRODUCTS = {
     0x21: "HDL-32E",
     0x22: "VLP-16",

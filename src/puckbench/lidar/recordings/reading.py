@@ -66,7 +66,7 @@ def read_recording(
         or its folder), a cloud (see `decoded_clouds.read_points`), or a table of `write_returns`
         (.parquet).
     sensor, time_unit
-        The sensor, and the unit of a cloud's times; by default inferred.
+        The sensor, and the unit of a cloud's times; both are inferred by default.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source, topic
@@ -115,7 +115,7 @@ def read_turns(
     source: Path | None = None,
     topic: str | None = None,
 ) -> RecordedTurns:
-    """Read revolutions from `start_s` seconds on; `read_packets` explains other parameters."""
+    """Read revolutions from `start_s` seconds on; `read_packets` explains the other parameters."""
     with naming(source or path):
         packets = read_packets(path, stream, source, topic)
         log = _interval(packets, start_s, math.inf)
@@ -129,10 +129,10 @@ def read_turns(
 def read_packets(
     path: Path, stream: str | None = None, source: Path | None = None, topic: str | None = None
 ) -> PacketLog:
-    """Read the undamaged data packets of a packet capture or a ROS bag; log counts of the rest.
+    """Read the undamaged data packets of a packet capture or a ROS bag; log how many are omitted.
 
-    `stream` selects a capture's stream, such as ``192.168.1.201:2368``, `topic` a bag's topic.
-    Messages name `source` if `path` is a temporary copy of it.
+    `stream` selects a capture's stream, such as ``192.168.1.201:2368``; `topic` selects a bag's
+    topic. Messages name `source` if `path` is a temporary copy of it.
     """
     source = source or path
     with naming(source):
@@ -183,7 +183,7 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
 def _unit(log: PacketLog, source: Path) -> Sensor | None:
     """Return a recording's HDL-64E, calibrated if possible; None if the sensor is another one.
 
-    The calibration is a file beside the recording, or in the packets.
+    The calibration is in a file beside the recording or in the packets.
     """
     if log.sensor or kind_codes(log.payloads[:1])[0, 0] != HDL64E:
         return None

@@ -18,7 +18,7 @@ from puckbench.lidar.returns import HOUR_US, Returns
 from puckbench.lidar.turns import Turn, clock_steps
 
 STRONGEST, LAST, BOTH = 0, 1, 2
-"""Kinds of return; BOTH is, in dual return mode, a return both strongest and last."""
+"""Kinds of return; in dual return mode, BOTH is a return that is strongest and last."""
 
 RETURN_COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),

@@ -19,7 +19,7 @@ from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
 _NEAR_M = 0.2
-"""Nearer points are firings without a return, which sensors report with range 0."""
+"""Points nearer than this are firings without a return, which sensors report with range 0."""
 _MOST_SIDEWAYS_M = 0.08
 _MOST_TURNED_DEG = 14.0
 _FEWEST = 16
@@ -36,8 +36,8 @@ Steps = NDArray[np.int64]
 class RecoveredReturns:
     """Returns recovered from a frame of points, as one revolution of the sensor.
 
-    `xyz` (m, 3) are the frame's points in the moving sensor's coordinates. `rows` (n,) are indices
-    into `xyz`, in the order of ``returns.points()``.
+    `xyz` (points, 3) are the frame's points, m, in the moving sensor's coordinates. `rows` (n,) are
+    indices into `xyz`, in the order of ``returns.points()``.
     """
 
     returns: Returns
@@ -59,9 +59,9 @@ _Beam = tuple[float, float, float]
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
-    """Split a frame's points into rings, one for each laser; return the indices of each ring.
+    """Split a frame's points into one ring per laser; return the indices of each ring.
 
-    A ring begins where azimuths (n,), rad, decrease.
+    A ring begins where the azimuths (n,), rad, wrap around.
     """
     ends = np.flatnonzero(np.diff(azimuths) < -np.pi) + 1
     return list(np.split(np.arange(len(azimuths)), ends))
@@ -102,9 +102,9 @@ def recovered_returns(
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame that includes firings without a return (range 0).
 
-    Points (columns, lasers, 3), m, are in the coordinates, at the end of the revolution, of a
-    sensor rotating clockwise (x right, y forward). The data set corrected the points for the car's
-    motion; firings without a return reveal this correction, which is undone.
+    Points (columns, lasers, 3), m, are in the coordinates (x right, y forward) of a clockwise
+    sensor at the end of its revolution. The data set corrected the points for the car's motion;
+    firings without a return reveal this correction, which is undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -149,7 +149,7 @@ def _first_place(xyz: Floats, left: Floats) -> Floats:
 def _without_turning(
     xyz: Floats, whole: NDArray[np.bool_], left: Floats
 ) -> tuple[Floats, list[_Beam]]:
-    """Undo the sensor's pitch and roll in a revolution, fitted to elevations by least squares.
+    """Undo the sensor's pitch and roll in a revolution; return the points and the lasers.
 
     Least squares fit pitch, roll and the lasers' parameters to elevations. `whole` is the mask of
     returns; `left` is as in `_first_place`.
@@ -238,7 +238,7 @@ def _image(
     clockwise: bool,
     sensor: str,
 ) -> RecoveredReturns:
-    """Make the image; `degrees` are azimuths of columns, and of lasers relative to the columns."""
+    """Make the image; `degrees` are azimuths of columns, and of lasers relative to columns."""
     lasers, (columns_deg, lasers_deg) = len(rings), degrees
     ranges = np.zeros((1, len(columns_deg), lasers), np.uint16)
     source = np.zeros(ranges.shape[1:], np.intp)

@@ -24,8 +24,8 @@ def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
     """Infer the unit (s, ms, us or ns) of times (n,); None if it is unknown.
 
     With the right unit, the azimuths (n,), rad, rotate about ten times a second, or else times
-    since 1970 lie in this century. If no unit fits, the unit of integers is unknown, and other
-    times are in s.
+    since 1970 lie in this century. If no unit fits, the unit of integers is unknown, and that of
+    other numbers is s.
     """
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
     is_whole = times.dtype.kind in "iu" and np.ptp(times) > 0

@@ -48,9 +48,9 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
     """Convert a virtual scan to packets, with columns in a real sensor's order.
 
-    A real VLP-16 rotates clockwise while its lasers fire; the virtual one rotates counter-clockwise
-    and fires a column at one azimuth. Therefore columns are reversed, and each column becomes two
-    blocks of equal azimuth.
+    A real VLP-16 rotates clockwise while its lasers fire. The virtual sensor rotates
+    counter-clockwise and fires all lasers at one azimuth. Therefore columns are reversed, and each
+    becomes two blocks of equal azimuth.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES

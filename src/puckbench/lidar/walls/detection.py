@@ -40,11 +40,11 @@ class PlaneSearch(Model):
     threshold_m
         Largest distance of a return on a plane, after subtraction of its laser's bias.
     share_on_plane
-        Least share of a pixel's returns on the plane.
+        Least fraction of a pixel's returns that lie on the plane.
     most_planes
-        Number of examined patches, largest first.
+        Largest number of patches to examine, in order of decreasing size.
     up
-        Upward direction in the sensor's frame, of any length.
+        Upward direction in the sensor's coordinates, of any length.
     tilt_deg
         Largest tilt of a wall from the vertical, and of a floor or ceiling from the horizontal.
     most_incidence_deg
@@ -52,8 +52,8 @@ class PlaneSearch(Model):
     inlier_sigmas
         Largest distance from the plane, in robust standard deviations, of returns that are used.
     least_laser_share
-        Least ratio of a laser's number of returns on a plane to the lasers' median; lasers below it
-        follow an edge.
+        Least ratio of a laser's number of returns on a plane to the median over lasers; a laser
+        with fewer follows an edge.
     least_returns, least_lasers
         Least number of returns per turn, and of lasers, on a plane.
     least_width_m, least_height_m
@@ -91,7 +91,7 @@ class PlaneSearch(Model):
 class DetectedPlane:
     """A plane with its normal towards the sensor, and indices (n,) of the returns on it.
 
-    `width_m` is the horizontal extent of the returns in the plane, `height_m` the extent across.
+    In the plane, `width_m` is the returns' horizontal extent, `height_m` the perpendicular one.
     """
 
     kind: str
@@ -209,9 +209,9 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Sample planes through three nearby returns; return the plane near most returns.
+        """Sample planes through three nearby returns; return the plane with most inliers.
 
-        The mask `free` (n,) selects returns. None means that too few are near a plane.
+        The mask `free` (n,) selects returns. Returns None if no plane has enough inliers.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:

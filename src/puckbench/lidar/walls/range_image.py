@@ -46,7 +46,7 @@ class RangeImage:
 
 
 def largest_patch(pixels: Mask, returns: Floats) -> Mask:
-    """Return the patch of pixels with most returns; gaps of up to two pixels do not split it."""
+    """Return the patch with most returns; gaps of up to two pixels do not split a patch."""
     from scipy import ndimage
 
     # The seam of the image is moved to the column with the fewest pixels, to not cut a patch.

@@ -36,7 +36,7 @@ from puckbench.lidar.walls.stillness import SHIFT_M, Still, still_rows
 
 
 class Crop(Model):
-    """A surface selected by a box in the sensor's frame: lowest and highest corner, m."""
+    """A surface selected by a box in sensor coordinates: lowest and highest corner, m."""
 
     surface: Literal["wall", "floor", "ceiling"]
     box: tuple[tuple[float, ...], ...]
@@ -76,8 +76,9 @@ class RecordingOptions(Model):
         Number of turns to use, from the start of the interval.
     planes
         Planes selected by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``: a
-        `wall`, `floor` or `ceiling`, and the lowest and highest corner, m, of a box in the sensor's
-        frame (x right, y forward, z up) that excludes the edges. By default, planes are detected.
+        `wall`, `floor` or `ceiling`, and the lowest and highest corner, m, of a box in sensor
+        coordinates (x right, y forward, z up) that excludes the edges. By default, planes are
+        detected.
     search
         Criteria for detected planes; `inlier_sigmas`, `most_incidence_deg`, `least_laser_share` and
         `tilt_deg` are also used for planes selected by hand.

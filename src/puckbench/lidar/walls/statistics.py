@@ -30,8 +30,8 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 class RayNoise:
     """Standard deviation of range deviations between revolutions, in bins of laser and azimuth.
 
-    `median_std_m`, the median of the bins' standard deviations, underestimates Gaussian noise by 17
-    % with three revolutions and 4 % with ten; `sigma_m`, from pooled variances, does not.
+    `median_std_m`, the median of the bins' standard deviations, underestimates Gaussian noise by
+    17 % with three revolutions and 4 % with ten; `sigma_m`, from pooled variances, does not.
     """
 
     median_std_m: float

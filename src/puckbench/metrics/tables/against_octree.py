@@ -32,11 +32,11 @@ def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
     the percentage saved against ``gpcc``, G-PCC's octree coder without knowledge of the sensor.
     Papers use this anchor with options that take up to 6 % more bits (``gpcc_no_sensor``).
 
-    ``at_5_mm``: at a D1 RMS error of 5 mm, interpolated linearly on log-log axes. ``grid_1_mm``:
-    fewest bits of a rate that keeps the number of points, with at most the error of rounding to a 1
-    mm grid; the anchor is ``gpcc_lossless``, which keeps duplicate points, if the run has it.
-    Empty: no rate reaches the error. ``coarsest_mm``, ``finest_mm``: largest and smallest error of
-    all rates.
+    ``at_5_mm``: bits at a D1 RMS error of 5 mm, interpolated linearly on log-log axes.
+    ``grid_1_mm``: fewest bits of a rate that keeps the number of points, with at most the error of
+    rounding to a 1 mm grid; the anchor is ``gpcc_lossless``, which keeps duplicate points, if the
+    run has it. Empty: no rate reaches the error. ``coarsest_mm``, ``finest_mm``: largest and
+    smallest error of all rates.
     """
     import pandas as pd
 

@@ -24,7 +24,7 @@ DISTANCES = {
 }
 _CLOUD = ["dataset", "cloud"]
 _EXACT_MM = 0.1
-"""Distance below which a scan counts as free of errors."""
+"""Distance below which a scan counts as error-free."""
 
 
 @TABLES.register("nearest_truth", title="How near to the true surface", needs=(TRUTH,))
@@ -38,7 +38,7 @@ def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str)
     their ratio (below 100: the decoded points are nearer to the truth than the scan). ``rates``:
     number of rates with a median ratio below 100. ``bpp``: bits per point at the best rate.
     ``bits_ratio``: the anchor's bits at its smallest distance over the codec's bits at the same
-    distance, interpolated linearly on log-log axes; a lower bound if the codec's first rate is as
+    distance, interpolated linearly on log-log axes; a lower bound if the codec's lowest rate is as
     near. Values are medians over scenes of means over seeds, with 95 % bootstrap intervals
     (``..._low``, ``..._high``). ``reached``: number of scenes with a ``bits_ratio``. Scans without
     errors are left out.

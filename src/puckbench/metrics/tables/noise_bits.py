@@ -25,13 +25,13 @@ _CLOUD = ["dataset", "cloud"]
 
 @TABLES.register("noise_bits", title="What the sensor's noise costs", needs=(SEVERAL_NOISES,))
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return of the same rays under several error models: medians over scenes of means
-    over seeds, with quartiles (q25, q75) and 95 % bootstrap intervals (low, high); empty if no rate
-    reaches the error.
+    """Bits per return that codecs need for the same rays under several error models.
 
-    ``noise_bits``: entropy of the model's noise at the sensor's range resolution, given incidence
-    and range, without the mean error of each laser in each turn. ``grid_1_mm``: fewest bits of a
-    rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at a D1 RMS error
+    Values are averaged over seeds; shown are medians over scenes, quartiles (q25, q75) and 95 %
+    bootstrap intervals (low, high). A cell is empty if no rate of the codec reaches the column's
+    error. ``noise_bits``: entropy of the model's noise at the sensor's range resolution, given
+    incidence and range, after subtraction of each laser's mean error in each turn. ``grid_1_mm``:
+    fewest bits of a rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at a D1 RMS error
     of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the error model
     with the least noise. ``models``: number of error models of the rays. ``clouds``: number of
     scenes.

@@ -21,7 +21,7 @@ _CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Reference:
-    """Mean over undecoded drives, with a 95 % interval by Student's t (for one drive: the mean)."""
+    """Mean over undecoded drives, with a 95 % interval by Student's t; for one drive, the mean."""
 
     mean: float
     low: float
@@ -58,9 +58,9 @@ def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
     ``measure``: ``drift_percent`` (KISS-ICP over 10, 20 and 50 m), ``ate_m`` (absolute error) for
     drives shorter than 10 m, or ``registration_percent`` (pairs of turns 1, 2 and 5 m apart that
     GICP registers). ``undecoded``: mean of the measure over original drives, with a 95 % interval
-    by Student's t (``low``, ``high``); drives have times of firings if the codec keeps them
-    (``has_times``). ``bits``, ``rate``: the lowest rate from which on all rates are inside the
-    interval, or at most a fifth worse than the mean; empty if the highest rate is not.
+    by Student's t (``low``, ``high``); these drives have times of firings if the codec keeps them
+    (``has_times``). ``bits``, ``rate``: the lowest rate from which on all rates are no worse than
+    the interval, or at most a fifth worse than the mean; empty if there is none.
     ``lost_turns``: sum over drives at the codec's lowest rate.
     """
     import pandas as pd
@@ -107,7 +107,7 @@ def measures(rows: pd.DataFrame) -> list[str]:
 
 
 def with_registration(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the mean success rate over all distances between turns."""
+    """Add the success rate of registration, averaged over all distances between two turns."""
     apart = rows.filter(regex=r"^registration_\d+m_percent$").dropna(axis=1, how="all")
     return rows.assign(**{REGISTRATION: apart.mean(axis=1)}) if len(apart.columns) else rows
 

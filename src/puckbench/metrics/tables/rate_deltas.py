@@ -103,7 +103,7 @@ def bd_rate(
 
 
 def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Return mean ln(rate / anchor rate) at equal quality (n,) for scenes with a value."""
+    """Return the mean ln(rate / anchor rate) at equal quality of each scene with a value, (n,)."""
     both = metrics[metrics["codec"].isin([anchor, tested])]
     clouds = bd_rate_clouds(both, anchor, [quality])
     return means_over_seeds(clouds, (), ["log_ratio"])["log_ratio"].dropna().to_numpy(float)
@@ -112,7 +112,7 @@ def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) ->
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
     """Return whether the mean of paired differences (n,) is significantly negative.
 
-    The 95 % interval must be negative or, with too few values for an interval, every value must be.
+    The 95 % interval must be negative or, with too few values for an interval, every value.
     """
     rng = generator(seed, "paired differences")
     high = bootstrap_interval(differences, RESAMPLES, rng)[1]

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 ERROR_MM = 5.0
 """D1 RMS error at which lossy codecs are compared."""
 _ROUNDING = 1.1
-"""Largest tolerated ratio of an error to that of uniform points rounded to a grid. Errors of walls
-parallel to the grid are larger than those of uniform points."""
+"""Largest tolerated ratio of an error to that of uniform points rounded to a grid. Walls parallel
+to the grid have larger errors."""
 _MEDIANS = {
     "bits_per_return": "bpp",
     "mbit_per_s": "mbit_per_s",

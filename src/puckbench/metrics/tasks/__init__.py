@@ -1,1 +1,1 @@
-"""Tasks of a robot, by which decoded drives are measured."""
+"""Tasks of a robot that measure decoded drives."""

@@ -24,11 +24,11 @@ from puckbench.metrics.task_registry import TASKS
 LENGTHS_M = (10, 20, 50)
 KITTI_LENGTHS_M = tuple(range(100, 900, 100))
 _LOST_M, _LOST_DEG = 0.5, 5.0
-"""A turn is lost if the estimated motion from the previous turn is wrong by more."""
+"""Errors of the estimated motion since the previous turn above which a turn is lost."""
 _TOLERANCE = 0.1
 """Largest relative deviation of a pair's distance from the nominal one."""
 _THREADS = 1
-"""With more threads, the order of sums and thus the poses of KISS-ICP may vary."""
+"""With more threads, the order of sums, and thus KISS-ICP's poses, may vary."""
 
 
 @TASKS.register("odometry", needs=("kiss_icp", "evo"))
@@ -42,9 +42,9 @@ def odometry(
     """Return KISS-ICP's drift, absolute error and number of lost turns.
 
     Turns with returns are corrected for the sensor's motion, to the end of the turn. Turns without
-    returns are not corrected, and have the pose at the middle of the turn. `voxel_m` is by default
-    a hundredth of `max_range_m`, as in KISS-ICP. The first `skip` turns, when KISS-ICP does not
-    know the motion yet, do not count.
+    returns are not corrected; their poses are those at the middle of the turn. `voxel_m` is by
+    default a hundredth of `max_range_m`, as in KISS-ICP. The first `skip` turns, when KISS-ICP does
+    not know the motion yet, do not count.
     """
     if len(decoded) < skip + 2:
         raise InputError(f"task odometry: {len(decoded)} turns, of which it skips {skip}")
@@ -91,12 +91,12 @@ def estimated_poses(
 def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     """Return errors of estimated poses (n, 4, 4) against true ones.
 
-    The drift over a length is the mean error of all pairs of poses that are this length of path
-    apart, divided by the length. ``drift_percent`` (translation) and ``drift_deg_per_m`` (rotation)
-    are means over those lengths of 10, 20 and 50 m that fit into the drive. ``drift_50m_...`` is
-    for one length, ``kitti_...`` for 100 to 800 m. ``ate_m`` is the RMS distance of positions after
-    the best rigid alignment. A turn is lost if the motion since the last turn is wrong by more than
-    0.5 m or 5 degrees.
+    The drift over a path length is the mean error of all pairs of poses that are this length apart,
+    divided by the length. ``drift_percent`` (translation) and ``drift_deg_per_m`` (rotation) are
+    means over those lengths of 10, 20 and 50 m that fit into the drive. ``drift_50m_...`` is for
+    one length, ``kitti_...`` for 100 to 800 m. ``ate_m`` is the RMS distance of positions after the
+    best rigid alignment. A turn is lost if the motion since the last turn is wrong by more than 0.5
+    m or 5 degrees.
     """
     check_installed("evo")
     from evo.core.metrics import PoseRelation, Unit

@@ -37,8 +37,8 @@ def registration(
 
     GICP has no initial guess, and matches points at most `reach_m` apart. A registration succeeds
     if it is at most `most_m` and `most_deg` from the true motion between the middles of the turns.
-    The error is the median distance of successes. Points are not corrected for motion within a
-    turn.
+    The error is the median translation error of successes. Points are not corrected for motion
+    within a turn.
     """
     check_installed("evo")
     check_installed("small_gicp")

@@ -43,7 +43,7 @@ def desk(cad: Modeller) -> Item:
 def scattered(
     cad: Modeller, makers: Sequence[Maker], spots: Sequence[tuple[float, float]], height: float
 ) -> Item:
-    """Place random small objects at 80 % of the positions `spots` (x, y), at a height."""
+    """Place small random objects at positions `spots` (x, y) with probability 0.8, at a height."""
     item: Item = []
     for x, y in spots:
         if cad.chance(0.8):

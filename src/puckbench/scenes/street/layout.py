@@ -108,7 +108,7 @@ def _lots(cad: Modeller, start: float, end: float) -> Iterator[_Lot]:
 
 
 def _sides() -> tuple[tuple[str, Floats], ...]:
-    """Return the name and frame (4, 4) of each side; x is along, y away from the street."""
+    """Return each side's name and frame (4, 4): x along the street, y away from the street."""
     return (("left", np.eye(4)), ("right", pose(turn=180)))
 
 

@@ -53,7 +53,7 @@ def hedge(cad: Modeller, length: float) -> Item:
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
     """Make `count` leaves in k ellipsoids with centres `middles` and half axes `radii` (k, 3), m.
 
-    Leaves are shared by volume, and denser near the surfaces.
+    Larger ellipsoids get more leaves, by volume; leaves are denser near the surfaces.
     """
     volumes = radii.prod(axis=1)
     ellipsoid = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())

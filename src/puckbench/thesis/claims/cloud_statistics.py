@@ -19,7 +19,7 @@ VISIBLE = 0.5
 """Rank correlation that explains a quarter of the variance and, with `MIN_ROOMS` rooms, is
 significant at 5 %. Weaker correlations are not visible in a scatter plot."""
 MORE_DUPLICATES = 0.05
-"""Minimum difference between shares of duplicate points; a smaller one cannot double the bits."""
+"""Minimum difference between shares of duplicates; smaller differences cannot double the bits."""
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
@@ -115,7 +115,7 @@ def _has_enough_rooms(table: pd.DataFrame | None, dataset: str) -> bool:
 
 
 def _correlation(rows: pd.DataFrame) -> float:
-    """Return Spearman's correlation of elongation and CD, median over rates; 0 if undefined."""
+    """Return the median over rates of Spearman's correlation of elongation and CD, or 0."""
     correlations = [
         float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
 MIN_RATES = 4
-"""Fewest rates of a curve, so that each half has a slope."""
+"""Minimum number of rates of a curve; each half needs a slope."""
 MIN_COMMON_RATES = 3
-"""Fewest rates at which two curves are compared at equal bits."""
+"""Minimum number of rates at which two curves are compared at equal bits."""
 MIN_CLOUDS = 4
-"""Fewest clouds, in all data sets together, for a statement; quartiles need four."""
+"""Minimum number of clouds of all data sets for a statement; quartiles need four."""
 MIN_CALLS = 5
-"""Fewest timed calls for each rate and data set, over clouds and repetitions."""
+"""Minimum number of timed calls per rate and data set, over clouds and repetitions."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Evidence:
     """Tables of a run, with the roles of data sets and codecs.
 
     Roles are the thesis's data sets and codecs. `datasets` maps names to roles; `codecs` and
-    `stand_ins` (codecs derived from the thesis's) map roles to names. If `of_medians` is true,
-    `metrics` contains medians.
+    `stand_ins` (codecs derived from the thesis's codecs) map roles to names. If `of_medians` is
+    true, `metrics` contains medians.
     """
 
     metrics: pd.DataFrame | None = None
@@ -97,8 +97,8 @@ class Evidence:
     def calls(self, codec: str) -> int:
         """Return a codec's number of valid timed calls, the minimum over data sets and rates.
 
-        Calls are valid if repeated `MIN_REPEATS` times or made while no other job ran; claims
-        compare a codec with itself.
+        Calls are valid if repeated `MIN_REPEATS` times or made while no other job ran. Claims
+        compare only times of one codec.
         """
         if self.metrics is None:
             return 0

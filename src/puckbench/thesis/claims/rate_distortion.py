@@ -46,7 +46,7 @@ CODEC_NEEDS = {
 TWICE = 2.0
 """Ratio of squared distances: 3 dB. Halving the grid's step divides squared distances by four."""
 ONE_DB = 1.26
-"""Ratio of squared distances that is as wide as a marker in Figure 6.6."""
+"""Ratio of squared distances: 1 dB, the size of a marker in Figure 6.6."""
 MUCH_LESS_AFFECTED = 17 / 11
 """Factor by which PCGCv2's time grows, from 11 to 17 s, in the thesis's Figure 6.5."""
 COMPARISON_NEEDS = (
@@ -157,8 +157,8 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
 
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
-    """Test claim 10: the ratio of greatest to least median CD over data sets is, in the median over
-    rates, below `TWICE`.
+    """Test claim 10: the ratio of largest to smallest median CD of the data sets has a median over
+    rates below `TWICE`.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}

@@ -21,13 +21,13 @@ MEAN_ROUNDING_M = 0.005
 STD_ROUNDING_M = 0.0005
 """Rounding error of the standard deviation, which the thesis prints to a millimetre."""
 FAR_TOO_WIDE = 2.0
-"""Minimum ratio of standard deviations; the thesis states the real sensor's error as two standard
-deviations."""
+"""Minimum ratio of simulated to real standard deviation; the thesis states the real sensor's error
+as two standard deviations."""
 ALMOST_NO_DIFFERENCE = 0.0198 / 0.0186 - 1
 """Relative difference of the thesis's standard deviations with and without divergence."""
 FLAT = BIN_STDS_M[8] / median(BIN_STDS_M)
-"""Largest ratio of a group's standard deviation to the groups' median that counts as flat. In
-Figure 5.15 the thesis calls ratios up to 1.13 flat, and 1.31, this ratio, an increase."""
+"""Limit of ratios of a group's standard deviation to the groups' median; larger ratios are not
+flat. In Figure 5.15, the thesis calls ratios up to 1.13 flat, and this ratio (1.31) an increase."""
 MIN_RESIDUALS = 100
 CAPTURES = "captures of a real VLP-16 (sensor_study: captures)"
 STUDY = "the sensor study (sensor_study)"
@@ -98,7 +98,7 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
-    """Test claim 4: with the angle of incidence, the range error of ``vlp16_incidence`` rises, but
+    """Test claim 4: the range error of ``vlp16_incidence`` rises with the angle of incidence, but
     the distance to the true surface rises by less than the square root of the factor in Figure
     5.15.
     """
@@ -124,7 +124,7 @@ def incidence_not_modelled(evidence: Evidence) -> list[Part]:
 
 
 def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
-    """Test claim 5: the standard deviations of all distances, and of all lasers, are within a
+    """Test claim 5: the standard deviations at all distances, and of all lasers, are within a
     factor `FLAT` of their median.
 
     In captures, only lasers are compared, since each distance has another plane.

@@ -12,7 +12,7 @@ UNTESTED = "not tested: needs "
 class Part:
     """Part of a claim, with the result of a test.
 
-    `holds` is None if the run cannot test the part; `measured` then names what the test needs.
+    If the run cannot test the part, `holds` is None, and `measured` names what the test needs.
     `of_simulator` marks parts on simulated data, which follow from the simulator's equations.
     """
 
@@ -29,7 +29,7 @@ def untested(need: str) -> Part:
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict as text, with what an untested claim needs, or with stand-in codecs."""
+    """Return the verdict as text, which names missing requirements and stand-in codecs."""
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
         return UNTESTED + needs_text(parts)

@@ -12,7 +12,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("out", type=Path, help="residual table to write (.parquet)")
     add("--model", default="vlp16", help="error model (default: vlp16)")
-    add("--model-options", type=json_object, default={}, help="changes to its parameters (JSON)")
+    text = "changes to the error model's parameters (JSON)"
+    add("--model-options", type=json_object, default={}, help=text)
     text = "distances from the sensor to the wall, in metres: 1 to 5 (default), or 30"
     default = [1.0, 2.0, 3.0, 4.0, 5.0]
     add("--distances", nargs="+", type=float, default=default, metavar="M", help=text)

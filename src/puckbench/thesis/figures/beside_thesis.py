@@ -30,7 +30,7 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
     """Medians per compression rate in thesis figure 6.5 (wide lines) and in this run (thin lines).
 
     For quartiles and numbers of clouds, see ``fig_6_5``. In the thesis, G-PCC truncates
-    coordinates. With data sets unlike the thesis's, curves of this run lie higher or lower, but
+    coordinates. On other data sets than the thesis's, curves of this run lie higher or lower, but
     have the same shape.
     """
     columns = ("thesis", "here")

@@ -33,8 +33,8 @@ _CD = CD_PLANE.within(1e-1, 1e2)
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane) at each codec's middle rate, against a cloud's elongation.
 
-    Markers: n clouds. Lines join at most 12 clouds. Elongation: shortest over longest side of the
-    bounding box. The thesis reports no visible effect of a room's elongation, without a figure.
+    Markers: n clouds, joined by lines if n is at most 12. Elongation: shortest over longest side of
+    the bounding box. The thesis reports no visible effect of a room's elongation, without a figure.
     Zeros (lossless) are not drawn.
     """
     numbers = ("elongation", CD_PLANE.column)

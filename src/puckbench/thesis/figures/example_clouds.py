@@ -30,7 +30,7 @@ _DARKEST = 0.12
 
 @_figure("fig_6_1", title="Example cloud of the object set", number="6.1")
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
-    """An object as codecs get it, in metres (thesis figure 6.1).
+    """An object, as input to codecs, in metres (thesis figure 6.1).
 
     Colour: height above the lowest point. Brightness: orientation of the surface. Orthographic
     projection; the bar shows the scale.
@@ -40,7 +40,7 @@ def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
 
 @_figure("fig_6_2", title="Example cloud of a raw room", number="6.2")
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
-    """A raw room as codecs get it, in metres (thesis figure 6.2).
+    """A raw room, as input to codecs, in metres (thesis figure 6.2).
 
     The upper fifth and the two near walls are left out, to show the inside. Colours and scale as in
     figure 6.1.

@@ -73,7 +73,7 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     rounded coordinates.
 
     Medians and quartiles over clouds, by scale. Truncation shifts the cloud, except at scales 1/2,
-    1/4, 1/8 and so on. The thesis truncates, and lacks this figure.
+    1/4, 1/8 and so on. The thesis truncates coordinates, and lacks this figure.
     """
     label = "CD with truncated over CD with\nrounded coordinates"
     return _draw_ratio(gpcc_scales, "distortion", label, style)

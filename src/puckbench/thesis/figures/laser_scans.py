@@ -77,7 +77,7 @@ def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_at_5_m("fig_5_7", title="One laser on the wall", number="5.7")
 def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Returns of the middle laser from the wall at 5 m; depth stretched (thesis figure 5.7)."""
+    """Returns of the middle laser from the wall at 5 m; depth is stretched (thesis figure 5.7)."""
     return _draw_space(_shown(scans, _FAR_M, "wall"), (20, -50), style, one_laser=True)
 
 
@@ -91,7 +91,7 @@ def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_at_5_m("fig_5_9", title="One laser on the floor", number="5.9")
 def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Returns of the middle laser from the floor in front of the wall at 5 m; height stretched
+    """Returns of the middle laser from the floor in front of the wall at 5 m; heights are stretched
     (thesis figure 5.9).
     """
     return _draw_space(_shown(scans, _FAR_M, "floor"), (20, -50), style, one_laser=True)

@@ -66,7 +66,7 @@ def ordered_models(models: Iterable[str]) -> list[str]:
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """Add a legend of models and, without a capture, of the thesis's real standard deviation."""
+    """Add a legend of models and, without captures, of the real standard deviation (thesis)."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

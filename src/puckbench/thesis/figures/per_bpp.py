@@ -21,8 +21,8 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     6.6).
 
     Markers: medians of ten bins of equally many results or, with few clouds, of each rate. Bars:
-    quartiles. n: clouds. Ticks at the lower edge: zero (lossless). Bits code geometry; the thesis's
-    Draco also coded other attributes of scans.
+    quartiles. n: clouds. Ticks at the lower edge: zero (lossless). Bits of geometry only; in the
+    thesis, Draco also coded other attributes of scans.
     """
     return draw_data_sets(metrics, CD_PLANE, style)
 
@@ -36,7 +36,7 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Squared Hausdorff distance (point-to-plane, squared grid units) against bits per point
     (thesis figure 6.7).
 
-    Markers as in figure 6.6. The thesis omits "squared", but its tool reports squared distances.
+    Markers as in figure 6.6. The thesis omits "squared", but the tool reports squared distances.
     """
     return draw_data_sets(metrics, HD_PLANE, style)
 
@@ -45,8 +45,8 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Encoding time in seconds against bits per point (thesis figure 6.8).
 
-    Markers as in figure 6.6. Dotted: times that cannot be ranked, as other jobs ran or fewer than
-    three calls were timed. Unlike in the thesis, times exclude the start of a process.
+    Markers as in figure 6.6. Dotted: times that cannot be ranked, because other jobs ran or fewer
+    than three calls were timed. Unlike in the thesis, times exclude the start of a process.
     """
     return draw_data_sets(metrics, ENCODE_TIME, style)
 

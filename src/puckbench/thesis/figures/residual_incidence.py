@@ -68,9 +68,9 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals against the angle of incidence by error model (thesis figure 5.20).
 
-    Points: n random returns, at most 30,000. Black lines: one standard deviation around the mean in
-    bins of the thesis's width. As in the thesis, too noisy models are left out (HDL-64E, Table 5.1
-    as printed).
+    Points: a random sample of at most 30,000 returns; a panel's title has their number n. Black
+    lines: one standard deviation around the mean in bins of the thesis's width. As in the thesis,
+    two models are left out as too noisy: the HDL-64E's, and that of Table 5.1 as printed.
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)

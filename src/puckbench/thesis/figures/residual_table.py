@@ -45,8 +45,9 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return the compared models: `REAL`, if captured, and a virtual one, if possible of
-    `_VIRTUAL`.
+    """Return the error models to compare: `REAL`, if the table has it, and a virtual one.
+
+    The virtual one is the first of `_VIRTUAL` in the table, else the table's first.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]

@@ -45,7 +45,7 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and of floors nearer than 30 m, in metres (thesis figure 5.10).
 
     A plane residual is the signed distance of a return from the plane fitted to its surface. The
-    virtual sensor has beam divergence, if such residuals exist. Violins: density, mean and
+    virtual sensor's error model has beam divergence, if available. Violins: density, mean and
     extremes; n: residuals. Dashed, if there is no capture: standard deviation of the thesis's
     sensor.
     """

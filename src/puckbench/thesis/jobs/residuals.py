@@ -10,8 +10,8 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """Base class of jobs that scan a wall and a floor from `distances` (m); `keep` limits rows per
-    scan.
+    """Base class of jobs that scan a wall and a floor from `distances` (m); `keep` is the maximum
+    number of rows per scan.
     """
 
     model: str = "vlp16"

@@ -8,7 +8,7 @@ from puckbench.thesis.representatives import codec_roles, dataset_roles, grid_sc
 
 @NEEDS.register("claims")
 def claims_options(plan: Plan) -> Options | None:
-    """Return the roles of data sets and codecs; None without a sensor study and roles."""
+    """Return the roles of data sets and codecs; None if there are no roles and no sensor study."""
     datasets = dataset_roles(plan)
     if plan.datasets and not datasets and plan.study is None:
         return None

@@ -26,9 +26,9 @@ _FRAME_RAD = np.radians(15.0)
 
 
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Join the rows of walls in captures' residual tables; ``capture`` numbers tables from 1.
+    """Join the wall rows of captures' residual tables; ``capture`` is the table's number, from 1.
 
-    Raises InputError if a table has no wall, or lacks columns for a calibration.
+    Raises InputError if a table has no wall or lacks columns for a calibration.
     """
     import pandas as pd
 
@@ -52,8 +52,8 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return residuals of `real_walls` and of `replicates` simulations of each model on the same
-    rays, all from least-squares planes.
+    """Return residuals, from least-squares planes, of `real_walls` and of `replicates` simulations
+    of each model on the same rays.
 
     A `Calibrated` model draws a new device for each capture and replicate.
     """

@@ -24,7 +24,7 @@ SWEEP = Sweep(frames_skipped=1)
 class Procedure:
     """Settings of Procedure 1, by default the thesis's.
 
-    `refit` fits planes to RANSAC's inliers by least squares; `keep` limits the rows of each scan.
+    `refit`: fit planes to RANSAC's inliers by least squares. `keep`: maximum rows per scan.
     """
 
     model: str

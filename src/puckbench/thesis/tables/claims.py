@@ -29,7 +29,7 @@ def claims(
 ) -> pd.DataFrame:
     """The 14 claims of the thesis, with verdicts and measurements of this run.
 
-    ``thesis_verdict`` is the verdict on the thesis's medians. docs/notes/claims.md has the rules.
+    ``thesis_verdict`` is the verdict on the thesis's medians. Rules are in docs/notes/claims.md.
 
     Parameters
     ----------

@@ -23,8 +23,9 @@ def gpcc_scales(
 ) -> pd.DataFrame:
     """Rate and distortion of G-PCC at each scale of its grid: medians over clouds, and ratios.
 
-    Ratios of bits and of Chamfer distances (point-to-point), with quartiles over clouds, are to the
-    codec with rounded coordinates and the tools of the common test conditions, at the same scale.
+    Ratios of bits and of Chamfer distances (point-to-point), with quartiles over clouds, are
+    relative to the codec with rounded coordinates and the tools of the common test conditions, at
+    the same scale.
 
     Parameters
     ----------

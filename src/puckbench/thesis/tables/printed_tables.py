@@ -68,7 +68,7 @@ def table_4_2() -> pd.DataFrame:
 def table_5_1() -> pd.DataFrame:
     """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 
-    ``here``: parameters of the error model ``vlp16``; ``as_printed``: of ``vlp16_table51``.
+    ``here`` has parameters of the error model ``vlp16``, ``as_printed`` those of ``vlp16_table51``.
     """
     import pandas as pd
 

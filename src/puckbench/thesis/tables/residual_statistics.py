@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"
-"""Value of a key in rows that combine all values of the key (of the distance, all below
-`FAR_M`)."""
+"""Value of a key in rows that combine all values of this key (for distances, those below `FAR_M`).
+"""
 
 _PLACE = ("surface", "distance_m")
 _SURFACES = ("wall", "floor")

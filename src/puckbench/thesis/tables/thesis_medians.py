@@ -23,10 +23,10 @@ QUANTITIES = ("cd_plane", "hausdorff_sq_plane")
 def thesis_medians(
     metrics: pd.DataFrame, *, datasets: Mapping[str, str], codecs: Mapping[str, str]
 ) -> pd.DataFrame:
-    """Medians over clouds by rate, read off thesis figure 6.5, beside this run's.
+    """Medians over clouds by rate, read off thesis figure 6.5, beside the medians of this run.
 
-    Distances are point-to-plane, in squared grid units. The thesis's values are accurate to about 5
-    %; its G-PCC truncates coordinates.
+    Distances are point-to-plane, in squared grid units. The thesis's values are accurate to about
+    5 %; the thesis's G-PCC truncates coordinates.
 
     Parameters
     ----------

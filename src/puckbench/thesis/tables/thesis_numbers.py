@@ -20,12 +20,12 @@ DISTANCE = "earth mover's distance to the real residuals, 1 to 5 m"
 
 @TABLES.register("thesis_numbers", title="The thesis's numbers beside this run's", category=SENSOR)
 def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
-    """Numbers of thesis figures 5.18 and 5.19 beside this run's, in metres.
+    """Numbers of thesis figures 5.18 and 5.19 beside those of this run, in metres.
 
-    ``here_half_m`` is the half width of a 95 % interval. Earth mover's distances are to real
-    residuals in the thesis, here to a normal distribution with their mean and standard deviation.
-    The thesis's standard deviations of ``vlp16`` and ``vlp16_divergence`` do not follow from its
-    parameters (docs/notes/chapter5.md).
+    ``here_half_m`` is the half width of a 95 % interval. Earth mover's distances are from the real
+    residuals in the thesis; in this run, from a normal distribution with the real residuals' mean
+    and standard deviation. The thesis's standard deviations of ``vlp16`` and ``vlp16_divergence``
+    do not follow from the thesis's parameters (docs/notes/chapter5.md).
     """
     import pandas as pd
 
