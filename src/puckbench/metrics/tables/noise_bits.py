@@ -31,10 +31,10 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     bootstrap intervals (low, high). A cell is empty if no rate of the codec reaches the column's
     error. ``noise_bits``: entropy of the model's noise at the sensor's range resolution, given
     incidence and range, after subtraction of each laser's mean error in each turn. ``grid_1_mm``:
-    fewest bits of a rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at a D1 RMS error
-    of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the error model
-    with the least noise. ``models``: number of error models of the rays. ``clouds``: number of
-    scenes.
+    fewest bits of a rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at
+    a D1 RMS error of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the
+    error model with the least noise. ``models``: number of error models of the rays. ``clouds``:
+    number of scenes.
     """
     import pandas as pd
 
