@@ -221,9 +221,10 @@ def campaign(module: str, tests: str, each: int, seed: int) -> tuple[int, int]:
 
 def prepare() -> None:
     """Copy the tree, and import what all tests import but puckbench itself."""
+    shutil.rmtree(TREE, ignore_errors=True)
     for folder in COPIED:
         ignored = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(ROOT / folder, TREE / folder, dirs_exist_ok=True, ignore=ignored)
+        shutil.copytree(ROOT / folder, TREE / folder, ignore=ignored)
     shutil.copy2(ROOT / "pyproject.toml", TREE)
     os.chdir(TREE)
     sys.path[:0] = [str(TREE / "src"), str(TREE)]

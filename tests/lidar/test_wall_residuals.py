@@ -286,9 +286,9 @@ def test_a_summary_for_people_has_a_line_per_plane(
 ) -> None:
     assert main(["residuals", str(tmp_path / "a.parquet"), "--capture", str(room[1])]) == 0
     lines = capsys.readouterr().out.splitlines()
-    walls = [line for line in lines if line.startswith("plane ")]
-    assert len(walls) == 4
-    assert all("16 lasers" in line and "ray 6." in line for line in walls)
+    walls = [line.split() for line in lines if line.startswith("  wall ")]
+    assert [wall[5] for wall in walls] == ["16"] * 4
+    assert all(wall[-1].startswith("0.006") for wall in walls)
 
 
 @pytest.mark.parametrize(

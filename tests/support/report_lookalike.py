@@ -39,7 +39,6 @@ def look_alike(folder: Path, points: int = 30_000) -> Contents:
         ),
         configuration=_configuration(),
         style=({"dataset_titles": {"s3dis_raw": NASTY}},),
-        points=5000,
     )
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -95,10 +95,16 @@ class Kitti(FrameSet):
         scene, origin = replace(cloud, about=about), (0.0, 0.0, 0.0)
         return Scene(name, part, None, scene, None, origin, None, about, pose, time_s)
 
+    @cached_property
+    def _motions(self) -> dict[Path, tuple[Floats | None, Floats | None]]:
+        return {}
+
     def _motion(self, frame: Path) -> tuple[Floats | None, float | None]:
         """Return pose (4, 4) and time, in s, of an odometry frame; None for other frames."""
         sequence = frame.parent.parent
-        poses, times = _sequence_motion(sequence)
+        if sequence not in self._motions:
+            self._motions[sequence] = _sequence_motion(sequence)
+        poses, times = self._motions[sequence]
         number = int(frame.stem) if frame.stem.isdecimal() else -1
         for file, values in (("poses", poses), ("times", times)):
             if values is not None and not 0 <= number < len(values):
@@ -135,7 +141,6 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
     return recovered_returns(turned, rings, _STEP_DEG, "HDL-64E")
 
 
-@lru_cache(maxsize=32)
 def _sequence_motion(sequence: Path) -> tuple[Floats | None, Floats | None]:
     poses, times = sequence.parents[1] / "poses" / f"{sequence.name}.txt", sequence / "times.txt"
     seconds = read_times(times) if times.is_file() else None

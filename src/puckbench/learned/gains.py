@@ -16,6 +16,7 @@ from typing import Any, ClassVar, cast
 import torch
 from torch import Tensor, nn
 
+from puckbench.core.errors import InputError
 from puckbench.core.models import Model
 from puckbench.learned.entropy_bottleneck import EntropyBottleneck
 
@@ -61,6 +62,8 @@ def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
 
 def initialise_gains(model: MultiRateNetwork, lmbdas: Sequence[float]) -> None:
     """Set each rate's gains to sqrt(lambda / largest lambda)."""
+    if len(lmbdas) != model.shape.rates:
+        raise InputError("the model has another number of rates than the training")
     with torch.no_grad():
         for rate, lmbda in enumerate(lmbdas):
             model.log_gains[rate] = 0.5 * math.log(lmbda / max(lmbdas))

@@ -48,6 +48,7 @@ def _tables(summary: dict[str, Any]) -> dict[str, Any]:
     names = ("surface", "distance_m", "width_m", "height_m", "rows", "lasers", "std_m")
     planes = [
         {name: plane[name] for name in (*names, "laser_bias_std_m", "unevenness_m")}
+        | {"ray_sigma_m": (plane["ray_noise"] or {}).get("sigma_m")}
         for plane in summary["planes"]
     ]
     rejected = [
