@@ -37,7 +37,7 @@ CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
 
 @cache
 def variants() -> dict[str, Entry]:
-    """Return the entries of puckbench's variants by name."""
+    """Return puckbench's variants of its codecs: the entries of ``variants.yaml`` by name."""
     entries: dict[str, Entry] = read_yaml(Path(__file__).with_name("variants.yaml"))
     return entries
 

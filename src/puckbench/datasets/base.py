@@ -65,7 +65,10 @@ class DataSet(Model, ABC):
         """Return a scene; raise InputError if it is unknown or damaged."""
 
     def options_of(self, name: str) -> dict[str, Any] | None:
-        """Return options that select this scene only, so that jobs ignore other scenes; or None."""
+        """Return the data set's options that select this scene only; None if there are none.
+
+        With them, changes of other scenes do not make the scene's jobs out of date.
+        """
         return None
 
     def counts(self) -> list[Count]:

@@ -80,7 +80,10 @@ class TreeNodes(NamedTuple):
 
 @entry
 def _code_trees(coder: Any, tools: Tools, nodes: TreeNodes, tree: PredictionTree | None) -> int:
-    """Encode or decode all trees of a slice, or continue after FULL."""
+    """Encode or decode all trees of a slice.
+
+    After a call that returned FULL, since the output was full, the next call continues.
+    """
     progress, parents = nodes.progress, nodes.parents
     while True:
         result = _code_tree(coder, tools, nodes, tree)
@@ -163,7 +166,7 @@ def _code_qp(coder: Any, tools: Tools, progress: Ints, qp: int) -> int:
 
 @inlined
 def _finish(nodes: TreeNodes, node: int, copies: int, done: int) -> int:
-    """Write a node's copies; return the number of coded points."""
+    """Write the duplicates of a node's point; return the number of points coded so far."""
     if len(nodes.order):
         for k in range(copies + 1):
             nodes.order[done + k] = node + k

@@ -35,9 +35,10 @@ class Prepare(Job):
     crop
         Coordinates by which a scan is cropped: clean or noisy.
     box
-        Two corners, in m, that replace the box in a file.
+        Two corners, in m, of the box to which the cloud is cropped; by default the scene's box.
     size
-        Grid positions along a side of the cube; 0 for metres, ``grid`` for voxels.
+        Number of grid positions along a side of the cube to which the cloud is scaled; 0 keeps
+        metres, ``grid`` keeps the integer grid of a voxelised cloud.
     peak
         PSNR peak, in m, of a cloud in metres.
     drop_invalid

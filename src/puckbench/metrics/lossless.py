@@ -61,7 +61,10 @@ def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
-    """Set quantiles of PSNRs to nan where they contain the value of `with_lossless_best`."""
+    """Set quantiles of PSNRs to nan where lossless rows determine them.
+
+    They exceed all lossy PSNRs, since `with_lossless_best` replaced infinity by a large value.
+    """
     psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 

@@ -62,7 +62,10 @@ def displace(voxels: Ints, table: DisplacementTable) -> Floats:
 
 
 class FittedTable(NamedTuple):
-    """Displacement factors, their reduction of the squared error, and displaced voxels (m, 3)."""
+    """A table that displaces voxels along the normals of local planes.
+
+    `gain` is the reduction of the squared error, `displaced` the voxels' centres (m, 3) afterwards.
+    """
 
     table: DisplacementTable
     gain: float

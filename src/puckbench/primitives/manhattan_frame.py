@@ -60,7 +60,7 @@ def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
     """Return the rotation that aligns most unit normals (n, 3) with the coordinate axes.
 
-    The result is zero unless a rotation aligns many more normals than no rotation.
+    Return the zero vector, no rotation, unless a rotation aligns many more normals.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN

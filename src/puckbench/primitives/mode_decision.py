@@ -191,7 +191,11 @@ def _encode_coarse_hybrid(
 
 
 def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.HybridCriterion:
-    """Return the criterion with the cost ``point * plane * surface ** (1 - refinement)``."""
+    """Return the criterion by which hybrid candidates are compared.
+
+    Its cost is a product of errors, ``point * plane * surface ** (1 - refinement)``: those to the
+    points, to their planes, and to the smoothed surface. `refinement` is from 0 to 1.
+    """
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:
         return cloud.estimator.nearest_offsets(cloud.in_units(decoded))

@@ -150,8 +150,10 @@ def pack_hybrid(header: HybridHeader) -> bytes:
 
 
 def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, bytes]:
-    """Return header and payload of a stream; a hybrid's payload is empty.
+    """Return header and payload of a stream.
 
+    The header of a hybrid stream (a surface and voxels) contains both streams, and its payload is
+    empty.
     Raises InputError if the stream is truncated, damaged, or has another version.
     """
     if len(stream) < _START.size + _CHECKSUM.size or not stream.startswith(MAGIC):

@@ -75,7 +75,10 @@ def codec_roles(plan: Plan) -> dict[str, str]:
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return, by role, the first codec derived from each codec of the thesis."""
+    """Return, by role, the codecs of the plan that stand in for the thesis's codecs.
+
+    A codec stands in for the published codec that it modifies (`based_on`).
+    """
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
 

@@ -162,7 +162,10 @@ def _elements_after(features: Tensor) -> int:
 
 @cache
 def _mover(width: int, is_gather: bool) -> Callable[..., None]:
-    """Compile a loop that copies pairs' features to `packed`, or adds `packed` to features."""
+    """Compile a loop over pairs of voxel and neighbour.
+
+    It copies features to `packed` (gather), or adds `packed` to features (scatter).
+    """
 
     @compiled
     def move(

@@ -121,7 +121,8 @@ def packet_type(
 class OusterSensor:
     """An Ouster sensor and the format of its packets.
 
-    `columns` and `whole` are the numbers of columns in a revolution and in the azimuth window.
+    `columns` is the number of columns in a revolution, `whole` that in the azimuth window, which a
+    whole turn contains.
     """
 
     name: str

@@ -24,9 +24,9 @@ NEEDS: Registry[Need] = Registry("need", "needs")
 
 
 def met_needs(plan: Plan) -> dict[str, Options]:
-    """Return the options of each need that a plan meets, by the need's name.
+    """Return the needs that a plan meets, by name, with their options for table functions.
 
-    Distances and error models of the sensor study also count as needs.
+    Names of distances and error models of the plan's sensor study are needs, too.
     """
     options = {name: NEEDS.get(name)(plan) for name in NEEDS.names()}
     met = {name: value for name, value in options.items() if value is not None}

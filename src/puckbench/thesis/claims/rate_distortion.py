@@ -222,9 +222,10 @@ def _comparisons(
     holds: Callable[[float], bool],
     bases: Sequence[str] = CLASSICAL,
 ) -> list[Part]:
-    """Return a part of a claim for each learned codec and each codec in `bases`.
+    """Return a part of a claim for each pair of a learned codec and a codec in `bases`.
 
-    A part holds if `holds` is true for the `summary` of ratios at equal bits on every data set.
+    A part holds if, on every data set, `holds` is true for the `summary` of the ratios (learned
+    codec over base) of `column` at equal bits. `relation` states the comparison in words.
     """
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:
