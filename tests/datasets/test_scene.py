@@ -180,6 +180,11 @@ def test_a_class_that_is_no_data_set_is_named(tmp_path: Path) -> None:
     trust([f"{path}:Mine"])
     with pytest.raises(InputError, match=r"Mine: not a class derived from .*base\.DataSet"):
         open_scene_set(f"{path}:Mine", {})
+    base = "from puckbench.datasets.base import DataSet\n\n\nclass Half(DataSet):\n"
+    (path := tmp_path / "half.py").write_text(f"{base}    def names(self): return []\n")
+    trust([f"{path}:Half"])
+    with pytest.raises(InputError, match=r"half.py:Half: Half lacks files, load"):
+        open_scene_set(f"{path}:Half", {})
 
 
 def test_the_options_seed_wins(installed: None) -> None:

@@ -11,10 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
+from PIL import Image
 
 import puckbench
 from puckbench.core.errors import InputError
-from puckbench.figures.drawing import draw_files, lay_out
+from puckbench.figures.drawing import draw_files, lay_out, save_figure
 from puckbench.figures.panels import add_rows_legend, label_rates, log_limits
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
@@ -119,6 +120,14 @@ def test_every_figure_is_drawn_from_files(
 ) -> None:
     draw_files(name, input_files, [tmp_path / "figure.png"], FigureStyle(dpi=30))
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_figure_with_a_resolution_of_its_own_has_that_of_the_style(tmp_path: Path) -> None:
+    style = FigureStyle(dpi=100)
+    with style.context():
+        save_figure(Figure(figsize=(2, 1), dpi=50), tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == (200, 100)
 
 
 def test_figure_6_5_shows_the_thesis_medians() -> None:

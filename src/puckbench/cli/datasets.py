@@ -5,7 +5,7 @@ from typing import Any
 
 from puckbench.cli.types import json_object
 from puckbench.core.registry import trust
-from puckbench.datasets.registry import LOADERS, open_scene_set
+from puckbench.datasets.registry import LOADERS, loader_class, open_scene_set
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +30,7 @@ def _checked(loader: str, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _options(loader: str) -> dict[str, Any]:
-    fields = LOADERS.get(loader).model_fields
+    fields = loader_class(loader).model_fields
     return {name: "required" if o.is_required() else o.get_default() for name, o in fields.items()}
 
 

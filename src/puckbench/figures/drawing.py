@@ -99,9 +99,11 @@ def save_figure(figure: Figure, path: Path) -> None:
 
     Raises InputError for another suffix or if writing fails.
     """
+    from matplotlib import rcParams
     from matplotlib.backends import backend_agg, backend_pdf, backend_svg
 
     metadata, kind, dpi = _metadata(path), path.suffix[1:], figure.dpi
+    saved = rcParams["savefig.dpi"]
     canvases: dict[str, Any] = {
         "pdf": backend_pdf.FigureCanvasPdf,
         "png": backend_agg.FigureCanvasAgg,
@@ -109,6 +111,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     }
     content = io.BytesIO()  # on a full disk, matplotlib would raise misleading errors
     # Figure.savefig would draw twice, first for the layout, which `lay_out` has computed.
+    figure.set_dpi(dpi if saved == "figure" else saved)  # as Figure.savefig
     getattr(canvases[kind](figure), f"print_{kind}")(content, metadata=metadata)
     figure.set_dpi(dpi)  # vector formats change it
     write_bytes(path, content.getvalue())

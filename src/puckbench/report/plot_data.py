@@ -101,6 +101,8 @@ def _cells(
     rates, places = ordered_rates(set(metrics["rate"])), metrics.groupby(_KEYS).indices
     keys = [(d, c, r) for d in datasets for c in codecs for r in rates if (d, c, r) in places]
     numbers = metrics[columns].astype(float).to_numpy()
+    if not keys:
+        return []
     quartiles = np.concatenate([_quartiles(numbers[places[key]]) for key in keys])
     known = without_lossless(pd.DataFrame(quartiles, columns=columns)).to_numpy()
     cells = []

@@ -15,12 +15,12 @@ from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import Ints
 from puckbench.gpcc.attributes.neighbour_search import (
+    MEMORY,
     Atlas,
     Predictors,
     SearchOptions,
     SortedPoints,
     clear,
-    empty_atlas,
     holds_near_point,
     nearest_neighbours,
     set_cell,
@@ -94,7 +94,7 @@ def _build(
 ) -> tuple[Int32s, list[int]]:
     """Return the points, finest level first, and the number of points left for each level."""
     count = len(points.codes)
-    atlases = empty_atlas(), empty_atlas(), empty_atlas()
+    atlases = MEMORY.atlases
     order = np.empty(count, dtype=np.int32)
     remaining = np.arange(count, dtype=np.int32)
     nothing = np.empty(0, dtype=np.int32)
@@ -281,9 +281,10 @@ def _finish_predictors(
 def point_weights(predictors: Predictors, shares: Ints) -> Ints:
     """Return weights (n,) of points in coding order: larger for points that predict many others.
 
-    shares: (n, 3) shares of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS.
+    shares: (n, 3), or (1, 3) for all points, shares of a point's weight that its neighbours get, in
+    units of 2^-FRACTION_BITS.
     """
-    weights = np.full(len(shares), _ONE, dtype=np.int64)
+    weights = np.full(len(predictors.counts), _ONE, dtype=np.int64)
     _add_weights(predictors, shares, weights)
     return weights
 
@@ -291,8 +292,9 @@ def point_weights(predictors: Predictors, shares: Ints) -> Ints:
 @entry
 def _add_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
     for i in range(len(weights) - 1, -1, -1):
+        row = min(i, len(shares) - 1)
         for k in range(predictors.counts[i]):
-            share = halved_away(shares[i, k] * weights[i], FRACTION_BITS)
+            share = halved_away(shares[row, k] * weights[i], FRACTION_BITS)
             weights[predictors.neighbours[i, k]] += share
 
 

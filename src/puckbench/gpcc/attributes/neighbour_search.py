@@ -7,6 +7,8 @@ same level that are coded earlier. In TMC13: `computeNearestNeighbors`, `BoxHier
 
 from __future__ import annotations
 
+import threading
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -107,6 +109,17 @@ def empty_atlas() -> Atlas:
         np.empty(_CELLS, dtype=np.int32),
         np.zeros(1, dtype=np.int64),
     )
+
+
+class _WorkingMemory(threading.local):
+    """Atlases of each thread, whose used cells are cleared faster than new ones are allocated."""
+
+    @cached_property
+    def atlases(self) -> Atlases:
+        return empty_atlas(), empty_atlas(), empty_atlas()
+
+
+MEMORY = _WorkingMemory()
 
 
 @inlined

@@ -235,7 +235,7 @@ def prediction_tools(
     levels: Levels, aps: AttributeParameterSet, header: AttributeHeader, bits: int
 ) -> tuple[prediction.PredictionTools, NDArray[np.int64]]:
     """Return the tools of the predicting transform, and the weights (n,) of residuals."""
-    shares = np.tile(np.array(aps.quant_neigh_weight, dtype=np.int64), (len(levels.order), 1))
+    shares = np.array([aps.quant_neigh_weight], dtype=np.int64)
     factors = np.array(header.inter_component_coeffs, dtype=np.int64).reshape(-1, 2)
     tools = prediction.PredictionTools(
         levels.ends,
