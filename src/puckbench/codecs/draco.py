@@ -90,13 +90,10 @@ class Draco(Codec):
     magic = b"DRACO"
     version = f"DracoPy {version('dracopy')}"
 
-    @property
-    def _most_bits(self) -> int:
-        return _MOST_BITS[self.options.method]
-
-    def most_extent(self, rate: str) -> float:
-        steps = float(2**self._most_bits - 3)
-        return steps * float(self.parameters_of(rate).get("step_m", math.inf))
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._most_bits = _MOST_BITS[self.options.method]
+        self.most_steps = float(2**self._most_bits - 3)
 
     def load(self) -> None:
         import DracoPy  # noqa: F401

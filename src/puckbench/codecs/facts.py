@@ -155,7 +155,7 @@ class CodecFacts:
     grid: float = 0.0
     """Grid step of the finest rate, in units of the input; 0 if the grid adapts to the cloud's
     extent."""
-    most_steps: ClassVar[float] = math.inf
+    most_steps: float = math.inf
     """Maximum extent along an axis, in grid steps of the rate, for clouds in metres."""
 
     def __init__(

@@ -119,7 +119,7 @@ class Recordings(RecordingSet):
     of_packets: ClassVar[bool] = True
 
     turns: PositiveInt = 1
-    """Number of revolutions per cloud."""
+    """Number of turns in a cloud."""
     start_s: float = Field(0.0, ge=0)
     """Duration, in s, to leave out at the start of each recording."""
     stream: str | None = None

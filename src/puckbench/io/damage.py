@@ -13,7 +13,7 @@ PARSER_FAULTS = (
 """Exceptions that other packages' parsers raise for damaged files."""
 _MAX_LENGTH = 120
 _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
-"""Exceptions reported with their class name: a KeyError's message is only the key."""
+"""Exceptions whose message needs the class name before it: that of a KeyError is only the key."""
 
 
 @contextmanager

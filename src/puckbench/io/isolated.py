@@ -37,7 +37,7 @@ _CLOCK_FACTOR = 20
 """Ratio of the limit of elapsed time to that of processor time."""
 _MEMORY_USE = Path("/proc/self/statm")
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
-"""Settings that reduce the address space reserved by threads."""
+"""Environment variables that reduce the address space which threads reserve."""
 
 
 @dataclass(frozen=True)

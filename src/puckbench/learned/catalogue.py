@@ -1,4 +1,4 @@
-"""Search for trained weights, shipped or in files and folders, without importing PyTorch.
+"""Find trained weights that are shipped or in files and folders, without importing PyTorch.
 
 puckbench stores weights as ``*.safetensors`` with a `WeightsHeader` in the metadata. The authors of
 a network publish one file per rate, with the rate in the file's name.

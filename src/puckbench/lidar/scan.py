@@ -24,7 +24,7 @@ from puckbench.lidar.sweep import Rays, Sweep
 __all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
 
 Progress = Callable[[int, int], None]
-"""Receives the number of scanned frames and that of all frames."""
+"""Function that is called with the number of scanned frames and the number of all frames."""
 
 # Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16

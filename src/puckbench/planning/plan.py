@@ -317,7 +317,7 @@ class Plan:
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
-        """Coded curves whose decoded primitives are compared with the labels of the scene."""
+        """Curves (data set, cloud, codec) whose primitives are compared with the scenes' labels."""
         config, datasets = self.config, self.datasets.values()
         coders = {n for n in self.codecs if codecs.codes_surfaces(n, config.codec(n))}
         labelled = {

@@ -65,8 +65,9 @@ _REFINEMENT_DEFAULTS = {
     for name in ("refinement", "refined_bpp", "max_voxel_size")
 }
 _POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
-"""Largest ratios, in two comparisons, of a surface's point-to-point error to that of undisplaced
-voxels. A surface's error is never zero, because positions of points on it are not coded."""
+"""Limits of a chosen surface's point-to-point error, as multiples of that of undisplaced voxels:
+in the comparison of single errors, and in that of their product. A surface's error is never zero,
+because positions of points on it are not coded."""
 
 
 def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | None = None) -> bytes:

@@ -45,7 +45,8 @@ _COUNT = 24
 _MOST_COUNTS = 1 << 17
 _FEATURES = 8
 _CLIP = 60 * FINE
-"""Limit of features: larger differences of ranges (edges) become 0, of other pixels are clipped."""
+"""Limit of features. Larger differences are edges in images of ranges and become 0; in other images
+they are clipped."""
 _FEW_BITS = 16
 """A coder's state has room for a symbol and this number of low bits."""
 _LARGEST = 1 << 17

@@ -176,7 +176,7 @@ def _retain_centroids(
     period: int,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Retain the most central point of each run of nodes; a run has at least `period` points.
+    """Divide nodes into runs of at least `period` points, and retain each run's most central point.
 
     size_log2: log2 of half a node's side.
     backward: whether to retain the last, not the first, of equally central points.

@@ -16,7 +16,7 @@ _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
 
 
 def read_off(path: Path) -> Polygons:
-    """Read an ASCII OFF file (Object File Format), but not colours and normals.
+    """Read vertices and faces of an ASCII OFF file (Object File Format); skip colours and normals.
 
     The header line ``OFF`` may be missing, or joined to the counts, as in ModelNet40.
     """

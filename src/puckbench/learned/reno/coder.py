@@ -58,7 +58,7 @@ def encode_tree(keys: Keys, weights: RenoWeights) -> CodedTree:
 
 
 def decode_tree(tree: CodedTree, weights: RenoWeights) -> Keys:
-    """Return the keys of a stream's voxels; raise InputError if they are not those encoded."""
+    """Decode the keys of voxels; raise InputError if they differ from the encoded keys."""
 
     def code(number: int, frequencies: Cumulative) -> Symbols:
         return decode_symbols(tree.symbols[number], frequencies)

@@ -136,7 +136,7 @@ def _ear(cad: Modeller, xs: Sequence[float], zs: Sequence[float], radius: float)
 
 
 def cup(cad: Modeller, member: int) -> Item:
-    """Make a straight, tapered or bulbous cup with a handle, in some variants on a saucer."""
+    """Make a cup with a handle: straight, tapered or bulbous. Some variants have a saucer."""
     low, rim, height = (cad.between(0.025, 0.038), cad.between(0.036, 0.05), cad.between(0.06, 0.1))
     belly = max(low, rim) * cad.between(0.95, 1.15)
     shapes: tuple[list[Point], ...] = (

@@ -72,7 +72,7 @@ def model_distances(
 
 
 def _block_counts(rows: pd.DataFrame) -> Floats:
-    """Return histograms (blocks, bins) of the residuals of each wall and laser."""
+    """Return a histogram of residuals for each wall and laser, (blocks, bins)."""
     block = np.asarray(rows.groupby(["replicate", *WALL_KEYS, "laser_id"]).ngroup())
     bins = _bins(rows["residual_m"].to_numpy(dtype=np.float64))
     blocks = int(block.max()) + 1
