@@ -14,7 +14,7 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, ready
 from puckbench.jobs.curve_files import read_curve
-from puckbench.jobs.encode import measured_encoding
+from puckbench.jobs.encode_curve import measured_encoding
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics
 
 if TYPE_CHECKING:

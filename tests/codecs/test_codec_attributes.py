@@ -15,7 +15,7 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.jobs.curve_files import read_curve, read_rows
 from puckbench.jobs.decode import Decode
-from puckbench.jobs.encode import EncodeCurve
+from puckbench.jobs.encode_curve import EncodeCurve
 from puckbench.jobs.evaluate import EvaluateCurve
 from puckbench.lidar.returns import Returns
 from tests.support.returns import dual, recorded, staggered

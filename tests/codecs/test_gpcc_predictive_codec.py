@@ -13,7 +13,7 @@ from puckbench.gpcc import syntax
 from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.container import unwrap
 from puckbench.io.clouds import write_cloud
-from puckbench.jobs.encode import to_code
+from puckbench.jobs.encode_curve import to_code
 from puckbench.lidar.returns import Returns, write_firings
 from tests.support.returns import EXAMPLES, homemade, recorded
 

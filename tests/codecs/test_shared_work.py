@@ -9,7 +9,7 @@ import pytest
 
 from puckbench.codecs.base import Codec, Cost, Parameters, SharedWork
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.jobs.encode import measured_encoding
+from puckbench.jobs.encode_curve import measured_encoding
 
 POINTS = np.arange(30.0).reshape(10, 3)
 WORK = Cost(1000.0, 1e6)

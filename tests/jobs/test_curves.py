@@ -18,8 +18,11 @@ from puckbench.io.archives import read_archive
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.curve_files import Coded, read_curve, read_rows, write_curve, write_rows
-from puckbench.jobs.decode import Decode, Decoded, DecodeShown
-from puckbench.jobs.encode import Encode, EncodeCurve
+from puckbench.jobs.decode import Decode
+from puckbench.jobs.decode_shown import DecodeShown
+from puckbench.jobs.decoding import Decoded
+from puckbench.jobs.encode import Encode
+from puckbench.jobs.encode_curve import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
 from puckbench.library import compare, open_codec
 from puckbench.metrics import geometry

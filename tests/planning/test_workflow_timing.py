@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from puckbench.jobs.encode import EncodeCurve
+from puckbench.jobs.encode_curve import EncodeCurve
 from puckbench.jobs.evaluate import EvaluateCurve
 from puckbench.planning.workflow import Workflow
 

@@ -22,7 +22,7 @@ rule sample:
 
 rule prepare:
     input:
-        source=lambda w: clouds.source(w.dataset, w.cloud),
+        unpack(lambda w: clouds.sources(w.dataset, w.cloud)),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
     output:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",

@@ -3,6 +3,7 @@ rule scan:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
+        files=lambda w: clouds.sensing_files(w.dataset),
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     log:

@@ -2,6 +2,8 @@
 if plan.study is not None:
 
     rule residuals:
+        input:
+            lambda w: study.model_files(w.model),
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
         log:
@@ -37,6 +39,8 @@ if plan.study is not None:
             " > {log:q} 2>&1"
 
     rule wall_points:
+        input:
+            lambda w: study.model_files(w.model),
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         log:

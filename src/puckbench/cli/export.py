@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.io.parquet_files import parquet_metadata
     from puckbench.io.recordings.pcap import refuse_stream
-    from puckbench.jobs.prepare_returns import is_recording, read_selected_turns
+    from puckbench.jobs.prepare_recording import is_recording, read_selected_turns
     from puckbench.lidar.export import export, export_points, read_source
     from puckbench.lidar.recordings.cloud_messages import has_clouds
     from puckbench.lidar.recordings.message_returns import read_message_columns

@@ -8,9 +8,11 @@ from puckbench.cli.capture import STREAM, TOPIC
 from puckbench.cli.types import add_cloud_options, add_unit, integer, selected, turns
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
+from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.recordings.pcap import refuse_stream
 from puckbench.jobs.prepare import Box, Prepare
-from puckbench.jobs.prepare_returns import PrepareReturns, is_recording
+from puckbench.jobs.prepare_message import PrepareMessage
+from puckbench.jobs.prepare_recording import PrepareRecording, is_recording
 from puckbench.lidar.recordings.data_packets import LEFT_OUT
 from puckbench.lidar.returns import returns_file
 
@@ -72,13 +74,16 @@ def _prepared(options: argparse.Namespace) -> dict[str, Any]:
         _check_options_of_clouds(options)
     if is_of_sensor:
         return _returns(options)
+    _refuse_returns(options.cloud)
     return _cloud(options, size=options.scale, clean=options.clean)
 
 
-def _cloud(options: argparse.Namespace, **settings: Any) -> dict[str, Any]:
+def _cloud(
+    options: argparse.Namespace, kind: type[Prepare] = Prepare, **settings: Any
+) -> dict[str, Any]:
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
-    job = Prepare.create(
+    job = kind.create(
         box=_box(words) if words and file is None else None,
         neighbours=options.neighbours,
         drop_invalid=options.drop_invalid,
@@ -87,6 +92,14 @@ def _cloud(options: argparse.Namespace, **settings: Any) -> dict[str, Any]:
         **settings,
     )
     return job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
+
+
+def _refuse_returns(path: Path) -> None:
+    from puckbench.lidar.recordings.returns import RecordedReturns
+
+    if RecordedReturns.schema.metadata_key.encode() in parquet_metadata(path):
+        how = f"export it as a cloud first (puckbench export {path} cloud.ply)"
+        raise InputError(f"{path}: a recording's table, not a scan's: {how}")
 
 
 def _has_clouds(options: argparse.Namespace) -> bool:
@@ -100,7 +113,7 @@ def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
     first, last = turns(options.turns) or (0, 0)
     if first != last:
         raise InputError(f"--turns: one cloud of a ROS bag is written, not {options.turns}")
-    return _cloud(options, size=0, message=first, topic=options.topic)
+    return _cloud(options, PrepareMessage, size=0, message=first, topic=options.topic)
 
 
 def _check_options_of_clouds(options: argparse.Namespace) -> None:
@@ -111,7 +124,7 @@ def _check_options_of_clouds(options: argparse.Namespace) -> None:
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
-    job = PrepareReturns.create(
+    job = PrepareRecording.create(
         neighbours=options.neighbours,
         clean=options.clean,
         turns=turns(options.turns),

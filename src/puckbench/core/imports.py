@@ -1,7 +1,8 @@
 """Search for the source files that a Python file imports, directly or indirectly.
 
 The search covers files of puckbench, of the file's package, and of the file's folder. Other
-installed packages are ignored.
+installed packages are ignored. Imports for type checkers are ignored, except those of a lazy
+package (`puckbench.core.lazy`), which name the modules of its public names.
 """
 
 from __future__ import annotations
@@ -38,16 +39,39 @@ def imported_files(file: Path) -> frozenset[Path]:
 
 def _imported(node: ast.AST, importer: Path) -> Iterator[Path]:
     if isinstance(node, ast.Import):
-        yield from filter(None, (_file(alias.name, importer) for alias in node.names))
+        for alias in node.names:
+            yield from _of_module(_file(alias.name, importer))
     elif isinstance(node, ast.ImportFrom):
         package = _absolute(node, importer)
         for alias in node.names:  # a module of the package, or what its __init__ defines
-            inner = f"{package}.{alias.name}".lstrip(".")
-            file = _file(inner, importer) or (_file(package, importer) if package else None)
-            yield from filter(None, [file])
+            inner = _file(f"{package}.{alias.name}".lstrip("."), importer)
+            outer = _file(package, importer) if package else None
+            yield from _of_module(inner) if inner else _of_module(outer, alias.name)
     elif not isinstance(node, ast.expr) and not is_for_types(node):
         for child in ast.iter_child_nodes(node):
             yield from _imported(child, importer)
+
+
+def _of_module(file: Path | None, name: str = "*") -> Iterator[Path]:
+    """Yield a module's file and, of a lazy package, the files of a public name or of all."""
+    if file is not None:
+        yield file
+        public = _lazy_imports(file) if file.name == "__init__.py" else {}
+        yield from public.values() if name == "*" else filter(None, [public.get(name)])
+
+
+@cache
+def _lazy_imports(package: Path) -> dict[str, Path]:
+    """Return the files of a lazy package's public names, which it imports for type checkers."""
+    blocks = filter(is_for_types, ast.parse(package.read_bytes()).body)
+    statements = (node for block in blocks for node in ast.walk(block))
+    return {
+        alias.asname or alias.name: file
+        for node in statements
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if (file := _file(_absolute(node, package), package))
+    }
 
 
 def is_for_types(node: ast.AST) -> bool:

@@ -42,3 +42,13 @@ def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
 
     names = sorted(module_of)
     return get_attribute, lambda: names, names
+
+
+def imported(place: str) -> Any:
+    """Import and return the object at ``module:Name``, a constant of puckbench.
+
+    The fingerprints of code (`puckbench.planning.fingerprints`) do not follow such an import, so
+    that a job whose files need one reader does not depend on the others.
+    """
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +15,13 @@ from numpy.typing import NDArray
 from puckbench.core.content import plain_suffix, read_content, unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import written_whole
+from puckbench.core.lazy import imported
 from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.geometry.missing_returns import missing_firings, missing_returns
 from puckbench.io.archives import read_archive
 from puckbench.io.descriptions import read_description, sidecar, write_description
-from puckbench.io.e57 import read_e57
-from puckbench.io.float32_frames import read_float32_frame
-from puckbench.io.las import read_las_points
-from puckbench.io.npy import read_npy
-from puckbench.io.pcd import is_organised, read_pcd
 from puckbench.io.ply import has_faces, read_ply, write_vertices
 from puckbench.io.point_columns import Columns, cloud_from_columns, coarse_step, ply_columns
-from puckbench.io.text import read_text
 
 __all__ = ["IN_METRES", "SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
 
@@ -180,7 +175,8 @@ def _without(cloud: PointCloud, rows: NDArray[np.bool_], path: Path, reason: str
 
 def _missing(cloud: PointCloud, path: Path) -> NDArray[np.bool_]:
     suffix = plain_suffix(path)
-    missing = missing_returns(cloud.xyz, suffix == ".pcd" and is_organised(path))
+    organised = suffix == ".pcd" and imported("puckbench.io.pcd:is_organised")(path)
+    missing = missing_returns(cloud.xyz, organised)
     if suffix == ".bin" and "ring" in cloud.fields:
         missing |= missing_firings(cloud.xyz, cloud.fields["ring"])
     return missing
@@ -190,12 +186,11 @@ def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns
     suffix = plain_suffix(path)
     if path.exists():
         _check_kind(path, suffix)
-    if suffix == ".bin":
-        return read_float32_frame(path, bin_columns)
+    read = imported(READERS[suffix]) if suffix in READERS else _read_ply_points
     if suffix in (".las", ".laz", ".e57"):
         with unpacked(path) as plain:
-            return read_e57(plain) if suffix == ".e57" else read_las_points(plain, convert)
-    return _READERS.get(suffix, _read_ply_points)(path)
+            return cast(Columns, read(plain) if suffix == ".e57" else read(plain, convert))
+    return cast(Columns, read(path, bin_columns) if suffix == ".bin" else read(path))
 
 
 def _check_kind(path: Path, suffix: str) -> None:
@@ -213,12 +208,14 @@ def _read_ply_points(path: Path) -> Columns:
 
 
 _TEXT_SUFFIXES = (".xyz", ".txt", ".csv", ".asc", ".pts")
-_READERS: dict[str, Callable[[Path], Columns]] = {
-    ".ply": _read_ply_points,
-    ".pcd": read_pcd,
-    ".npy": read_npy,
-    ".npz": read_npy,
-    **dict.fromkeys(_TEXT_SUFFIXES, read_text),
+READERS = {
+    ".pcd": "puckbench.io.pcd:read_pcd",
+    **dict.fromkeys((".las", ".laz"), "puckbench.io.las:read_las_points"),
+    ".e57": "puckbench.io.e57:read_e57",
+    **dict.fromkeys(_TEXT_SUFFIXES, "puckbench.io.text:read_text"),
+    **dict.fromkeys((".npy", ".npz"), "puckbench.io.npy:read_npy"),
+    ".bin": "puckbench.io.float32_frames:read_float32_frame",
 }
-SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".e57", *_TEXT_SUFFIXES, ".npy", ".npz", ".bin")
+"""Readers of formats other than PLY, by suffix."""
+SUFFIXES = (".ply", *READERS)
 """Suffixes of readable files, PLY first; compressed files have a second suffix."""

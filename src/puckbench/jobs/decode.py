@@ -3,25 +3,22 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.facts import find_rate
 from puckbench.core.content import plain_suffix
-from puckbench.core.environment import run_environment
-from puckbench.core.errors import InputError, naming, noting
-from puckbench.core.measurement import measured
+from puckbench.core.errors import InputError, naming
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
-from puckbench.geometry.cloud import PointCloud, bounds, check_points
+from puckbench.geometry.cloud import PointCloud, bounds
 from puckbench.geometry.matching import Match, match_points
-from puckbench.io.archives import write_archive
-from puckbench.io.clouds import cloud_bytes, read_cloud, write_cloud
+from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.las import rewrite_las
 from puckbench.io.meshes.writing import write_mesh
-from puckbench.jobs.codec_jobs import TimedJob
-from puckbench.jobs.curve_files import REMARK, Coded, read_coded, read_curve
+from puckbench.jobs.curve_files import Coded, read_coded
+from puckbench.jobs.decoding import Decoding
 from puckbench.jobs.registry import JOBS
 
 LAS = (".las", ".laz")
@@ -29,38 +26,6 @@ _log = logging.getLogger(__name__)
 _MOST_UNLIKE = 0.5
 """Largest allowed fraction of decoded points that match no original point."""
 _Model = tuple[Path, PointCloud]
-
-
-class Decoded(NamedTuple):
-    cloud: PointCloud
-    record: dict[str, Any]
-
-
-class Decoding(TimedJob):
-    """Base class of jobs that decode streams; by default, the stream determines the codec."""
-
-    def decoded(self, coded: Coded, again: bool = False) -> Decoded:
-        """Decode and time a stream; with `again`, compare two decodings by a user's codec."""
-        name = self.codec_of(coded)
-        codec = self.loaded(name)
-        with noting(f"rate {coded.record.get('rate', '?')}"):
-            timed = measured(lambda: codec.decode_cloud(coded.stream), self.repeats, codec.cost)
-            check_points(timed.result.xyz, f"codec {name}: decoded points")
-            again = again and self.runs_twice(codec)
-            differ = again and not np.array_equal(
-                codec.decode_cloud(coded.stream).xyz, timed.result.xyz
-            )
-        remarks = [coded.record.get(REMARK), "repeated decodings differ" if differ else None]
-        record = {
-            **coded.record,
-            **({REMARK: "; ".join(filter(None, remarks))} if any(remarks) else {}),
-            "codec": name,
-            "bytes": len(coded.stream),
-            "points_out": len(timed.result),
-            **timed.costs("decode"),
-            **run_environment(self.alone),
-        }
-        return Decoded(timed.result, record)
 
 
 @JOBS.register("decode")
@@ -178,20 +143,3 @@ def _loss(match: Match, points: int) -> str:
         where = f"no original point within {match.reach:.3g} m"
         lost.append(f"{match.unmatched:,} decoded points have {where}: their attributes are 0")
     return "; ".join(lost)
-
-
-@JOBS.register("decode_shown")
-class DecodeShown(Decoding):
-    """Decode the rates of a curve that the report shows."""
-
-    rates: tuple[str, ...]
-
-    def run(self, curve: Path, clouds: Path) -> dict[str, Any]:
-        coded = read_curve(curve)
-        members = {}
-        with naming(curve):
-            for rate in self.rates:
-                cloud = self.decoded(coded[rate]).cloud
-                members[f"{rate}.ply"] = cloud_bytes(cloud)
-        write_archive(clouds, members)
-        return {"clouds": len(members)}

@@ -1,108 +1,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from puckbench.codecs.base import Codec, SharedWork
+from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.core.content import plain_suffix
-from puckbench.core.environment import cpu_model, run_environment
-from puckbench.core.errors import naming, noting
+from puckbench.core.errors import naming
 from puckbench.core.files import write_json, written_whole
-from puckbench.core.measurement import Cost, Measured, measured
-from puckbench.core.progress import Progress
-from puckbench.geometry.attributes import not_coded
 from puckbench.geometry.cloud import CoordinateFrame, PointCloud
-from puckbench.io.clouds import IN_METRES, read_cloud
-from puckbench.jobs.codec_jobs import TimedJob, ready
-from puckbench.jobs.curve_files import NOT_CODED, REMARK, Coded, record_file, write_curve
+from puckbench.jobs.codec_jobs import ready
+from puckbench.jobs.curve_files import record_file
+from puckbench.jobs.encode_curve import Encoding, to_code
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
-from puckbench.lidar.returns import with_returns
-
-
-def to_code(
-    codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
-) -> PointCloud:
-    """Read a cloud to encode, with its returns if the codec uses returns or codes attributes.
-
-    By default, `frame` is metric for file formats in metres, else the description's frame.
-    """
-    cloud = read_cloud(path)
-    if frame is None and plain_suffix(path) in IN_METRES:
-        frame = "metric"
-    with naming(path):
-        codec.check_frame(frame or cloud.frame, rate)
-    points_alone = codec.takes == "points" and not codec.attributes
-    return cloud if points_alone else with_returns(cloud, path)
-
-
-def measured_encoding(
-    codec: Codec,
-    cloud: PointCloud,
-    rate: str,
-    repeats: int = 1,
-    shared: SharedWork | None = None,
-    each: Callable[[bytes], object] = lambda stream: None,
-) -> Measured[bytes]:
-    """Encode a cloud and measure the time.
-
-    The cost of reused `shared` work (see `Codec.shared_work`) is added. `each` is called with the
-    stream of every repetition.
-    """
-
-    def whole(here: Cost) -> Cost:
-        cost = codec.cost(here)
-        return cost if shared is None else cost.plus(shared.saved)
-
-    return measured(lambda: codec.encode_cloud(cloud, rate, shared), repeats, whole, each)
-
-
-def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:
-    columns: dict[str, Any] = {}
-    if sizes := codec.attribute_bytes(stream) if codec.attributes else {}:
-        parts = {"geometry": len(stream) - sum(sizes.values()), **sizes}
-        columns = {f"bpp_{name}": 8 * size / len(cloud) for name, size in parts.items()}
-    left = not_coded(cloud, sizes or codec.attributes)
-    return {**columns, **({NOT_CODED: ", ".join(left)} if left else {})}
-
-
-class Encoding(TimedJob):
-    codec: str
-
-    def coded(
-        self,
-        codec: Codec,
-        cloud: PointCloud,
-        rate: str,
-        shared: SharedWork | None = None,
-        again: bool = False,
-    ) -> Coded:
-        """Encode and time a cloud; with `again`, encode twice to compare the streams."""
-        with noting(f"rate {rate}"):
-            streams: set[bytes] = set()
-            timed = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
-            if again:
-                streams.add(codec.encode_cloud(cloud, rate))
-        weights = codec.weights_of(rate)
-        record = {
-            "codec": self.codec,
-            "rate": rate,
-            "codec_version": codec.version,
-            **({"weights": weights} if weights else {}),
-            "points_in": len(cloud),
-            "bytes": len(timed.result),
-            "bpp": 8 * len(timed.result) / len(cloud),
-            "repeats": self.repeats,
-            **_attribute_columns(codec, cloud, timed.result),
-            **timed.costs("encode"),
-            **run_environment(self.alone),
-            "encode_cpu": cpu_model(),  # decoding may run on another machine
-            **({REMARK: "repeated encodings differ"} if len(streams) > 1 else {}),
-        }
-        return Coded(timed.result, record)
 
 
 @JOBS.register("encode")
@@ -134,21 +45,3 @@ class Encode(Encoding):
             job = Prepare(size=0) if frame == "metric" else Prepare()
             job.run(path, prepared)
         return to_code(codec, prepared or path, self.frame, rate)
-
-
-@JOBS.register("encode_curve")
-class EncodeCurve(Encoding):
-    """Encode a cloud at all rates of a codec."""
-
-    def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
-        codec = open_codec(self.codec, self.changes)
-        original = to_code(codec, cloud)
-        rates = tuple(codec.rates_of(original.frame or "scaled"))
-        ready(codec)
-        twice = self.runs_twice(codec)
-        progress, coded, shared = Progress("rate"), {}, codec.shared_work()
-        for done, rate in enumerate(rates, start=1):
-            coded[rate] = self.coded(codec, original, rate, shared, again=twice and done == 1)
-            progress(done, len(rates))
-        write_curve(curve, coded)
-        return {"rates": len(coded)}

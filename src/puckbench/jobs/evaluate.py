@@ -14,7 +14,7 @@ from puckbench.core.files import write_json
 from puckbench.core.progress import Progress
 from puckbench.io.clouds import SUFFIXES, read_cloud
 from puckbench.jobs.curve_files import REMARK, read_coded, read_curve, write_rows
-from puckbench.jobs.decode import Decoded, Decoding
+from puckbench.jobs.decoding import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.lidar.returns import with_returns

@@ -43,8 +43,6 @@ class Prepare(Job):
         PSNR peak, in m, of a cloud in metres.
     drop_invalid
         Whether to drop points that are not finite; otherwise, such points raise InputError.
-    message, topic
-        Number of a cloud in a ROS bag, and the cloud's topic.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -57,8 +55,6 @@ class Prepare(Job):
     keep_missing: bool = False
     bin_columns: str | None = None
     metres_per_unit: PositiveFloat = 1.0
-    message: int | None = None
-    topic: str | None = None
 
     def run(
         self,
@@ -114,14 +110,9 @@ class Prepare(Job):
         return MeasuredPoints(cloud, clean=cloud)
 
     def _cloud(self, path: Path) -> PointCloud:
-        options = (self.keep_missing, self.drop_invalid)
-        if self.message is None:
-            convert = self.metres_per_unit == 1
-            return read_unchecked_cloud(path, *options, self.bin_columns, convert)
-        from puckbench.lidar.recordings.cloud_messages import read_recorded_cloud
-
-        cloud = read_recorded_cloud(path, self.message, self.topic, *options)
-        return replace(cloud, about={"source": path.name, "message": self.message, **cloud.about})
+        convert = self.metres_per_unit == 1
+        options = (self.keep_missing, self.drop_invalid, self.bin_columns, convert)
+        return read_unchecked_cloud(path, *options)
 
     def _corners(self, path: Path | None) -> Floats | None:
         if self.box is not None:
@@ -136,13 +127,9 @@ class Prepare(Job):
 
 def _of_scan(path: Path, clean: bool) -> MeasuredPoints:
     from puckbench.jobs.preparation import MeasuredPoints
-    from puckbench.lidar.export import read_source
-    from puckbench.lidar.scan_table import ScanTable
+    from puckbench.lidar.scan_table import read_scan
 
-    table = read_source(path)
-    if not isinstance(table, ScanTable):
-        how = f"export it as a cloud first (puckbench export {path} cloud.ply)"
-        raise InputError(f"{path}: a recording's table, not a scan's: {how}")
+    table = read_scan(path)
     about = {"source": path.name, **table.about}
     true = PointCloud(table.xyz, table.normals, labels=table.primitive_id, about=about)
     measured = true if clean else replace(true, xyz=table.xyz_noisy)

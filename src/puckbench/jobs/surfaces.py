@@ -4,17 +4,20 @@ from pathlib import Path
 
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import InputError
-from puckbench.datasets.captured_rooms import read_capture
+from puckbench.core.lazy import imported
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh, scaled_mesh
 from puckbench.io.clouds import SUFFIXES, read_cloud
 from puckbench.io.meshes import read_mesh
 from puckbench.io.ply import has_faces
 
+_CAPTURES = "puckbench.datasets.captured_rooms:read_capture"
+
 
 def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:
     """Read a mesh file or captured room (.json) in metres."""
-    mesh = read_capture(path).mesh if path.suffix == ".json" else read_mesh(path)
+    is_capture = path.suffix == ".json"
+    mesh: Mesh | None = imported(_CAPTURES)(path).mesh if is_capture else read_mesh(path)
     if mesh is None:
         raise InputError(f"{path}: has no mesh")
     return scaled_mesh(mesh, metres_per_unit)

@@ -9,7 +9,7 @@ import numpy as np
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Beams, Firing, Returns
-from puckbench.lidar.sensor import load_sensor, sensor_names
+from puckbench.lidar.sensors import load_sensor, sensor_names
 from puckbench.lidar.turns import CENTIDEGREES, Layout
 
 _QUANTUM_UNIT_M = 1e-7

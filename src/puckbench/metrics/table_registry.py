@@ -59,6 +59,8 @@ class TableEntry:
         Requirements on a plan besides the inputs (`puckbench.planning.needs`).
     gathered
         Whether the workflow collects the table from files of many jobs.
+    error_models
+        Names of error models whose parameters the function reads.
     """
 
     name: str
@@ -68,6 +70,7 @@ class TableEntry:
     number: str = ""
     needs: tuple[str, ...] = ()
     gathered: bool = False
+    error_models: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:

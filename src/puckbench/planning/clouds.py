@@ -1,18 +1,22 @@
 from __future__ import annotations
 
-import hashlib
+from collections.abc import Iterable
 from functools import cache, cached_property
+from pathlib import Path
 
+from puckbench.core.content import plain_suffix
+from puckbench.datasets.recordings import RECORDING_SUFFIXES
 from puckbench.datasets.registry import LOADERS
+from puckbench.io import clouds
+from puckbench.io.meshes import reading as meshes
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns
 from puckbench.jobs.sample import Sample
 from puckbench.jobs.scene import WriteScene
-from puckbench.lidar import load_sensor, open_error_model, open_sweep
-from puckbench.lidar.errors import module_of_model
 from puckbench.planning.plan import DataSetPlan, Plan
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import scan_record
+from puckbench.planning.sensing import Code, code_of_scan, files_of_scan
 
 _BYTES_PER_POINT = 1_000
 """Estimated memory of a job per point, bytes."""
@@ -47,6 +51,13 @@ class CloudJobs:
         folder, suffix = _FOLDERS[make]
         return f"{self.plan.results}/{folder}/{dataset}/{cloud}.{suffix}"
 
+    def sources(self, dataset: str, cloud: str) -> dict[str, str]:
+        """Return the file with a cloud's points and, of sampled points, their description."""
+        source = self.source(dataset, cloud)
+        if self.dataset(dataset).settings.make != "sample":
+            return {"source": source}
+        return {"source": source, "sampled": str(Path(source).with_suffix(".json"))}
+
     def is_cropped(self, dataset: str) -> bool:
         settings = self.dataset(dataset).settings
         return settings.is_scan and settings.crop != "none" and not settings.is_metric
@@ -62,7 +73,7 @@ class CloudJobs:
             options=scene_set.options_of(name),
             seed=scene_set.seed,
         )
-        return planned(record, LOADERS.module_of(scene_set.loader))
+        return planned(record, *loader_modules(scene_set.loader, scene_set.scenes.files(name)))
 
     def sample(self, dataset: str, cloud: str) -> PlannedJob:
         data = self.dataset(dataset)
@@ -72,15 +83,15 @@ class CloudJobs:
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Plan a scan; its fingerprint includes the sensor, the sweep and the error model."""
         data = self.dataset(dataset)
-        module, also = self._sensing(dataset)
-        return planned(scan_record(data.settings, *data.source_of(cloud)), module, also=also)
+        modules, also = self._sensing(dataset)
+        return planned(scan_record(data.settings, *data.source_of(cloud)), *modules, also=also)
 
     @cache  # noqa: B019 (one plan lives as long as the process)
-    def _sensing(self, dataset: str) -> tuple[str, str]:
-        settings = self.dataset(dataset).settings
-        model = open_error_model(settings.errors, settings.error_options)
-        sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
-        return module_of_model(model), f"{model} {load_sensor(settings.sensor)} {sweep}"
+    def _sensing(self, dataset: str) -> Code:
+        return code_of_scan(self.dataset(dataset).settings)
+
+    def sensing_files(self, dataset: str) -> list[str]:
+        return files_of_scan(self.dataset(dataset).settings)
 
     def prepare(self, dataset: str) -> PlannedJob:
         settings = self.dataset(dataset).settings
@@ -93,3 +104,15 @@ class CloudJobs:
 
     def memory_mb(self, dataset: str) -> int:
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000
+
+
+def loader_modules(loader: str, files: Iterable[Path]) -> list[str]:
+    """Return the modules with the code that reads a scene: its loader's, and its formats'.
+
+    If a file's suffix does not name its format, these are all formats.
+    """
+    readers = {**clouds.READERS, **meshes.READERS}
+    suffixes = set(map(plain_suffix, files)) - {".ply", *RECORDING_SUFFIXES}
+    used = suffixes if suffixes <= readers.keys() else readers.keys()
+    places = sorted({readers[suffix] for suffix in used})
+    return [LOADERS.module_of(loader), *(place.partition(":")[0] for place in places)]

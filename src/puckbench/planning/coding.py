@@ -9,8 +9,9 @@ from typing import Any
 from puckbench.codecs.registry import codec_class, module_of
 from puckbench.core.environment import thread_environment
 from puckbench.geometry.cloud import CoordinateFrame
-from puckbench.jobs.decode import Decode, DecodeShown
-from puckbench.jobs.encode import EncodeCurve
+from puckbench.jobs.decode import Decode
+from puckbench.jobs.decode_shown import DecodeShown
+from puckbench.jobs.encode_curve import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
 from puckbench.jobs.recovery import RecoveryCurve
 from puckbench.jobs.registry import Job

@@ -8,17 +8,17 @@ from typing import Any
 
 from puckbench.codecs.facts import find_rate
 from puckbench.core.errors import InputError, naming
-from puckbench.datasets.registry import LOADERS
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
-from puckbench.lidar.errors import module_of_model
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import TASKS, checked_task
+from puckbench.planning.clouds import loader_modules
 from puckbench.planning.coding import codec_job, timed
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
+from puckbench.planning.sensing import code_of_scan, files_of_scan
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
 _CODING_S, _TASK_S = 0.25, 0.06
@@ -80,11 +80,12 @@ class DriveJobs:
     def artefacts(self) -> list[str]:
         return [f"coded_drives/{'/'.join(curve)}.zip" for curve in self.curves]
 
-    def source(self, name: str, drive: str) -> dict[str, str]:
-        """Return the scene file of a virtual drive, and the scene's description."""
+    def source(self, name: str, drive: str) -> dict[str, str | list[str]]:
+        """Return the scene file of a virtual drive, the scene's description, and other files."""
         entry = self.entries[name]
         file = f"{self.plan.results}/scenes/{entry.scenes.name}/{entry.scans[drive][0]}"
-        return {"scene": f"{file}.ply", "about": f"{file}.json"}
+        others = files_of_scan(entry.settings)
+        return {"scene": f"{file}.ply", "about": f"{file}.json", "files": others}
 
     def files(self, name: str, drive: str) -> dict[str, list[str]]:
         """Return the files of a drive's clouds and poses."""
@@ -96,11 +97,9 @@ class DriveJobs:
     def drive(self, name: str, drive: str) -> PlannedJob:
         entry = self.entries[name]
         if drive in entry.scans:
-            settings = entry.settings
-            record = VirtualDrive(**settings.scan_settings(*entry.scans[drive]))
-            model = open_error_model(settings.errors, settings.error_options)
-            also = f"{model} {load_sensor(settings.sensor)}"
-            return planned(record, module_of_model(model), also=also)
+            modules, also = code_of_scan(entry.settings)
+            record = VirtualDrive(**entry.settings.scan_settings(*entry.scans[drive]))
+            return planned(record, *modules, also=also)
         scenes = entry.scenes
         record_of_clouds = DriveOfClouds(
             loader=scenes.loader,
@@ -109,7 +108,8 @@ class DriveJobs:
             poses=entry.settings.poses,
             seed=scenes.seed,
         )
-        return planned(record_of_clouds, LOADERS.module_of(scenes.loader))
+        files = (file for cloud in entry.clouds[drive] for file in scenes.scenes.files(cloud))
+        return planned(record_of_clouds, *loader_modules(scenes.loader, files))
 
     def encode(self, name: str, codec: str) -> PlannedJob:
         changes = self._changes(name, codec)

@@ -2,7 +2,8 @@
 
 The fingerprint covers the job's module, its plug-ins and all imports, without comments, docstrings
 and help texts. The command line and the registries are excluded, so that a new plug-in does not
-repeat other jobs. A YAML file with the name of a module is included.
+repeat other jobs. YAML files with the name of a module, or in the folder of a package's
+``__init__.py``, are included.
 """
 
 from __future__ import annotations
@@ -52,9 +53,15 @@ def _is_left_out(file: Path) -> bool:
 def _code_digest(file: Path) -> str:
     words: list[str] = []
     _add_words(ast.parse(file.read_bytes()), words)
-    numbers = file.with_suffix(".yaml")
-    data = numbers.read_bytes() if numbers.is_file() else b""
+    data = b"".join(each.read_bytes() for each in data_files(file))
     return hashlib.sha256(" ".join(words).encode() + data).hexdigest()
+
+
+def data_files(module: Path) -> list[Path]:
+    """Return the YAML files that belong to a module or package."""
+    if module.name == "__init__.py":
+        return sorted(module.parent.glob("*.yaml"))
+    return [each for each in [module.with_suffix(".yaml")] if each.is_file()]
 
 
 def _add_words(value: Any, words: list[str]) -> None:

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from puckbench.codecs.registry import LOOKS, codec_class, is_codec
 from puckbench.core.errors import InputError, naming
-from puckbench.figures.plot_styles import class_style, looks_layer
+from puckbench.figures.plot_styles import class_style, codec_rank, looks_layer
 from puckbench.figures.registry import FIGURES, FigureEntry, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import CoordinateFrame
@@ -18,6 +18,7 @@ from puckbench.jobs.gathered_tables import PlanTable, RowsTable
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
+from puckbench.lidar import open_error_model
 from puckbench.metrics.table_registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.drives import DriveJobs
@@ -25,6 +26,7 @@ from puckbench.planning.needs.registry import Options, met_needs
 from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
+from puckbench.planning.sensing import code_of_models
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
 
@@ -102,7 +104,9 @@ class OutputJobs:
 
     def table(self, name: str) -> PlannedJob:
         record = Table(table=TABLES.place_of(name), options=self.table_options(name))
-        return planned(record, TABLES.module_of(name))
+        models = map(open_error_model, table_entry(name).error_models)
+        modules, parameters = code_of_models(models)
+        return planned(record, TABLES.module_of(name), *modules, also=parameters)
 
     def table_options(self, table: str) -> Options:
         if not table.startswith("bd_rate"):
@@ -152,10 +156,13 @@ class OutputJobs:
     def _shows_codecs(self, figure: str) -> bool:
         return bool({*figure_entry(figure).inputs} & {*_OF_CURVES, "drives", *self.result_tables})
 
+    def _shows_datasets(self, figure: str) -> bool:
+        return bool({*figure_entry(figure).inputs} & _OF_CLOUDS)
+
     @cached_property
     def _codec_styles(self) -> str:
-        """Digest of the codecs' styles; if it changes, figures that show codecs are drawn again."""
-        looks = [self._looks(name) for name in self.plan.codecs]
+        """Digest of the codecs' styles and order; if it changes, figures that show codecs are drawn again."""
+        looks = [(self._looks(name), codec_rank(name)) for name in self.plan.codecs]
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
@@ -163,7 +170,7 @@ class OutputJobs:
         changes = self.config.figures.style, self.config.figures.options.get(figure, {})
         if self._shows_codecs(figure):
             return self._style(*changes)
-        return self._dataset_style(), *changes
+        return (self._dataset_style(), *changes) if self._shows_datasets(figure) else changes
 
     def _style(self, *changes: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         restyled = [name for name in self.plan.codecs if self._has_changed_looks(name)]
@@ -227,7 +234,8 @@ class OutputJobs:
         contents = self.report_contents
         places = (*contents.own_figures, *contents.own_tables)
         record = Report(contents=contents.as_json(), code=places)
-        return planned(record, "puckbench.report.build", also=f"{assets_version()} {digest}")
+        also = f"{assets_version()} {self._codec_styles} {digest}"
+        return planned(record, "puckbench.report.build", also=also)
 
     # ---- reference results
 

@@ -14,19 +14,30 @@ RECORDS = Path(".snakemake", "records")
 
 
 class PlannedJob(NamedTuple):
-    """A job's settings (`record`) as JSON, and the fingerprint of its code.
+    """A job's settings as JSON (`record`), the modules with its code, and other data (`also`).
 
-    Snakemake repeats the job if either changes.
+    Snakemake repeats the job if its settings or its fingerprint (`code`) change.
     """
 
     name: str
     record: str
-    code: str
+    modules: tuple[str, ...]
+    also: str = ""
+
+    @property
+    def code(self) -> str:
+        """Fingerprint of the modules, with all that they import, and of the other data."""
+        return f"{code_version(*self.modules)} {self.also}".rstrip()
+
+    @property
+    def path(self) -> Path:
+        """Path of the file with the settings, named after their digest."""
+        digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
+        return RECORDS / f"{self.name}-{digest}.json"
 
     def file(self) -> str:
-        """Write the settings to a file named after their digest, and return its path."""
-        digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
-        path, content = RECORDS / f"{self.name}-{digest}.json", self.record.encode()
+        """Write the settings to their file, and return its path."""
+        path, content = self.path, self.record.encode()
         if not path.exists() or path.read_bytes() != content:
             write_bytes(path, content)
         return str(path)
@@ -34,11 +45,9 @@ class PlannedJob(NamedTuple):
 
 def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
     """Plan a job; `also` is further data that affects its result, such as digests of files."""
-    code = code_version(type(record).__module__, *modules)
+    settings = record.model_dump_json(exclude_defaults=True)
     name = JOBS.name_of(type(record))
-    return PlannedJob(
-        name, record.model_dump_json(exclude_defaults=True), f"{code} {also}".rstrip()
-    )
+    return PlannedJob(name, settings, (type(record).__module__, *modules), str(also))
 
 
 class Gathering(NamedTuple):

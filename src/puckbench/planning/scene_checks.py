@@ -87,7 +87,8 @@ def _state(scenes: DataSet, files: Iterable[Path], settings: DataSetConfig, name
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
-        job += (planned(scan_record(settings, name, seed=0)),)
+        scan = planned(scan_record(settings, name, seed=0))
+        job += (scan.record, scan.code)
     stats = [stat for path in files for stat in _stats(path)]
     return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
 

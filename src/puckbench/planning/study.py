@@ -7,10 +7,10 @@ from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar import load_sensor, open_error_model
-from puckbench.lidar.errors import module_of_model
 from puckbench.lidar.residual_table import REAL
 from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
+from puckbench.planning.sensing import code_of_models, files_named
 
 WALL_POINTS = 40_000
 """Number of points per surface and distance in figures of scans."""
@@ -59,15 +59,23 @@ class StudyJobs:
             "scans": _joined("joined_table", points, kind="scans", models=models),
         }
         if captures:
-            tables["compared_residuals"] = _joined("compared_residuals", captures)
+            tables["compared_residuals"] = self._compared(captures)
         return tables
+
+    def _compared(self, captures: tuple[str, ...]) -> Gathering:
+        job = _job("compared_residuals", names=captures)
+        modules, parameters = code_of_models(map(open_error_model, job.plugins()))
+        also = f"{parameters} {load_sensor('vlp16')}"
+        return Gathering(planned(job, *modules, also=also), captures)
 
     def _scan(self, job: str, model: str, **settings: Any) -> PlannedJob:
         errors, options = self.study.models[model]
-        error_model = open_error_model(errors, options)
+        modules, parameters = code_of_models([open_error_model(errors, options)])
         record = _job(job, model=errors, model_options=options, seed=self.study.seed, **settings)
-        also = f"{error_model} {load_sensor('vlp16')}"
-        return planned(record, module_of_model(error_model), also=also)
+        return planned(record, *modules, also=f"{parameters} {load_sensor('vlp16')}")
+
+    def model_files(self, model: str) -> list[str]:
+        return files_named(self.study.models[model][1].values())
 
 
 def _job(name: str, **settings: Any) -> Job:

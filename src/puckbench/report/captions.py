@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 _SETTINGS = {
+    "_disable_config": True,  # a docutils.conf of the working folder changes no caption
     "doctitle_xform": False,
     "file_insertion_enabled": False,
     "raw_enabled": False,

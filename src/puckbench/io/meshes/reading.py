@@ -11,24 +11,21 @@ from numpy.typing import NDArray
 
 from puckbench.core.content import plain_suffix, unpacked
 from puckbench.core.errors import InputError
+from puckbench.core.lazy import imported
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
-from puckbench.io.meshes.glb import read_glb
-from puckbench.io.meshes.obj import read_obj
-from puckbench.io.meshes.off import read_off
 from puckbench.io.meshes.ply import read_ply
 from puckbench.io.meshes.polygons import Polygons, select_triangles, triangulate
-from puckbench.io.meshes.stl import read_stl
 
 _LOG = logging.getLogger(__name__)
-_READERS: dict[str, Callable[[Path], Polygons]] = {
-    ".glb": read_glb,
-    ".obj": read_obj,
-    ".off": read_off,
-    ".ply": read_ply,
-    ".stl": read_stl,
+READERS = {
+    ".glb": "puckbench.io.meshes.glb:read_glb",
+    ".obj": "puckbench.io.meshes.obj:read_obj",
+    ".off": "puckbench.io.meshes.off:read_off",
+    ".stl": "puckbench.io.meshes.stl:read_stl",
 }
-SUFFIXES = tuple(_READERS)
+"""Readers of formats other than PLY, by suffix."""
+SUFFIXES = tuple(sorted((".ply", *READERS)))
 
 
 def read_mesh(path: Path, up: str = "z") -> Mesh:
@@ -102,9 +99,9 @@ def y_up_to_z_up(points: Floats) -> Floats:
 
 
 def _reader(path: Path) -> Callable[[Path], Polygons]:
-    reader = _READERS.get(plain_suffix(path))
-    if reader is None:
+    suffix = plain_suffix(path)
+    if suffix not in SUFFIXES:
         raise InputError(f"{path}: not a mesh format (known: {', '.join(SUFFIXES)})")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    return reader
+    return imported(READERS[suffix]) if suffix in READERS else read_ply

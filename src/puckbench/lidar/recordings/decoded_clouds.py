@@ -16,7 +16,8 @@ from puckbench.io.ply import read_ply
 from puckbench.io.text import read_csv
 from puckbench.lidar.recordings.returns import RETURN_COLUMNS, RecordedReturns
 from puckbench.lidar.recordings.times import TimeUnit, seconds_of, unit_of
-from puckbench.lidar.sensor import Sensor, load_sensor
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sensors import load_sensor
 
 _READERS = {
     ".csv": read_csv,

@@ -39,7 +39,8 @@ from puckbench.lidar.recordings.packets import (
 )
 from puckbench.lidar.recordings.returns import LAST, RecordedReturns, table_of_returns
 from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
-from puckbench.lidar.sensor import Sensor, load_sensor
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sensors import load_sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
 SENSORS = {

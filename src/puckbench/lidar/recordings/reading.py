@@ -34,7 +34,8 @@ from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, ta
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.recordings.velodyne_messages import MESSAGES, SCAN
 from puckbench.lidar.returns import Returns
-from puckbench.lidar.sensor import Sensor, load_sensor
+from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sensors import load_sensor
 from puckbench.lidar.unit_calibration import calibration_beside, calibration_in_packets, is_s3
 
 _COMPRESSED = {

@@ -25,7 +25,7 @@ from puckbench.lidar.recordings.packets import (
     PacketLog,
 )
 from puckbench.lidar.scan_table import ScanTable
-from puckbench.lidar.sensor import load_sensor
+from puckbench.lidar.sensors import load_sensor
 from puckbench.lidar.turns import CENTIDEGREES
 
 _PORT = 2368

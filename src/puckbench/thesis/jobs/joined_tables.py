@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,16 +32,21 @@ class JoinedTable(OfNames):
 class ComparedResiduals(OfNames):
     """Simulate residuals of error models on the rays of recorded walls."""
 
+    def plugins(self) -> Iterable[str | None]:
+        from puckbench.thesis.residuals.compared import COMPARED
+
+        return COMPARED
+
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
         from puckbench.io.tables import write_table
         from puckbench.lidar import open_error_model
         from puckbench.lidar.residual_table import read_residuals
-        from puckbench.thesis.residuals.compared import COMPARED, compared_residuals, real_walls
+        from puckbench.thesis.residuals.compared import compared_residuals, real_walls
         from puckbench.thesis.residuals.joining import subsampled
 
         files = self.files(results)
         tables = [subsampled(read_residuals(path), _MAX_ROWS, str(path)) for path in files]
-        models = {name: open_error_model(name) for name in COMPARED}
+        models = {name: open_error_model(name) for name in map(str, self.plugins())}
         compared = compared_residuals(real_walls(tables), models)
         write_table(compared[_KEPT].astype({"residual_m": "float32"}), parquet)
         return {"rows": len(compared)}

@@ -64,7 +64,11 @@ def table_4_2() -> pd.DataFrame:
     )
 
 
-@_table("table_5_1", title="Parameters of the virtual VLP-16 (thesis table 5.1)", number="5.1")
+_MODELS = ("vlp16", "vlp16_table51")
+_TITLE_5_1 = "Parameters of the virtual VLP-16 (thesis table 5.1)"
+
+
+@_table("table_5_1", title=_TITLE_5_1, number="5.1", error_models=_MODELS)
 def table_5_1() -> pd.DataFrame:
     """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 
@@ -73,7 +77,7 @@ def table_5_1() -> pd.DataFrame:
     import pandas as pd
 
     sensor = load_sensor("vlp16")
-    models = [open_error_model(name).described() for name in ("vlp16", "vlp16_table51")]
+    models = [open_error_model(name).described() for name in _MODELS]
     receiver = open_error_model("vlp16", {"receiver": {}}).described()["receiver"]
     turn, reach = f"{sensor.rotation_hz:g} Hz", f"{sensor.max_range_m:g} m"
     attenuated = f"{receiver['attenuation_from_m']:g} m"

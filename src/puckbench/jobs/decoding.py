@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from puckbench.core.environment import run_environment
+from puckbench.core.errors import noting
+from puckbench.core.measurement import measured
+from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.jobs.codec_jobs import TimedJob
+from puckbench.jobs.curve_files import REMARK, Coded
+
+
+class Decoded(NamedTuple):
+    cloud: PointCloud
+    record: dict[str, Any]
+
+
+class Decoding(TimedJob):
+    """Base class of jobs that decode streams; by default, the stream determines the codec."""
+
+    def decoded(self, coded: Coded, again: bool = False) -> Decoded:
+        """Decode and time a stream; with `again`, compare two decodings by a user's codec."""
+        name = self.codec_of(coded)
+        codec = self.loaded(name)
+        with noting(f"rate {coded.record.get('rate', '?')}"):
+            timed = measured(lambda: codec.decode_cloud(coded.stream), self.repeats, codec.cost)
+            check_points(timed.result.xyz, f"codec {name}: decoded points")
+            again = again and self.runs_twice(codec)
+            differ = again and not np.array_equal(
+                codec.decode_cloud(coded.stream).xyz, timed.result.xyz
+            )
+        remarks = [coded.record.get(REMARK), "repeated decodings differ" if differ else None]
+        record = {
+            **coded.record,
+            **({REMARK: "; ".join(filter(None, remarks))} if any(remarks) else {}),
+            "codec": name,
+            "bytes": len(coded.stream),
+            "points_out": len(timed.result),
+            **timed.costs("decode"),
+            **run_environment(self.alone),
+        }
+        return Decoded(timed.result, record)

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from puckbench.geometry.cloud import PointCloud
+from puckbench.jobs.prepare import Prepare
+from puckbench.jobs.registry import JOBS
+from puckbench.lidar.recordings.cloud_messages import read_recorded_cloud
+
+
+@JOBS.register("prepare_message")
+class PrepareMessage(Prepare):
+    """Prepare the cloud in a message of a ROS bag.
+
+    Parameters
+    ----------
+    message
+        Number of the message among those of the topic, from 0.
+    topic
+        By default the bag's only topic with clouds.
+    """
+
+    message: int
+    topic: str | None = None
+
+    def _cloud(self, path: Path) -> PointCloud:
+        options = (self.keep_missing, self.drop_invalid)
+        cloud = read_recorded_cloud(path, self.message, self.topic, *options)
+        return replace(cloud, about={"source": path.name, "message": self.message, **cloud.about})

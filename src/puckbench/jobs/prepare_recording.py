@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+from puckbench.core.content import plain_suffix, read_content
+from puckbench.core.errors import naming
+from puckbench.datasets.recordings import RECORDING_SUFFIXES, decompressed
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io import meshes
+from puckbench.io.clouds import SUFFIXES
+from puckbench.io.recordings.captured_packets import is_packet_capture
+from puckbench.io.recordings.pcap import refuse_stream
+from puckbench.io.recordings.ros_bags import bag_format
+from puckbench.io.recordings.topics import refuse_topic
+from puckbench.jobs.prepare_returns import PrepareReturns, is_scan, select_turns
+from puckbench.jobs.registry import JOBS
+from puckbench.lidar.returns import Returns, read_firings
+
+_LONGEST_MARK = 24
+"""Number of bytes at the start of a file that identify packet captures and bags."""
+
+
+@JOBS.register("prepare_recording")
+class PrepareRecording(PrepareReturns):
+    """Convert turns as `PrepareReturns` does, also those of a recording.
+
+    Of a recording, `turns` is by default the first whole turn.
+
+    Parameters
+    ----------
+    stream
+        Sensor to read in a packet capture of several sensors.
+    topic
+        Topic to read in a ROS bag of several sensors.
+    """
+
+    stream: str | None = None
+    topic: str | None = None
+
+    def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
+        if is_scan(path):
+            with naming(path):
+                _check_selection(path, self.stream, self.topic)
+            return super()._read(path)
+        returns, left_out = read_selected_turns(path, self.turns, self.stream, self.topic)
+        return returns, None, {"source": path.name, "sensor": returns.sensor, **left_out}
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file is a recording, by its name or its first bytes."""
+    if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
+        return True
+    if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():
+        return False
+    start = read_content(path, _LONGEST_MARK)
+    return is_packet_capture(start) or bag_format(start) is not None
+
+
+def _check_selection(path: Path, stream: str | None, topic: str | None) -> None:
+    if not is_recording(path):
+        refuse_stream(stream)
+        refuse_topic(topic)
+
+
+def read_selected_turns(
+    path: Path, turns: tuple[int, int] | None, stream: str | None = None, topic: str | None = None
+) -> tuple[Returns, dict[str, int]]:
+    """Read turns of a recording or of a table of firings, and counts of damaged data.
+
+    `turns`, `stream` and `topic` are those of `PrepareRecording`.
+    """
+    from puckbench.lidar.recordings.reading import read_turns
+
+    with naming(path):
+        _check_selection(path, stream, topic)
+        if not is_recording(path):
+            return select_turns(read_firings(path), turns), {}
+        with decompressed(path) as recording:
+            returns, whole, left_out = read_turns(recording, 0.0, stream, path, topic)
+        first = whole[0] if whole else min(1, len(returns.turns) - 1)
+        selected = select_turns(returns, turns or (first, first))
+    if turns is None and not whole:
+        logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
+    return selected, left_out

@@ -1,0 +1,40 @@
+"""What a scan by the virtual sensor depends on besides its scene."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from puckbench.lidar import load_sensor, open_error_model, open_sweep
+from puckbench.lidar.errors import ErrorModel, module_of_model
+from puckbench.planning.config import Sensing
+
+Code = tuple[tuple[str, ...], str]
+"""Modules, and further data, which affect a job's result (`planned_job.planned`)."""
+
+
+def code_of_models(models: Iterable[ErrorModel]) -> Code:
+    """Return the modules of error models, and their parameters."""
+    models = tuple(models)
+    return tuple(map(module_of_model, models)), " ".join(map(str, models))
+
+
+def code_of_scan(settings: Sensing) -> Code:
+    """Return the error model's module, and the parameters of model, sensor and sweep."""
+    model = open_error_model(settings.errors, settings.error_options)
+    modules, parameters = code_of_models([model])
+    sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
+    return modules, f"{parameters} {load_sensor(settings.sensor)} {sweep}"
+
+
+def files_of_scan(settings: Sensing) -> list[str]:
+    """Return the files that the settings name: of a sensor, a trajectory or an error model."""
+    sweep = settings.sweep if isinstance(settings.sweep, Mapping) else {}
+    return files_named([settings.sensor, *sweep.values(), *settings.error_options.values()])
+
+
+def files_named(values: Iterable[Any]) -> list[str]:
+    """Return the values that are paths of files."""
+    return [value for value in values if isinstance(value, str) and Path(value).is_file()]
