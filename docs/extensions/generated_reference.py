@@ -163,7 +163,7 @@ def capture_options() -> str:
 
 def sensors() -> str:
     """Every shipped sensor."""
-    from puckbench.lidar.sensors import load_sensor
+    from puckbench.lidar.sensor import load_sensor
 
     names = sorted(
         path.name.removesuffix(".yaml")

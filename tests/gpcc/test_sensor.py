@@ -11,7 +11,7 @@ from puckbench.gpcc.options import PROFILES, SPINNING
 from puckbench.gpcc.sensor import SensorDescription, describe_sensor
 from puckbench.gpcc.syntax import Laser
 from puckbench.lidar.returns import Beams, Returns
-from puckbench.lidar.sensors import load_sensor
+from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.turns import Layout, Turn
 
 # Tangents and heights in mm of the VLP-16's lasers upwards, as given to TMC13, and what it wrote.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import subprocess
 import sys
@@ -164,10 +165,11 @@ class Bench:
             place[last] = value
         (self.folder / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
 
-    def capture(self) -> str:
-        """Write the packets of three turns in an empty room, of one device; the file's name."""
+    def capture(self, turns: int = 3) -> str:
+        """Write the packets of turns in an empty room, of one device; the file's name."""
         (self.folder / "box.off").write_text(BOX)
-        sweep = '{"preset": "spin", "duration_s": 0.6, "azimuth_step_deg": 0.4}'
+        changes = {"duration_s": round(0.2 * turns, 1), "azimuth_step_deg": 0.4}
+        sweep = json.dumps({"preset": "spin", **changes})
         noise = ["--errors", "vlp16", "--error-options", '{"bias_redrawn": "scan"}']
         for words in (
             ["scan", "box.off", "box.parquet", "--sweep", sweep, *noise],

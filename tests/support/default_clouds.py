@@ -13,7 +13,7 @@ from puckbench.jobs.preparation import prepare
 from puckbench.lidar.errors import open_error_model
 from puckbench.lidar.placement import free_origin
 from puckbench.lidar.scan import scan
-from puckbench.lidar.sensors import load_sensor
+from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.sweep import open_sweep
 
 

@@ -1,7 +1,7 @@
 """A plan with a job of every kind, and the jobs of a plan by name.
 
-``python -m tests.support.every_job CONFIG < EDITS`` prints, for each edit of a source file, the jobs
-whose fingerprints or settings it changes.
+``python -m tests.support.every_job CONFIG < EDITS`` prints, for each edit of a file, the jobs whose
+settings or fingerprints it changes.
 """
 
 from __future__ import annotations
@@ -32,24 +32,46 @@ CONFIG: dict[str, Any] = {
         "meshes": {"loader": "mesh_files", "options": {"path": "box.off"}},
         "clouds": {"loader": "point_clouds", "options": {"path": "points.csv"}},
         "turns": {"loader": "recordings", "options": {"path": "box.pcap"}},
+        "one_turn": {"loader": "recordings", "options": {"path": "box.pcap"}, "limit": 1},
     },
     "datasets": {
-        "sampled": {"scenes": "objects", "make": "sample", "points": 2000, "recovery": False},
+        "sampled": {
+            "scenes": "objects",
+            "make": "sample",
+            "points": 2000,
+            "codecs": [
+                *("draco", "gpcc", "gpcc_predictive", "pcgcv1_plus", "pcgcv2_plus"),
+                *("sparse_octree_net", "mine"),
+            ],
+        },
         "noisy": {
             "scenes": "rooms",
             "make": "scan",
             "errors": "vlp16_divergence",
             "sweep": {"duration_s": 0.02},
+            "codecs": ["draco", "primitives"],
         },
         "own": {"scenes": "meshes", "make": "sample", "points": 500, "codecs": ["draco"]},
         "points": {"scenes": "clouds", "make": "cloud", "codecs": ["draco"]},
-        "spin": {"scenes": "rooms", "make": "scan", "sweep": _SPIN, "size": "metric"},
-        "recorded": {"scenes": "turns", "make": "cloud", "size": "metric", "codecs": ["puck"]},
+        "spin": {
+            "scenes": "rooms",
+            "make": "scan",
+            "sweep": _SPIN,
+            "size": "metric",
+            "codecs": ["puck", "gpcc_angular", "laz", "jpegxl"],
+        },
+        "recorded": {
+            "scenes": "one_turn",
+            "make": "cloud",
+            "size": "metric",
+            "codecs": ["puck", "packets_xz"],
+        },
     },
     "drives": {
         "virtual": {
             "scenes": "meshes",
             "errors": "vlp16",
+            "seeds": [1],
             "sweep": {**_SPIN, "trajectory": "path.csv"},
             "codecs": ["puck"],
             "rates": ["20mm"],
@@ -76,10 +98,23 @@ CONFIG: dict[str, Any] = {
         "gpcc_angular": {"metric_rates": ["20mm"]},
         "laz": {"metric_rates": ["20mm"]},
         "jpegxl": {"metric_rates": ["20mm"]},
+        "packets_xz": {},
         "mine": {"class": "mine.py:Mine", "rates": {"r1": {"step": 1.0}}},
     },
     "metrics": ["density"],
-    "train": {"small": {"codec": "pcgcv2_plus", "datasets": ["sampled"], "steps": 1}},
+    "train": {
+        "small": {
+            "codec": "pcgcv2_plus",
+            "datasets": ["sampled"],
+            "steps": 1,
+            "options": {
+                "lmbdas": [1, 4],
+                "channels": [4, 8, 8, 8],
+                "batch_size": 1,
+                "cube_size": 1024,
+            },
+        }
+    },
     "sensor_study": {
         "models": {"vlp16": {}},
         "captures": {"box": {"path": "box.pcap"}},
@@ -99,10 +134,11 @@ from puckbench.codecs.base import Codec
 
 class Mine(Codec):
     def _encode(self, points, parameters):
-        return puckbench.gpcc.encode(np.round(points / parameters["step"]).astype(np.int64))
+        grid = np.round(points / parameters["step"]).astype(np.int64)
+        return puckbench.gpcc.encode_geometry(grid)
 
     def _decode(self, stream):
-        return puckbench.gpcc.decode(stream).astype(float)
+        return puckbench.gpcc.decode_geometry(stream).positions()
 """
 
 
@@ -178,19 +214,10 @@ def _states(config: str) -> dict[str, list[str]]:
     return {name: [job.record, job.code] for name, job in jobs.items()}
 
 
-def _put(config: str, states: Any) -> None:
-    states.put(_states(config))
-
-
 def _in_a_fork(config: str) -> dict[str, list[str]]:
     """Return the jobs' settings and fingerprints, which this process does not remember."""
-    context = get_context("fork")
-    states = context.Queue()
-    process = context.Process(target=_put, args=(config, states))
-    process.start()
-    result: dict[str, list[str]] = states.get(timeout=300)
-    process.join()
-    return result
+    with get_context("fork").Pool(1) as pool:
+        return pool.apply(_states, (config,))
 
 
 def main() -> None:
@@ -198,10 +225,11 @@ def main() -> None:
     config = sys.argv[1]
     before, changed = _in_a_fork(config), []
     for file, old, new in json.load(sys.stdin):
-        path = SOURCES / file if not Path(file).exists() else Path(file)
+        path = Path(file) if Path(file).exists() else SOURCES / file
         content = path.read_bytes()
         assert old.encode() in content, f"{file}: {old}"
-        path.write_bytes(content.replace(old.encode(), new.encode(), 1) if old else content + new.encode())
+        edited = content.replace(old.encode(), new.encode(), 1)
+        path.write_bytes(edited)
         after = _in_a_fork(config)
         path.write_bytes(content)
         changed.append([name for name, state in after.items() if state != before.get(name)])

@@ -4,6 +4,7 @@ rule weights:
     input:
         clouds=lambda w: training.cloud_files(plan.trainings[w.trained].clouds),
         validate=lambda w: training.cloud_files(plan.trainings[w.trained].validate),
+        about=lambda w: training.descriptions(w.trained),
         start=lambda w: plan.trainings[w.trained].start or [],
     output:
         weights=f"{RESULTS}/weights/{{trained}}.safetensors",

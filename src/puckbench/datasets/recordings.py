@@ -13,6 +13,7 @@ from pydantic import Field, PositiveInt
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
+from puckbench.core.lazy import imported
 from puckbench.datasets.base import DataSet, look_up
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
@@ -29,7 +30,10 @@ if TYPE_CHECKING:
 
 COMPRESSED = ".puck"
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
-RECORDING_SUFFIXES = (".pcap", ".pcapng", *BAG_SUFFIXES, COMPRESSED)
+CAPTURE_SUFFIXES = (".pcap", ".pcapng", *BAG_SUFFIXES)
+RECORDING_SUFFIXES = (*CAPTURE_SUFFIXES, COMPRESSED)
+READERS = {COMPRESSED: "puckbench.puck.recording:decompress"}
+"""Functions that restore a compressed recording, by suffix."""
 _MOST_KEPT = 1 << 28
 """Maximum total size of the ranges in cached recordings, bytes."""
 
@@ -201,11 +205,9 @@ def decompressed(path: Path) -> Iterator[Path]:
     if not _is_compressed(path):
         yield path
         return
-    from puckbench.puck import decompress
-
     with TemporaryDirectory() as folder:
         copy = Path(folder, "recording")
-        decompress(path, copy)
+        imported(READERS[COMPRESSED])(path, copy)
         if _is_compressed(copy):
             raise InputError(f"{path}: a compressed recording within another; decompress it first")
         yield copy

@@ -10,8 +10,7 @@ from puckbench.lidar.scan_table import (
     write_scan,
     write_scan_portions,
 )
-from puckbench.lidar.sensor import Sensor
-from puckbench.lidar.sensors import load_sensor, sensor_names
+from puckbench.lidar.sensor import Sensor, load_sensor, sensor_names
 from puckbench.lidar.sweep import SWEEPS, Sweep, open_sweep
 
 __all__ = [

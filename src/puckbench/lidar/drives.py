@@ -76,9 +76,8 @@ class Drive:
             )
         check_times(self.starts)
         end = self.starts[-1] + self.turn_s
-        if self.pose_times[0] > self.starts[0] + self.turn_s / 2 or (
-            self.pose_times[-1] < end - _CLOCK_S
-        ):
+        middle = self.starts[0] + self.turn_s / 2
+        if self.pose_times[0] > middle + _CLOCK_S or self.pose_times[-1] < end - _CLOCK_S:
             span = f"{self.pose_times[0]:g} to {self.pose_times[-1]:g} s"
             raise InputError(f"poses from {span}, turns from {self.starts[0]:g} to {end:g} s")
 

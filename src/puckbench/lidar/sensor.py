@@ -1,14 +1,19 @@
-"""Rotating LiDARs; `puckbench.lidar.sensors` reads them from files."""
+"""Descriptions of rotating LiDARs, read from YAML files that cite their sources."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Self
 
 from pydantic import NonNegativeFloat, PositiveFloat, model_validator
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import Model
+from puckbench.core.errors import InputError, among, naming
+from puckbench.core.models import Model, parsed
+from puckbench.core.yaml_files import read_yaml
+from puckbench.lidar.unit_calibration import calibration_of_ros, read_calibration
 
+_SENSORS = Path(__file__).parent / "sensors"
 # Data sheets round the azimuth step (0.1 for 0.0995 degrees of the VLP-16, 0.09 for 0.0864).
 _STEP_TOLERANCE = 0.05
 _OF_LASERS = (
@@ -20,6 +25,8 @@ _OF_LASERS = (
     "distance_correction_y_mm",
     "firing_offsets_us",
 )
+_CALIBRATED = "hdl64e_s3"
+"""Sensor whose individual units have calibration files."""
 
 
 class Sensor(Model):
@@ -119,3 +126,31 @@ class Sensor(Model):
     @property
     def lasers(self) -> int:
         return len(self.laser_elevation_deg)
+
+
+def sensor_names() -> list[str]:
+    return sorted(path.stem for path in _SENSORS.glob("*.yaml"))
+
+
+def load_sensor(name_or_path: str | Path) -> Sensor:
+    """Load a shipped sensor by name, or a sensor from a file.
+
+    The file describes a sensor (YAML), or is the calibration of an HDL-64E (db.xml, or YAML of
+    ROS's velodyne_pointcloud).
+    """
+    path = Path(name_or_path)
+    if path.suffix not in {".yaml", ".yml", ".xml"}:
+        path = _SENSORS / f"{name_or_path}.yaml"
+        name = str(name_or_path)
+        if name not in sensor_names():
+            choices = among(name, [*sensor_names(), "or a .yaml file"])
+            raise InputError(f"unknown sensor {name!r}{choices}")
+    if path.suffix == ".xml":
+        return load_sensor(_CALIBRATED).replaced(**read_calibration(path))
+    options = read_yaml(path)
+    if not isinstance(options, Mapping):
+        raise InputError(f"{path}: expected names and values of a sensor")
+    if "lasers" in options:
+        with naming(path):
+            return load_sensor(_CALIBRATED).replaced(**calibration_of_ros(options))
+    return parsed(Sensor, options, str(path))

@@ -5,7 +5,7 @@ from functools import cache, cached_property
 from pathlib import Path
 
 from puckbench.core.content import plain_suffix
-from puckbench.datasets.recordings import RECORDING_SUFFIXES
+from puckbench.datasets import recordings
 from puckbench.datasets.registry import LOADERS
 from puckbench.io import clouds
 from puckbench.io.meshes import reading as meshes
@@ -107,12 +107,13 @@ class CloudJobs:
 
 
 def loader_modules(loader: str, files: Iterable[Path]) -> list[str]:
-    """Return the modules with the code that reads a scene: its loader's, and its formats'.
+    """Return the modules that read a scene: its loader's, and those of its files' formats."""
+    return [LOADERS.module_of(loader), *reader_modules(files)]
 
-    If a file's suffix does not name its format, these are all formats.
-    """
-    readers = {**clouds.READERS, **meshes.READERS}
-    suffixes = set(map(plain_suffix, files)) - {".ply", *RECORDING_SUFFIXES}
+
+def reader_modules(files: Iterable[Path]) -> list[str]:
+    """Return the modules that read the formats of files; of all formats if one has no suffix."""
+    readers = {**clouds.READERS, **meshes.READERS, **recordings.READERS}
+    suffixes = set(map(plain_suffix, files)) - {".ply", *recordings.CAPTURE_SUFFIXES}
     used = suffixes if suffixes <= readers.keys() else readers.keys()
-    places = sorted({readers[suffix] for suffix in used})
-    return [LOADERS.module_of(loader), *(place.partition(":")[0] for place in places)]
+    return sorted({readers[suffix].partition(":")[0] for suffix in used})

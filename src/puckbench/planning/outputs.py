@@ -161,7 +161,7 @@ class OutputJobs:
 
     @cached_property
     def _codec_styles(self) -> str:
-        """Digest of the codecs' styles and order; if it changes, figures that show codecs are drawn again."""
+        """Digest of the codecs' styles and order, which figures of codecs show."""
         looks = [(self._looks(name), codec_rank(name)) for name in self.plan.codecs]
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 

@@ -46,8 +46,9 @@ class PlannedJob(NamedTuple):
 def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
     """Plan a job; `also` is further data that affects its result, such as digests of files."""
     settings = record.model_dump_json(exclude_defaults=True)
-    name = JOBS.name_of(type(record))
-    return PlannedJob(name, settings, (type(record).__module__, *modules), str(also))
+    name, own = JOBS.name_of(type(record)), type(record).__module__
+    places = (str(Path(each).absolute()) if each.endswith(".py") else each for each in modules)
+    return PlannedJob(name, settings, (own, *places), str(also))
 
 
 class Gathering(NamedTuple):

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from puckbench.jobs.calibrate import Calibrate
@@ -8,6 +9,7 @@ from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar import load_sensor, open_error_model
 from puckbench.lidar.residual_table import REAL
+from puckbench.planning.clouds import reader_modules
 from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.sensing import code_of_models, files_named
@@ -40,7 +42,8 @@ class StudyJobs:
         return self._scan("wall_points", model, distances=self.study.shown_m, keep=WALL_POINTS)
 
     def capture_residuals(self, capture: str) -> PlannedJob:
-        return planned(CaptureResiduals(options=self.study.captures[capture][1]))
+        path, options = self.study.captures[capture]
+        return planned(CaptureResiduals(options=options), *reader_modules([Path(path)]))
 
     def capture_files(self) -> tuple[str, ...]:
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
@@ -65,8 +68,7 @@ class StudyJobs:
     def _compared(self, captures: tuple[str, ...]) -> Gathering:
         job = _job("compared_residuals", names=captures)
         modules, parameters = code_of_models(map(open_error_model, job.plugins()))
-        also = f"{parameters} {load_sensor('vlp16')}"
-        return Gathering(planned(job, *modules, also=also), captures)
+        return Gathering(planned(job, *modules, also=parameters), captures)
 
     def _scan(self, job: str, model: str, **settings: Any) -> PlannedJob:
         errors, options = self.study.models[model]

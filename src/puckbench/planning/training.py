@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 from puckbench.codecs.registry import module_of, training_class
 from puckbench.jobs.train import Train
@@ -20,18 +21,24 @@ class TrainingJobs:
         folder = f"{self.plan.results}/clouds"
         return [f"{folder}/{dataset}/{cloud}.ply" for dataset, cloud in clouds]
 
+    def descriptions(self, name: str) -> list[str]:
+        training = self.plan.trainings[name]
+        files = self.cloud_files((*training.clouds, *training.validate))
+        return [str(Path(file).with_suffix(".json")) for file in files]
+
     def train(self, name: str) -> PlannedJob:
         """Plan a training, which discards checkpoints of other code."""
         training = self.plan.trainings[name]
+        module = module_of(training_class(training.codec, training.entry))
         record = Train(
             codec=training.codec,
             changes=training.entry,
             options=training.settings,
             start=training.start,
             validate_every=training.validate_every,
-            code=code_version(module_of(training_class(training.codec, training.entry))),
+            code=code_version(module),
         )
-        return planned(record)
+        return planned(record, module)
 
     def memory_mb(self, name: str) -> int:
         datasets = self.plan.datasets

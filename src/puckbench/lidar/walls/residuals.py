@@ -18,11 +18,11 @@ from puckbench.core.models import Model, parsed
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import ransac_plane
-from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings import RecordedReturns, read_recording
 from puckbench.lidar.recordings.returns import BOTH
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.residual_table import COLUMNS, REAL, SURFACES, about_plane
+from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.walls.detection import (
     DetectedPlane,
     PlaneSearch,

@@ -39,7 +39,7 @@ class ComparedResiduals(OfNames):
 
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
         from puckbench.io.tables import write_table
-        from puckbench.lidar import open_error_model
+        from puckbench.lidar.errors import open_error_model
         from puckbench.lidar.residual_table import read_residuals
         from puckbench.thesis.residuals.compared import compared_residuals, real_walls
         from puckbench.thesis.residuals.joining import subsampled

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar import load_sensor
 from puckbench.lidar.errors import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.calibrated import Calibrated
 from puckbench.lidar.residual_table import REAL
+from puckbench.lidar.sensors import load_sensor
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.lidar import load_sensor, open_error_model
+from puckbench.lidar.errors import open_error_model
+from puckbench.lidar.sensors import load_sensor
 from puckbench.metrics.table_registry import SENSOR, STUDY, TABLES
 
 if TYPE_CHECKING:
