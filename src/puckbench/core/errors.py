@@ -36,7 +36,7 @@ def noting(note: str) -> Iterator[None]:
     """Add a note, such as the current rate, to an exception raised inside the `with` block."""
     try:
         yield
-    except Exception as error:
+    except BaseException as error:
         error.add_note(note)
         raise
 
@@ -45,6 +45,8 @@ def error_text(error: BaseException) -> str:
     """Return one line with an exception's notes, class and message, and the line that raised it."""
     notes = ", ".join(getattr(error, "__notes__", ()))
     message = " ".join(str(error).split())
+    if isinstance(error, SystemExit):
+        message = f"exit status {message or 0}"
     words = ": ".join(filter(None, [notes, type(error).__name__, message]))
     frames = traceback.extract_tb(error.__traceback__)
     return f"{words} ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else words
