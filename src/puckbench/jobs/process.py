@@ -32,12 +32,13 @@ def main(words: Sequence[str]) -> int:
     if limit_s := float(os.environ.get(TIMEOUT) or 0):
         faulthandler.dump_traceback_later(limit_s, exit=True)
     name, record, *files = words
-    folder = Path.cwd()
+    folder = f"{Path.cwd()}{os.sep}"
     try:
         run_job(name, read_json(Path(record)), _files(name, files))
     except InputError as error:
         text = ": ".join([*getattr(error, "__notes__", ()), *str(error).splitlines()])
-        text = text.replace(f"{folder}{os.sep}", "")
+        if not any(folder in word for word in words):  # paths are told as they were given
+            text = text.replace(folder, "")
         print(f"puckbench: {' '.join(text.split())}", file=sys.stderr)  # noqa: T201
         return 2
     except KeyboardInterrupt:

@@ -154,6 +154,7 @@ class Plan:
         if config.failed and not config.drives:  # which may use any codec
             coded = {codec for _, _, codec in self.curves}
             self.codecs = {name: entry for name, entry in self.codecs.items() if name in coded}
+            self.opened = {name: codec for name, codec in self.opened.items() if name in coded}
         self.weights = {name: _weights(name, config.codec(name)) for name in self.codecs}
         self.trainings: dict[str, TrainingPlan] = {}
         for name, value in config.train.items():

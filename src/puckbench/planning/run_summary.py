@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -49,7 +49,7 @@ _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 def closing_lines(
     results: Path, style: FigureStyle, anchor: str, since: float, tables: Collection[str]
 ) -> Iterator[str]:
-    """Yield the lines of the summary, if the run made the table of medians or of drives.
+    """Yield the lines of the summary, if the run made one of its tables.
 
     `anchor` is the anchor codec of BD-rates; `since` is the time stamp of the run's start; `tables`
     are the names of the run's tables.
@@ -123,7 +123,11 @@ def _drive_cells(rows: Sequence[Row], columns: Sequence[str], style: FigureStyle
     ]
 
 
-_LINES = {"summary": _median_lines, "drives": _drive_lines}
+_LINES: dict[str, Callable[[Path, FigureStyle, str], Iterable[str]]] = {
+    "summary": _median_lines,
+    "drives": _drive_lines,
+    "left_out": lambda *_: (),  # the caller prints it
+}
 """Tables that the summary shows, and the functions that yield its lines."""
 
 
