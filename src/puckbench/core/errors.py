@@ -20,6 +20,10 @@ class InputError(Exception):
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
+    """Name `what` in an InputError raised inside the `with` block.
+
+    A plug-in that ends the process (`sys.exit`) raises an InputError, too.
+    """
     try:
         yield
     except InputError as error:
@@ -29,6 +33,8 @@ def naming(what: object) -> Iterator[None]:
         for note in getattr(error, "__notes__", ()):
             named.add_note(note)
         raise named from error
+    except SystemExit as error:
+        raise InputError(f"{what}: {error_text(error)}") from error
 
 
 @contextmanager
