@@ -82,7 +82,7 @@ def test_a_plug_in_that_ends_the_process_has_failed(
 ) -> None:
     assert _status(rate) == 2
     (last,) = capsys.readouterr().err.splitlines()
-    assert last.startswith(f"puckbench: codec own: {line}")
+    assert last.startswith(f"puckbench: rate {rate}: codec own: {line}")
     assert not (folder / "out.bin").exists()
 
 
