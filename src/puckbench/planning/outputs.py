@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any, get_args
@@ -77,6 +77,7 @@ class OutputJobs:
 
     def _without_inputs(self) -> Iterator[dict[str, str]]:
         lost = {name for name in TABLES.names() if not self._can_make(name)}
+        kinds: dict[str, Mapping[str, TableEntry | FigureEntry]]
         kinds = {"table": table_entries(), "figure": figure_entries()}
         for kind, entries in kinds.items() if lost else ():
             for name, entry in entries.items():
