@@ -11,7 +11,6 @@ from puckbench.core.errors import InputError
 from puckbench.figures.odometry import draw_odometry
 from puckbench.figures.style import FigureStyle
 
-
 LONG, SHORT = {"ate_m": 0.2, "drift_percent": 2.0}, {"ate_m": 0.1, "drift_percent": None}
 
 
@@ -47,6 +46,6 @@ def test_short_drives_have_their_absolute_error_where_none_has_a_drift(
 
 
 def test_without_any_complete_error_there_is_no_figure() -> None:
+    table = drives(a=SHORT).assign(ate_m=[0.1, 0.1, None])
     with pytest.raises(InputError, match="no data set of which all drives have an error"):
-        table = drives(a=SHORT)
-        draw_odometry(table.assign(ate_m=[0.1, 0.1, None]), FigureStyle())
+        draw_odometry(table, FigureStyle())
