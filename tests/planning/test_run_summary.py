@@ -57,7 +57,7 @@ def test_a_table_of_an_earlier_run_is_not_shown(tmp_path: Path) -> None:
     assert list(closing_lines(tmp_path, FigureStyle(), "gpcc", 0, ("clouds", "left_out"))) == []
 
 
-def test_drives_have_means_of_the_tasks_results_that_differ(tmp_path: Path) -> None:
+def test_drives_have_means_of_the_tasks_results(tmp_path: Path) -> None:
     folder = tmp_path / "tables"
     folder.mkdir()
     (folder / "drives.csv").write_text(

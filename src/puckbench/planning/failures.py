@@ -134,4 +134,4 @@ def _reason(log: Path) -> str | None:
         return f"took longer than its limit of {timeout[1]} (timing.timeout_s)"
     if last.startswith(EXIT_STATUS):
         return f"the process ended itself with {last}"
-    return "the process was killed, or ended without a message (out of memory?)"
+    return "the process was killed, or ended itself without a message (out of memory?)"

@@ -89,17 +89,20 @@ def _drive_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[str
     columns = _task_columns(rows)
     heads = ["data set", "codec and rate", "drives", "bits per point", *columns]
     yield from aligned([heads, *(_drive_cells(group, columns, style) for group in groups.values())])
-    yield "Means over drives; columns without differences, and others: tables/drives.csv"
+    yield f"Means over drives; more columns: {path}"
 
 
 def _task_columns(rows: Sequence[Row]) -> list[str]:
-    """Return the columns of tasks' results in which rows differ, at most some."""
+    """Return the columns of tasks' results, at most some, without settings.
+
+    Settings are equal in all rows, and follow the name of a task that is a column, too.
+    """
     names = [
         name
         for name in rows[0]
         if not _NO_TASK.fullmatch(name)
-        and len({row[name] for row in rows}) > 1
         and all(_is_number(row[name]) for row in rows)
+        and (name.partition("_")[0] not in rows[0] or len({row[name] for row in rows}) > 1)
     ]
     return sorted(names, key=lambda name: name not in _FIRST_TASKS)[:_MAX_TASKS]
 
