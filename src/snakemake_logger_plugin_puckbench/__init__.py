@@ -10,6 +10,7 @@ Therefore imports from `puckbench` are inside functions.
 from __future__ import annotations
 
 import logging
+import re
 import sys
 import threading
 import time
@@ -28,6 +29,7 @@ _SECONDS_BETWEEN_LINES = 30.0
 """Where there is no terminal, a line is printed at this interval."""
 _OVERDUE_S, _OVERDUE_FACTOR = 60.0, 5.0
 """A job is overdue after these seconds, and after this multiple of its expected time."""
+_WITHOUT_OUTPUT = re.compile(r"\bJob (\d+) +completed successfully, but some output files")
 
 
 @dataclass
@@ -101,6 +103,9 @@ class LogHandler(LogHandlerBase):
             take(vars(record))
         elif self._jobs and _tells_of_failed_job(record):
             return
+        elif job := _WITHOUT_OUTPUT.search(record.getMessage()):
+            self._running.pop(int(job[1]), None)  # the only event of its end
+            self._print(self.format(record))
         elif (record.levelno >= logging.WARNING or not self._jobs) and self._is_shown(record):
             self._print(self.format(record))
 
@@ -165,13 +170,13 @@ class LogHandler(LogHandlerBase):
     def _take_error(self, event: dict[str, Any]) -> None:
         from pathlib import Path
 
-        from puckbench.planning.failures import failure_of
+        from puckbench.planning.failures import failure_key, failure_of
 
         self._running.pop(event.get("jobid", -1), None)
         for log in map(Path, event.get("log") or ()):
             logs = next((folder for folder in log.parents if folder.name == "logs"), None)
             if logs and log.exists() and (failure := failure_of(log, logs)):
-                key = failure.codec or failure.what, failure.reason
+                key = failure_key(failure)
                 if key not in self._failures:
                     self._tell(f"failed: {failure}")
                 self._failures.add(key)

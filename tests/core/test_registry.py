@@ -50,6 +50,34 @@ def test_a_place_that_no_user_named_is_not_loaded(
     assert not Path("ran").exists()
 
 
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("import sys; sys.exit()", r"SystemExit: exit status 0 \(faulty.py:1\)"),
+        ("unknown", r"NameError: name 'unknown' is not defined \(faulty.py:1\)"),
+        ("import no_such_module", "No module named 'no_such_module'"),
+    ],
+)
+def test_a_file_that_fails_when_imported_is_told_in_a_line(
+    line: str, why: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "faulty.py"
+    file.write_text(f"{line}\nseven = 7\n")
+    trust([f"{file}:seven"])
+    with pytest.raises(InputError, match=rf"^number: cannot load '{file}:seven' \({why}\)$"):
+        load(f"{file}:seven", "number")
+
+
+def test_a_file_that_changes_the_folder_when_imported_changes_it_for_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "moving.py").write_text("import os\nos.chdir('/')\nseven = 7\n")
+    monkeypatch.chdir(tmp_path)
+    trust(["moving.py:seven"])
+    assert load("moving.py:seven", "number") == 7
+    assert Path.cwd() == tmp_path
+
+
 def _function_of(module: str) -> Callable[[], int]:
     return FunctionType((lambda: 7).__code__, {"__name__": module})
 

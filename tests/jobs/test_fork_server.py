@@ -41,7 +41,7 @@ class Own(Codec):
         if os.environ.get("DIE"):
             os.kill(os.getpid(), 9)
         if os.environ.get("LEAVE"):
-            os._exit(3)
+            os._exit(int(os.environ["LEAVE"]))
         found = {
             "forked": sys.argv[0] == "-c",
             "numpy in the parent": "_multiarray" in Path(f"/proc/{os.getppid()}/maps").read_text(),
@@ -203,9 +203,12 @@ def test_a_job_that_dies_again_by_itself_has_ended(job: list[str], tmp_path: Pat
 
 
 @pytest.mark.usefixtures("server")
-def test_a_job_that_leaves_at_once_does_not_run_again(job: list[str], tmp_path: Path) -> None:
-    done, _ = _run(job, tmp_path, LEAVE="1")
-    assert (done.returncode, done.stderr) == (3, "said\n")
+@pytest.mark.parametrize(("left_with", "status"), [("3", 3), ("0", 1)])
+def test_a_job_that_leaves_at_once_has_failed_and_does_not_run_again(
+    left_with: str, status: int, job: list[str], tmp_path: Path
+) -> None:
+    done, _ = _run(job, tmp_path, LEAVE=left_with)
+    assert (done.returncode, done.stderr) == (status, f"said\nexit status {left_with}\n")
 
 
 @pytest.mark.usefixtures("server")

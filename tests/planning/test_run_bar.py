@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from snakemake.exceptions import MissingOutputException, format_exception_to_string
 from snakemake.settings.enums import Quietness
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_interface_logger_plugins.settings import LogHandlerSettingsBase
@@ -153,6 +154,22 @@ def test_an_overdue_job_is_named(clock: Clock, capsys: pytest.CaptureFixture[str
     bar.close()
     lines = capsys.readouterr().err.splitlines()[1:]
     assert lines == ["puckbench: still running: short a, 61 s; 10 s were expected"]
+
+
+def test_a_job_that_ended_without_its_files_is_not_running(
+    clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bar = begun()
+    told(bar, LogEvent.JOB_INFO, jobid=1, rule_name="short", wildcards={"cloud": "a"})
+    missing = MissingOutputException("Missing files after 5 seconds:", jobid=1)
+    text = format_exception_to_string(missing)
+    bar.emit(logging.LogRecord("snakemake", logging.ERROR, "", 0, text, (), None))
+    clock.now = 200.0
+    bar._watch_jobs()
+    bar.close()
+    output = capsys.readouterr().err
+    assert "some output files are missing" in output
+    assert "still running" not in output
 
 
 def test_a_failed_job_is_one_line(

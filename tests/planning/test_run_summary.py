@@ -7,6 +7,8 @@ from pathlib import Path
 from puckbench.figures.style import FigureStyle
 from puckbench.planning.run_summary import closing_lines, summary_rows
 
+TABLES = ("summary", "bd_rate", "drives")
+
 
 def write_tables(results: Path, compared: int = 2) -> None:
     folder = results / "tables"
@@ -25,7 +27,7 @@ def write_tables(results: Path, compared: int = 2) -> None:
 
 def test_each_codec_of_a_data_set_has_a_line(tmp_path: Path) -> None:
     write_tables(tmp_path)
-    lines = list(closing_lines(tmp_path, FigureStyle(), "gpcc", since=0))
+    lines = list(closing_lines(tmp_path, FigureStyle(), "gpcc", 0, TABLES))
     assert lines[1].replace("\xa0", " ").split() == [
         *("Rooms", "raw", "Draco", "2", "0.5", "to", "9", "40", "to", "60"),
         *("+25.6", "%", "(−3.1", "%", "to", "+55.0", "%,", "2", "clouds)", "0.25"),
@@ -45,6 +47,39 @@ def test_a_bd_rate_that_no_cloud_has_is_no_number(tmp_path: Path) -> None:
 
 
 def test_a_run_that_made_no_table_says_nothing(tmp_path: Path) -> None:
-    assert list(closing_lines(tmp_path, FigureStyle(), "gpcc", since=0)) == []
+    assert list(closing_lines(tmp_path, FigureStyle(), "gpcc", 0, TABLES)) == []
     write_tables(tmp_path)
-    assert list(closing_lines(tmp_path, FigureStyle(), "gpcc", since=2e10)) == []
+    assert list(closing_lines(tmp_path, FigureStyle(), "gpcc", 2e10, TABLES)) == []
+
+
+def test_a_table_of_an_earlier_run_is_not_shown(tmp_path: Path) -> None:
+    write_tables(tmp_path)
+    assert list(closing_lines(tmp_path, FigureStyle(), "gpcc", 0, ("clouds", "left_out"))) == []
+
+
+def test_drives_have_means_of_the_tasks_results(tmp_path: Path) -> None:
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    (folder / "drives.csv").write_text(
+        "dataset,cloud,codec,rate,bpp,encode_s,seed,near_m,ate_m,odometry_skip,odometry\n"
+        "push,a,undecoded,times,,,1,0.5,0.02,5,kiss\n"
+        "push,b,undecoded,times,,,2,0.7,0.04,5,kiss\n"
+        "push,a,draco,20mm,2,0.1,1,0.5,0.03,5,kiss\n"
+        "push,b,draco,20mm,4,0.2,2,,0.05,5,kiss\n"
+    )
+    lines = list(closing_lines(tmp_path, FigureStyle(), "draco", 0, TABLES))
+    assert lines[0].split("  ")[-1] == "near_m"
+    assert [line.split() for line in lines[1:3]] == [
+        ["Push", "undecoded", "times", "2", "0.03", "0.6"],
+        ["Push", "Draco", "20mm", "2", "3", "0.04", "0.5"],
+    ]
+    assert lines[3].startswith("Means over drives")
+
+
+def test_many_results_of_drives_are_in_a_file(tmp_path: Path) -> None:
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    rows = "".join(f"push,a,draco,{number}mm,1\n" for number in range(25))
+    (folder / "drives.csv").write_text(f"dataset,cloud,codec,rate,bpp\n{rows}")
+    first, _ = closing_lines(tmp_path, FigureStyle(), "draco", 0, TABLES)
+    assert first == f"Tasks on drives at each rate: {folder / 'drives.csv'}"

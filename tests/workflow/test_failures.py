@@ -13,6 +13,8 @@ from tests.support.bench import ROOT
 
 CODECS = """
 import ctypes
+import os
+import sys
 import time
 
 import numpy as np
@@ -68,6 +70,27 @@ class Crashes(Good):
         return ctypes.string_at(0)
 
 
+class Exits(Good):
+    def _encode(self, points, parameters):
+        sys.exit(0)
+
+
+class Leaves(Good):
+    def _decode(self, stream):
+        os._exit(3)
+
+
+class LeavesWell(Good):
+    def _encode(self, points, parameters):
+        os._exit(0)
+
+
+class Moves(Good):
+    def _encode(self, points, parameters):
+        os.chdir("/")
+        return super()._encode(points, parameters)
+
+
 class Hangs(Good):
     def _encode(self, points, parameters):
         while True:
@@ -92,7 +115,7 @@ class Loses(Good):
         return super()._decode(stream)[:10]
 """
 FAULTS = {
-    "raises": "rate r2: IndexError: list index out of range (faulty.py:22)",
+    "raises": "rate r2: IndexError: list index out of range (faulty.py:24)",
     "nothing": "rate r1: _encode returned NoneType, not bytes",
     "flat": "rate r1: _decode returned an array of shape (9000,), not an array of shape (m, 3)",
     "on_its_side": "_decode returned an array of shape (3, 3000), not an array of shape (m, 3)",
@@ -100,6 +123,9 @@ FAULTS = {
     "hungry": "MemoryError",
     "crashes": "the process died: Segmentation fault",
     "hangs": "took longer than its limit",
+    "exits": "rate r1: SystemExit: exit status 0 (faulty.py:62)",
+    "leaves": "the process ended itself with exit status 3",
+    "leaves_well": "the process ended itself with exit status 0",
 }
 REMARKS = {
     "random": "repeated encodings differ",
@@ -115,7 +141,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str, 
     xy = np.random.default_rng(0).random((3000, 2)) * 1000
     np.savetxt(folder / "c.xyz", np.column_stack([xy, 200 + 50 * np.sin(xy[:, 0] / 90)]))
     names = ("Raises", "Nothing", "Flat", "OnItsSide", "NotFinite", "Hungry", "Crashes", "Hangs")
-    own = [f"faulty.py:{name}" for name in (*names, "Random", "Wavers", "Loses")]
+    ends = ("Exits", "Leaves", "LeavesWell")
+    own = [f"faulty.py:{name}" for name in (*names, *ends, "Random", "Wavers", "Loses", "Moves")]
     words = ["run", "c.xyz", "--codecs", "draco", *own, "--rates", "r1", "r2", "--timeout", "30"]
     process = subprocess.run(
         [sys.executable, "-m", "puckbench", *words, "--cores", "2"],
@@ -160,7 +187,7 @@ def test_an_odd_result_is_told(codec: str, finished: tuple[Path, str, str, int])
 def test_tables_and_report_have_what_succeeded(finished: tuple[Path, str, str, int]) -> None:
     folder, output, _, _ = finished
     table = pd.read_csv(folder / "out/tables/metrics.csv")
-    assert set(table["codec"]) == {"draco", "random", "wavers", "loses"}
+    assert set(table["codec"]) == {"draco", "random", "wavers", "loses", "moves"}
     left_out = pd.read_csv(folder / "out/tables/left_out.csv")
     curves = {f"codec {codec}, cloud clouds/c" for codec in FAULTS}
     assert set(left_out["file"]) == {"unit of clouds", *curves}

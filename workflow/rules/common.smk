@@ -19,7 +19,7 @@ from puckbench.jobs.process import TIMEOUT
 from puckbench.metrics.table_registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
-from puckbench.planning.launch import CALLER_PRINTS_SUMMARY
+from puckbench.planning.launch import CALLER_GOES_ON, command_for_the_rest
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
@@ -114,7 +114,7 @@ onstart:
     if not plan.config.failed:
         plan.config.failures_file.unlink(missing_ok=True)
     if not plan.config.failed:  # else the run that failed has printed them
-        for line in left_out_lines(plan.left_out_rows()):
+        for line in left_out_lines(outputs.left_out_rows):
             print(f"puckbench: {line}", file=sys.stderr, flush=True)
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:
         # For jobs that run on this machine and in this environment.
@@ -124,10 +124,11 @@ onstart:
 
 onsuccess:
     end_bars()
-    if CALLER_PRINTS_SUMMARY not in os.environ:
-        for line in closing_lines(plan.results, outputs.titles, outputs.anchor, held_since()):
+    if CALLER_GOES_ON not in os.environ:
+        tables = (*outputs.gathered, *outputs.tables)
+        for line in closing_lines(plan.results, outputs.titles, outputs.anchor, held_since(), tables):
             print(line, flush=True)
-        for line in left_out_lines(plan.left_out_rows()):
+        for line in left_out_lines(outputs.left_out_rows):
             print(line, flush=True)
 
 
@@ -138,10 +139,11 @@ onerror:
         for line in failure_lines(failed):
             print(line, file=sys.stderr, flush=True)
     rest = write_failures(plan.config.failures_file, failed, plan.config.failed)
-    if rest and CALLER_PRINTS_SUMMARY not in os.environ:
-        files = shlex.join(map(str, [*workflow.configfiles, rest]))
-        line = f"tables and report without them: snakemake --configfile {files} --cores {CORES}"
-        print(f"puckbench: {line}", file=sys.stderr, flush=True)
+    if rest and CALLER_GOES_ON not in os.environ:
+        start = None if workflow.overwrite_workdir else Path(workflow.workdir_init)
+        files = [*map(Path, workflow.configfiles), rest]
+        line = command_for_the_rest(sys.argv[1:], files, start)
+        print(f"puckbench: tables and report without them: {line}", file=sys.stderr, flush=True)
 
 
 # Only with --software-deployment-method apptainer (envs/apptainer.def makes the image).

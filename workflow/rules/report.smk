@@ -21,7 +21,7 @@ rule report_page:
 
 
 # Reference results: the run's tables in one file, for comparison with other runs.
-if plan.datasets or plan.drives:
+if outputs.reference_inputs:
 
     rule reference:
         input:

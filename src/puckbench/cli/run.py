@@ -13,7 +13,7 @@ from typing import Any
 from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
 from puckbench.core.errors import InputError
 from puckbench.planning.config import read_config, trusted
-from puckbench.planning.launch import CALLER_PRINTS_SUMMARY, snakemake_command
+from puckbench.planning.launch import CALLER_GOES_ON, snakemake_command
 from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
 from puckbench.planning.running import left_out_lines
@@ -92,20 +92,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any] | None:
     path, words = _configuration(options)
-    prints_summary = not (options.json or words)
-    status = _run_workflow(
-        snakemake_command(path, options.cores, *words), options.json, prints_summary
-    )
-    rest = _without_failures(path) if status == 1 and not words else None
-    if rest:
-        print("puckbench: now tables and report of the others", file=sys.stderr)  # noqa: T201
-        command = snakemake_command(path, options.cores, over=rest)
-        if _run_workflow(command, options.json, prints_summary):
-            raise SystemExit(status)
-    elif status:  # the workflow has printed the reason
-        raise SystemExit(status)
+    status, rest = _run_all(path, options, words)
     answer = _answer(path, rest) if options.json else None
-    if prints_summary:
+    if not (options.json or words):
         _print_summary(path, options.study, rest)
     if status:
         if answer:
@@ -114,15 +103,33 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
     return answer
 
 
-def _without_failures(path: Path) -> Path | None:
+def _run_all(path: Path, options: argparse.Namespace, words: list[str]) -> tuple[int, Path | None]:
+    """Run the workflow; while jobs fail, run it again without what failed.
+
+    Return the status of the first run, and the file of failed jobs if there are any. With `words`
+    for Snakemake, run it once. Raises SystemExit if the last run fails.
+    """
     failed = trusted(read_config(path)).failures_file
-    return failed if failed.exists() else None
+    command, written, rest = snakemake_command(path, options.cores, *words), _time_of(failed), None
+    status = last = _run_workflow(command, options.json, goes_on=not words)
+    while last == 1 and not words and _time_of(failed) not in (None, written):
+        written, rest = _time_of(failed), failed
+        print("puckbench: now tables and report of the others", file=sys.stderr)  # noqa: T201
+        command = snakemake_command(path, options.cores, over=rest)
+        last = _run_workflow(command, options.json, goes_on=True)
+    if last:  # the workflow has printed the reason
+        raise SystemExit(status)
+    return status, rest
 
 
-def _run_workflow(command: Sequence[str], as_json: bool, prints_summary: bool) -> int:
+def _time_of(path: Path) -> int | None:
+    return path.stat().st_mtime_ns if path.exists() else None
+
+
+def _run_workflow(command: Sequence[str], as_json: bool, goes_on: bool) -> int:
     # With --json, standard output has only the answer.
     output = sys.stderr if as_json else None
-    environment = {**os.environ, **({CALLER_PRINTS_SUMMARY: "yes"} if prints_summary else {})}
+    environment = {**os.environ, **({CALLER_GOES_ON: "yes"} if goes_on else {})}
     with subprocess.Popen(command, stdout=output, env=environment) as workflow:
         try:
             return workflow.wait()
@@ -134,10 +141,9 @@ def _run_workflow(command: Sequence[str], as_json: bool, prints_summary: bool) -
 def _answer(path: Path, rest: Path | None) -> dict[str, Any]:
     outputs = _outputs(path, rest)
     results = outputs.plan.results
-    left_out = outputs.plan.left_out_rows()
     return {
         "results": summary_rows(results, outputs.titles, outputs.anchor),
-        "left_out": [{"file": row["file"], "why": row["reason"]} for row in left_out],
+        "left_out": [{"file": row["file"], "why": row["reason"]} for row in outputs.left_out_rows],
         "report": str(results / REPORT),
         "configuration": str(path),
     }
@@ -146,9 +152,10 @@ def _answer(path: Path, rest: Path | None) -> dict[str, Any]:
 def _print_summary(path: Path, study: str | None, rest: Path | None) -> None:
     outputs = _outputs(path, rest)
     results = outputs.plan.results
-    for line in closing_lines(results, outputs.titles, outputs.anchor, since=0.0):
+    tables = (*outputs.gathered, *outputs.tables)
+    for line in closing_lines(results, outputs.titles, outputs.anchor, 0.0, tables):
         print(line)  # noqa: T201
-    for line in left_out_lines(outputs.plan.left_out_rows()):
+    for line in left_out_lines(outputs.left_out_rows):
         print(line)  # noqa: T201
     command = f"puckbench run {shlex.quote(str(path))}"
     print(f"to change the run, edit {path}, then: {command}")  # noqa: T201

@@ -20,6 +20,10 @@ class InputError(Exception):
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
+    """Name `what` in an InputError raised inside the `with` block.
+
+    A plug-in that ends the process (`sys.exit`) raises an InputError, too.
+    """
     try:
         yield
     except InputError as error:
@@ -29,6 +33,8 @@ def naming(what: object) -> Iterator[None]:
         for note in getattr(error, "__notes__", ()):
             named.add_note(note)
         raise named from error
+    except SystemExit as error:
+        raise InputError(f"{what}: {error_text(error)}") from error
 
 
 @contextmanager
@@ -36,7 +42,7 @@ def noting(note: str) -> Iterator[None]:
     """Add a note, such as the current rate, to an exception raised inside the `with` block."""
     try:
         yield
-    except Exception as error:
+    except BaseException as error:
         error.add_note(note)
         raise
 
@@ -45,6 +51,8 @@ def error_text(error: BaseException) -> str:
     """Return one line with an exception's notes, class and message, and the line that raised it."""
     notes = ", ".join(getattr(error, "__notes__", ()))
     message = " ".join(str(error).split())
+    if isinstance(error, SystemExit):
+        message = f"exit status {message or 0}"
     words = ": ".join(filter(None, [notes, type(error).__name__, message]))
     frames = traceback.extract_tb(error.__traceback__)
     return f"{words} ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else words

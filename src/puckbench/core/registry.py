@@ -23,13 +23,14 @@ import importlib.util
 import pkgutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import chdir
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeGuard, TypeVar
 
-from puckbench.core.errors import InputError, among
+from puckbench.core.errors import InputError, among, error_text
 from puckbench.core.imports import reached_files, top_folder
 
 T = TypeVar("T")
@@ -189,9 +190,14 @@ def load(place: str, purpose: str) -> Any:
         raise InputError(f"{purpose}: '{place}' is not of the form module:Name or file.py:Name")
     _check_trusted(place, purpose)
     try:
-        return getattr(_imported(module), name)
+        with chdir("."):  # and back, if the module changes the folder
+            return getattr(_imported(module), name)
+    except InputError:
+        raise
     except (ImportError, OSError, AttributeError, SyntaxError) as error:
         raise InputError(f"{purpose}: cannot load '{place}' ({error})") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{purpose}: cannot load '{place}' ({error_text(error)})") from error
 
 
 def _check_trusted(place: str, purpose: str) -> None:

@@ -37,6 +37,8 @@ LEARNED = ("torch", "constriction", "puckbench.learned")
 _GPU = "/dev/nvidiactl"
 _SECONDS_TO_END = 5.0
 """Time (s) between interrupting a job and killing it."""
+EXIT_STATUS = "exit status "
+"""Beginning of the last line in the log of a job that ended its process, as by `os._exit`."""
 _INTERRUPTED = 130
 _FORK = get_context("fork")
 _servers: list[Any] = []
@@ -95,9 +97,12 @@ def run_forked(words: Sequence[str]) -> int | None:
             connection = Connection(client.detach())
         connection.send((words, os.getcwd(), dict(os.environ)))  # noqa: PTH109 (a light start)
         job = connection.recv()
-        status = int(connection.recv())
+        status, has_returned = connection.recv()
+        if status >= 0 and not has_returned:
+            print(f"{EXIT_STATUS}{status}", file=sys.stderr)  # noqa: T201
+            return status or 1
         if status >= 0:
-            return status
+            return int(status)
     except KeyboardInterrupt:
         if job:
             os.kill(job, signal.SIGINT)
@@ -145,17 +150,20 @@ def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socke
     listener.close()
     connection = Connection(client.detach())
     with suppress(OSError, EOFError):  # the client may have ended
-        job = _FORK.Process(target=_run, args=(connection, streams, *connection.recv()))
+        has_returned, returned = _FORK.Pipe(duplex=False)
+        arguments = (connection, returned, streams, *connection.recv())
+        job = _FORK.Process(target=_run, args=arguments)
         job.start()
         for stream in streams:
             os.close(stream)
         connection.send(job.pid)
         job.join()
-        connection.send(job.exitcode)
+        connection.send((job.exitcode, has_returned.poll()))
 
 
 def _run(
     connection: Connection,
+    returned: Connection,
     streams: Sequence[int],
     words: Sequence[str],
     folder: str,
@@ -177,4 +185,6 @@ def _run(
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)
-    leave(main(words))
+    status = main(words)
+    returned.send_bytes(b"returned")
+    leave(status)

@@ -32,19 +32,22 @@ def main(words: Sequence[str]) -> int:
     if limit_s := float(os.environ.get(TIMEOUT) or 0):
         faulthandler.dump_traceback_later(limit_s, exit=True)
     name, record, *files = words
+    folder = f"{Path.cwd()}{os.sep}"
     try:
         run_job(name, read_json(Path(record)), _files(name, files))
     except InputError as error:
         text = ": ".join([*getattr(error, "__notes__", ()), *str(error).splitlines()])
+        if not any(folder in word for word in words):  # paths are told as they were given
+            text = text.replace(folder, "")
         print(f"puckbench: {' '.join(text.split())}", file=sys.stderr)  # noqa: T201
         return 2
-    except Exception as error:  # noqa: BLE001 (of a user's plug-in, say)
-        traceback.print_exc()
-        print(f"puckbench: {error_text(error)}", file=sys.stderr)  # noqa: T201
-        return 1
     except KeyboardInterrupt:
         print("puckbench: interrupted", file=sys.stderr)  # noqa: T201
         return 130
+    except BaseException as error:  # noqa: BLE001 (of a user's plug-in, which may call sys.exit)
+        traceback.print_exc()
+        print(f"puckbench: {error_text(error)}", file=sys.stderr)  # noqa: T201
+        return 1
     finally:
         faulthandler.cancel_dump_traceback_later()
     return 0
@@ -57,19 +60,23 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
     job.run(
         **{key: tuple(paths) if key in lists else paths[0] for key, paths in files.items() if paths}
     )
+    for path in (path for paths in files.values() for path in paths):
+        if not path.exists():
+            raise InputError(f"{path}: the job ended without this file")
     print(cost_line(name))  # noqa: T201
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
+    """Return the paths by key, absolute because a user's plug-in may change the folder."""
     parameters = signature(JOBS.get(name).run).parameters
     takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     files: dict[str, list[Path]] = {}
     for word in words:
         key, _, path = word.partition("=")
         if key in parameters or (takes_any and key.isidentifier()):
-            files[key] = [Path(path)] if path else []
+            files[key] = [Path(path).absolute()] if path else []
         else:
-            files[next(reversed(files))].append(Path(word))
+            files[next(reversed(files))].append(Path(word).absolute())
     return files
 
 

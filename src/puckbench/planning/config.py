@@ -43,8 +43,6 @@ Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)?$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 """``dataset/cloud``."""
-FailedName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+(/[^/]+)?$")]
-"""``dataset/cloud`` or ``dataset/cloud/codec``."""
 Seed = Annotated[int, Field(ge=0)]
 Position = tuple[float, float, float]
 Places = Annotated[tuple[str, ...], Distinct]
@@ -462,11 +460,12 @@ class Config(Model):
         description="Files and other items that `puckbench run` leaves out, and the reasons; for "
         "the table `left_out`.",
     )
-    failed: dict[FailedName, str] = Field(
+    failed: dict[str, str] = Field(
         {},
-        description="Clouds (`dataset/cloud`) and curves (`dataset/cloud/codec`) that are left out "
-        "because their jobs failed, and the reasons. A run writes them to `RESULTS/failed.yaml`; a "
-        "run with this second configuration file makes tables and report of the others.",
+        description="Failed jobs, whose results and what depends on them are left out, and the "
+        "reasons. A job is named like its log, as `coded/DATASET/CLOUD/CODEC`. A run writes them "
+        "to `RESULTS/failed.yaml`; a run with this second configuration file makes tables and "
+        "report of the rest.",
     )
     scenes: dict[Name, SceneSetConfig] = Field(
         description="Scene sets by name: sources of geometry."
@@ -527,7 +526,7 @@ class Config(Model):
 
     @property
     def failures_file(self) -> Path:
-        """The file to which a run writes `failed` if jobs for clouds or curves fail."""
+        """The file to which a run writes `failed` if jobs fail."""
         return Path(self.results) / "failed.yaml"
 
     def codec(self, name: str) -> Options:

@@ -50,7 +50,8 @@ class DriveJobs:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.entries = {name: self._entry(name, value) for name, value in plan.drives.items()}
+        entries = {name: self._entry(name, value) for name, value in plan.drives.items()}
+        self.entries = {name: entry for name, entry in entries.items() if entry.drives}
 
     @property
     def virtual(self) -> list[str]:
@@ -62,20 +63,22 @@ class DriveJobs:
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
-        failed = self.plan.config.failed
-        names = (
+        failed = self.plan.has_failed
+        return tuple(
             (name, drive, codec)
             for name, entry in self.entries.items()
             for drive in entry.drives
             for codec in entry.rates
+            if not failed("coded_drives", name, drive, codec)
+            and not failed("drive_tasks", name, drive, codec)
         )
-        return tuple(curve for curve in names if "/".join(curve) not in failed)
 
     @cached_property
     def rows(self) -> tuple[str, ...]:
         """Files of result rows; undecoded drives come first."""
         drives = [(n, drive, UNDECODED) for n, e in self.entries.items() for drive in e.drives]
-        return tuple(f"drive_tasks/{'/'.join(each)}.parquet" for each in (*drives, *self.curves))
+        undecoded = [row for row in drives if not self.plan.has_failed("drive_tasks", *row)]
+        return tuple(f"drive_tasks/{'/'.join(each)}.parquet" for each in (*undecoded, *self.curves))
 
     def artefacts(self) -> list[str]:
         return [f"coded_drives/{'/'.join(curve)}.zip" for curve in self.curves]
@@ -143,7 +146,7 @@ class DriveJobs:
     # ---- entries of the configuration
 
     def _entry(self, name: str, value: DriveConfig) -> DrivePlan:
-        where = f"drives.{name}"
+        where, failed = f"drives.{name}", self.plan.has_failed
         scenes = self.plan.checked_scenes(where, value)
         with naming(where):
             for task, options in value.tasks.items():
@@ -156,7 +159,19 @@ class DriveJobs:
                 clouds = consecutive(scenes.chosen)
                 if value.poses and len(clouds) > 1:
                     raise InputError(f"poses: one file, and {len(clouds)} drives")
-            return DrivePlan(name, value, scenes, scans, clouds, self._rates(value, scenes))
+            return DrivePlan(
+                name,
+                value,
+                scenes,
+                scans={
+                    drive: source
+                    for drive, source in scans.items()
+                    if not failed("scenes", scenes.name, source[0])
+                    and not failed("drives", name, drive)
+                },
+                clouds={k: v for k, v in clouds.items() if not failed("drives", name, k)},
+                rates=self._rates(value, scenes),
+            )
 
     def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
         returns = value.is_scan or scenes.scenes.of_returns

@@ -8,29 +8,61 @@ from typing import NamedTuple
 from puckbench.core.files import text_end, write_bytes
 from puckbench.core.yaml_files import yaml_text
 from puckbench.jobs.cost import BEGIN as COST
+from puckbench.jobs.fork_server import EXIT_STATUS
+from puckbench.metrics.table_registry import UNDECODED
 
 PREFIX = "puckbench: "
 """Beginning of the last line in the log of a failed job."""
+INTERRUPTED = "interrupted"
 _MAX_LINES = 10
-_CURVES = ("coded", "metrics", "decoded", "recovery", "coded_drives", "drive_tasks")
-"""Log folders of jobs for one data set, cloud and codec."""
+_NOUNS = {
+    "scenes": "scene",
+    "samples": "sample",
+    "scans": "scan",
+    "clouds": "cloud",
+    "scan_errors": "errors of scan",
+    "drives": "drive",
+    "weights": "training",
+    "tables": "table",
+    "figures": "figure",
+}
+_OF_CURVES = {
+    **dict.fromkeys(("coded", "metrics", "decoded", "recovery"), "cloud"),
+    **dict.fromkeys(("coded_drives", "drive_tasks"), "drive"),
+}
+"""Kinds of jobs for one data set, cloud and codec, and what the cloud is."""
+_LAST = ("report", "reference")
+"""Jobs without which a run is not complete."""
 _TAIL_BYTES = 1 << 16
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
 _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
 
 
 class Failure(NamedTuple):
-    """A failed job, with its data set, cloud and codec, which may be empty strings."""
+    """A failed job, named by its log's place in the folder of logs, without the suffix."""
 
-    dataset: str
-    cloud: str
-    codec: str
-    what: str
+    job: str
     reason: str
     log: Path
 
+    @property
+    def codec(self) -> str:
+        kind, *names = self.job.split("/")
+        return names[2] if kind in _OF_CURVES and len(names) > 2 else ""
+
     def __str__(self) -> str:
-        return f"{self.what}: {self.reason}; log: {self.log}"
+        return f"{described(self.job)}: {self.reason}; log: {self.log}"
+
+
+def described(job: str) -> str:
+    """Return a job's name in words, such as ``codec draco, cloud rooms/office_1``."""
+    kind, *names = job.split("/")
+    if kind in _OF_CURVES and len(names) > 2:
+        dataset, cloud, codec, *part = names
+        if codec == UNDECODED:
+            return f"{_OF_CURVES[kind]} {dataset}/{cloud}, {codec}"
+        return ", ".join([f"codec {codec}", f"{_OF_CURVES[kind]} {dataset}/{cloud}", *part])
+    return f"{_NOUNS[kind]} {'/'.join(names)}" if kind in _NOUNS else job
 
 
 def failed_jobs(logs: Path, since: float) -> list[Failure]:
@@ -43,45 +75,39 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
     reason = _reason(log)
     if reason is None:
         return None
-    kind, *names = log.relative_to(logs).with_suffix("").parts
-    dataset, cloud, codec = ("", "", "")
-    if kind in _CURVES and len(names) >= 3:
-        dataset, cloud, codec, *part = names
-        what = ", ".join([f"codec {codec}", f"cloud {dataset}/{cloud}", *part])
-        reason = _without_names(reason, "/".join([dataset, cloud, codec]), codec)
-    else:
-        if kind == "clouds" and len(names) == 2:
-            dataset, cloud = names
-        what = "/".join([kind, *names])
-    return Failure(dataset, cloud, codec, what, reason, log)
+    failure = Failure(log.relative_to(logs).with_suffix("").as_posix(), reason, log)
+    if not failure.codec:
+        return failure
+    curve = failure.job.partition("/")[2]
+    return failure._replace(reason=_without_names(reason, curve, failure.codec))
 
 
-def write_failures(
-    path: Path, failures: list[Failure], before: Mapping[str, str] | None = None
-) -> Path | None:
-    """Write a configuration file that excludes the clouds and curves whose jobs failed.
+def write_failures(path: Path, failures: list[Failure], before: Mapping[str, str]) -> Path | None:
+    """Write a configuration file that excludes the failed jobs, and those that `before` excluded.
 
-    The file also excludes `before`, the clouds and curves that this run excluded. If there is no
-    failure, or a failure belongs to no cloud, write no file and return None.
+    Without a further job that a run can leave out, write no file and return None.
     """
-    if not failures or not all(failure.cloud for failure in failures):
-        if not before:
-            path.unlink(missing_ok=True)
-        return None
     reasons = {
-        "/".join(filter(None, [f.dataset, f.cloud, f.codec])): f"{f.reason}; log: {f.log}"
-        for f in failures
+        failure.job: f"{failure.reason}; log: {failure.log}"
+        for failure in failures
+        if failure.job not in _LAST and failure.reason != INTERRUPTED
     }
-    write_bytes(path, yaml_text({"failed": {**(before or {}), **reasons}}).encode())
+    if reasons.keys() <= before.keys():
+        return None
+    write_bytes(path, yaml_text({"failed": {**before, **reasons}}).encode())
     return path
+
+
+def failure_key(failure: Failure) -> tuple[str, str]:
+    """Return what failures have in common that are told once: codec, or job, and reason."""
+    return failure.codec or failure.job, failure.reason
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
     """Yield a line with one log for each codec and reason, up to a maximum number."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
-        key = failure.codec or failure.what, failure.reason
-        groups.setdefault(key, []).append(failure)
+        groups.setdefault(failure_key(failure), []).append(failure)
     for first, *others in list(groups.values())[:_MAX_LINES]:
         more = f" (and {len(others)} more)" if others else ""
         yield f"{PREFIX}{first}{more}"
@@ -90,7 +116,8 @@ def failure_lines(failures: list[Failure]) -> Iterator[str]:
 
 
 def _without_names(reason: str, curve: str, codec: str) -> str:
-    reason = re.sub(rf"\S*coded/{re.escape(curve)}\.zip: ", "", reason, count=1)
+    archive = rf"(^|: )[^:]*coded(?:_drives)?/{re.escape(curve)}\.zip: "
+    reason = re.sub(archive, r"\1", reason, count=1)
     return reason.replace(f"codec {codec}: ", "", 1)
 
 
@@ -105,4 +132,6 @@ def _reason(log: Path) -> str | None:
         return f"the process died: {fatal[1]}"
     if timeout := _TIMEOUT.search(text):
         return f"took longer than its limit of {timeout[1]} (timing.timeout_s)"
-    return "the process was killed, or ended without a message (out of memory?)"
+    if last.startswith(EXIT_STATUS):
+        return f"the process ended itself with {last}"
+    return "the process was killed, or ended itself without a message (out of memory?)"

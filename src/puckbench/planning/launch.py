@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+import argparse
+import shlex
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from puckbench.core.errors import InputError
@@ -9,8 +12,9 @@ _PACKAGE = Path(__file__).parents[1]
 _PLACES = (_PACKAGE.parents[1] / "workflow", _PACKAGE / "workflow")
 """Folders of the workflow in a repository and in a wheel (see setup.py)."""
 
-CALLER_PRINTS_SUMMARY = "PUCKBENCH_CALLER_PRINTS_SUMMARY"
-"""Environment variable that is set if the caller of Snakemake prints the summary."""
+CALLER_GOES_ON = "PUCKBENCH_CALLER_GOES_ON"
+"""Environment variable that is set if the caller of Snakemake prints the summary and, after
+failures, runs the rest."""
 
 
 def snakefile() -> Path:
@@ -27,3 +31,24 @@ def snakemake_command(
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]
     return [*words, "--configfile", str(config), *([str(over)] if over else [])]
+
+
+def command_for_the_rest(words: Sequence[str], files: Iterable[Path], start: Path | None) -> str:
+    """Return the command of a run of Snakemake, with other configuration files.
+
+    Parameters
+    ----------
+    words
+        The arguments of the run.
+    files
+        Configuration files; paths below `start` are shown relative to it.
+    """
+    end = words.index("--") if "--" in words else len(words)
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--configfile", "--configfiles", nargs="+")
+    others = parser.parse_known_args(words[:end])[1]
+    paths = [path.absolute() for path in files]
+    if start is not None:
+        paths = [path.relative_to(start) if path.is_relative_to(start) else path for path in paths]
+    configs = ["--configfile", *map(str, dict.fromkeys(paths))]
+    return shlex.join(["snakemake", *others, *configs, *words[end:]])

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any, get_args
@@ -34,6 +34,8 @@ FIRST_FIGURES = ("fig_6_6", "fig_6_9")
 """Figures that are drawn as soon as the first codec's results are complete."""
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Tables with a row for each cloud, or for each cloud and codec."""
+_GATHERED = ("metrics", "clouds", "drives", "scan_errors", "recovery")
+"""Gathered tables of results, which tables and figures may read."""
 _OF_CURVES = {"metrics", "recovery"}
 """Tables with rows for coded clouds only."""
 Inputs = dict[str, str]
@@ -54,24 +56,41 @@ class OutputJobs:
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
         plan, rows = self.plan, dict[str, tuple[str, ...]]()
-        if plan.datasets:
-            rows["clouds"] = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
-            rows["metrics"] = self.coding.rows("metrics")
-        if plan.scanned:
-            rows["scan_errors"] = tuple(f"scan_errors/{'/'.join(c)}.json" for c in plan.scanned)
-        if plan.recovered:
-            rows["recovery"] = self.coding.rows("recovery")
-        if plan.drives:
-            rows["drives"] = self.drives.rows
+        rows["clouds"] = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
+        rows["metrics"] = self.coding.rows("metrics")
+        rows["scan_errors"] = tuple(f"scan_errors/{'/'.join(c)}.json" for c in plan.scanned)
+        rows["recovery"] = self.coding.rows("recovery")
+        rows["drives"] = self.drives.rows
         tables = {
             kind: Gathering(planned(RowsTable.create(kind=kind, names=names)), names)
             for kind, names in rows.items()
+            if names
         }
-        of_plan = {"left_out": plan.left_out_rows(), "codecs": tuple(map(self._looks, plan.codecs))}
+        of_plan = {"left_out": self.left_out_rows, "codecs": tuple(map(self._looks, plan.codecs))}
         for table, lines in of_plan.items():
             if lines:
                 tables[table] = Gathering(planned(PlanTable(table=table, rows=lines)), ())
-        return tables
+        return {name: table for name, table in tables.items() if self._can_make(name)}
+
+    @cached_property
+    def left_out_rows(self) -> tuple[dict[str, str], ...]:
+        """What the run leaves out, with reasons, and the tables and figures that need it."""
+        return (*self.plan.left_out_rows(), *self._without_inputs())
+
+    def _without_inputs(self) -> Iterator[dict[str, str]]:
+        lost = {name for name in TABLES.names() if not self._can_make(name)}
+        kinds: dict[str, Mapping[str, TableEntry | FigureEntry]]
+        kinds = {"table": table_entries(), "figure": figure_entries()}
+        for kind, entries in kinds.items() if lost else ():
+            for name, entry in entries.items():
+                missing = [needed for needed in entry.inputs if needed in lost]
+                if missing and name not in lost and self._met.keys() >= set(entry.needs):
+                    lost |= {name} if kind == "table" else set()
+                    reason = f"needs the table {missing[0]}, which is left out"
+                    yield {"dataset": "", "scene": "", "file": f"{kind} {name}", "reason": reason}
+
+    def _can_make(self, table: str) -> bool:
+        return not self.plan.has_failed("tables", table)
 
     @cached_property
     def study_tables(self) -> dict[str, Inputs]:
@@ -85,9 +104,8 @@ class OutputJobs:
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
         """Tables, except the sensor study's, with available inputs and met needs."""
-        there = {"metrics", "clouds"} if self.plan.datasets else set()
-        there |= {"scan_errors"} if self.plan.scanned else set()
-        there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
+        there = {"metrics", "clouds", "scan_errors", "drives"} & self.gathered.keys()
+        there |= self.study_tables.keys()
         return {
             name: {
                 needed: self._file(needed)
@@ -121,7 +139,7 @@ class OutputJobs:
     @property
     def anchor(self) -> str:
         anchor = self.plan.anchor
-        if anchor not in self.plan.codecs:
+        if anchor not in (*self.plan.codecs, ""):
             codecs = ", ".join(self.plan.codecs)
             raise InputError(f"bd_rate.anchor: no codec '{anchor}' among {codecs}")
         return anchor
@@ -135,7 +153,8 @@ class OutputJobs:
         return {
             name: {needed: inputs[needed] for needed in entry.inputs}
             for name, entry in figure_entries().items()
-            if inputs.keys() >= set(entry.inputs)
+            if not self.plan.has_failed("figures", name)
+            and inputs.keys() >= set(entry.inputs)
             and self._met.keys() >= set(entry.needs)
             and all(entry.frame in self._frames_of(needed) for needed in entry.inputs)
         }
@@ -203,10 +222,13 @@ class OutputJobs:
     @property
     def first_codec(self) -> str:
         """The codec that runs first; its results are shown while the run continues."""
-        return next(iter(self.plan.codecs), "")
+        codecs = (codec for codec in self.plan.codecs if self.coding.rows("metrics", codec))
+        return next(codecs, "")
 
     @cached_property
     def first_figures(self) -> list[str]:
+        if self.plan.has_failed("first_look"):
+            return []
         return [name for name in FIRST_FIGURES if name in self.figures]
 
     @cached_property
@@ -222,7 +244,7 @@ class OutputJobs:
     def report_contents(self) -> Contents:
         tables = [*self.result_tables, *self.study_tables]
         layers = self._style(self.config.figures.style)
-        return planned_contents(self.plan, self.figures, tables, layers)
+        return planned_contents(self.plan, self.figures, self.gathered, tables, layers)
 
     @cached_property
     def report(self) -> PlannedJob:
@@ -241,10 +263,9 @@ class OutputJobs:
 
     @property
     def reference_inputs(self) -> Inputs:
-        if not self.plan.datasets:
-            return {"drives": self._file("drives")}
-        names = ("metrics", "clouds", *(["scan_errors"] if self.plan.scanned else []))
-        return {name: self._file(name) for name in names}
+        of_clouds = ("metrics", "clouds", "scan_errors")
+        names = of_clouds if "metrics" in self.gathered else ("drives",)
+        return {name: self._file(name) for name in names if name in self.gathered}
 
     @cached_property
     def reference(self) -> PlannedJob:
@@ -265,37 +286,28 @@ class OutputJobs:
             name: entry
             for name, entry in table_entries().items()
             if not entry.gathered
+            and self._can_make(name)
             and inputs >= set(entry.inputs)
             and self._met.keys() >= set(entry.needs)
         }
 
     def _cloud_inputs(self) -> Inputs:
-        examples = self.config.figures.examples.clouds_by_kind()
-        inputs = {
-            f"example_{kind}": self._example(cloud)
-            for kind, cloud in examples.items()
-            if cloud not in self.config.failed
-        }
-        if self.plan.datasets:
-            tables = ("metrics", "clouds", *self.result_tables)
-            inputs |= {name: self._file(name) for name in tables}
-        if self.plan.drives:
-            inputs |= {name: self._file(name) for name in ("drives", *self.result_tables)}
-        if self.plan.scanned:
-            inputs["scan_errors"] = self._file("scan_errors")
-        if self.plan.recovered:
-            inputs["recovery"] = self._file("recovery")
+        examples = self.plan.examples.items()
+        inputs = {f"example_{kind}": self._example(cloud) for kind, cloud in examples}
+        tables = [name for name in _GATHERED if name in self.gathered]
+        if tables:
+            inputs |= {name: self._file(name) for name in (*tables, *self.result_tables)}
         return inputs
 
     def _study_inputs(self) -> Inputs:
         study = self.plan.study
         if study is None:
             return {}
-        inputs = {"residuals": self._file("residuals")}
-        if study.shown_m:
-            inputs["scans"] = self._file("scans")
-        if study.captures:
-            inputs |= {name: self._file(name) for name in ("compared_residuals", "model_distances")}
+        names = ["residuals", *(["scans"] if study.shown_m else [])]
+        if study.captures and self._can_make("compared_residuals"):
+            names += ["compared_residuals", "model_distances"]
+        inputs = {name: self._file(name) for name in names if self._can_make(name)}
+        if "compared_residuals" in inputs:
             inputs["compared"] = inputs["compared_residuals"]
         return inputs
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args
@@ -29,8 +29,13 @@ from puckbench.planning.config import (
     StudyConfig,
     TrainingConfig,
 )
+from puckbench.planning.failures import described
 from puckbench.planning.scene_checks import SceneCheck, read_checks, scene_faults
 from puckbench.scenes.calibration import CALIBRATIONS
+
+_MAKING = ("samples", "scans", "clouds")
+"""Kinds of jobs that make a cloud from a scene."""
+_NOWHERE = {"dataset": "", "scene": ""}
 
 
 @dataclass(frozen=True)
@@ -146,20 +151,22 @@ class Plan:
         """Reasons for the exclusion of scenes, by data set and scene."""
         self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
-        if config.failed and not config.drives:
+        if config.failed and not config.drives:  # which may use any codec
             coded = {codec for _, _, codec in self.curves}
             self.codecs = {name: entry for name, entry in self.codecs.items() if name in coded}
+            self.opened = {name: codec for name, codec in self.opened.items() if name in coded}
         self.weights = {name: _weights(name, config.codec(name)) for name in self.codecs}
         self.trainings: dict[str, TrainingPlan] = {}
         for name, value in config.train.items():
-            self.trainings[name] = self._training(name, value)
+            if not self._lacks_start(name, value):
+                self.trainings[name] = self._training(name, value)
         with naming("metrics"):
             for name in config.metrics:
                 if name not in METRICS:  # importing puckbench's own metrics takes long
                     METRICS.get(name)
         self.drives = _runnable(config.drives)
-        self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
-        if not self.datasets and self.study is None and not self.drives:
+        self.study = self._study(config.sensor_study) if config.sensor_study else None
+        if not (self.datasets or self.study or self.drives or config.failed):
             raise InputError("the configuration has no data set, no drive and no sensor study")
         if config.strict and check_scenes:
             for row in self._rates_left_out():
@@ -168,7 +175,7 @@ class Plan:
     def _datasets(self) -> dict[str, DataSetPlan]:
         datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}
         usable = {name: data for name, data in datasets.items() if data.clouds}
-        if datasets and not usable:
+        if datasets and not usable and self.left_out:
             name, faults = next(iter(self.left_out.items()))
             raise _unusable(name, faults)
         return usable
@@ -218,10 +225,26 @@ class Plan:
             for reason in reasons:
                 yield {"dataset": data.name, "scene": "", "file": data.name, "reason": reason}
 
+    def has_failed(self, *names: str) -> bool:
+        """Return whether a job failed in the last run; its name is that of its log."""
+        return "/".join(names) in self.config.failed
+
+    @property
+    def examples(self) -> dict[str, str]:
+        """Clouds (``dataset/cloud``) that figures and report show, by kind."""
+        shown = self.config.figures.examples.clouds_by_kind()
+        if not self.config.failed:
+            return shown
+        clouds = {"/".join(cloud) for cloud in self.clouds}
+        return {kind: name for kind, name in shown.items() if name in clouds}
+
     @property
     def anchor(self) -> str:
         """The anchor codec for comparisons of rates and distances; by default the first codec."""
-        return self.config.bd_rate.anchor or next(iter(self.codecs), "")
+        anchor = self.config.bd_rate.anchor
+        if anchor is None or (anchor in self.config.codecs and anchor not in self.codecs):
+            return next(iter(self.codecs), "")
+        return anchor
 
     def _coders_of(self, attribute: str) -> str:
         return ", ".join(n for n in self.codecs if attribute in self.opened[n].attributes)
@@ -237,10 +260,11 @@ class Plan:
                 yield {"dataset": "", "scene": "", "file": f"codec {codec}", "reason": where}
 
     def _failures_left_out(self) -> Iterator[dict[str, str]]:
-        for name, reason in self.config.failed.items():
-            dataset, cloud, *codec = name.split("/")
-            what = f"codec {codec[0]}, cloud {dataset}/{cloud}" if codec else f"cloud {name}"
-            yield {"dataset": dataset, "scene": cloud, "file": what, "reason": reason}
+        for job, reason in self.config.failed.items():
+            _, dataset, cloud, *_ = (*job.split("/"), "", "")
+            is_cloud = dataset in self.config.datasets
+            place = {"dataset": dataset, "scene": cloud} if is_cloud else _NOWHERE
+            yield {**place, "file": described(job), "reason": reason}
 
     def _tasks_left_out(self) -> Iterator[dict[str, str]]:
         for name in dict.fromkeys(t for drive in self.config.drives.values() for t in drive.tasks):
@@ -290,8 +314,8 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """Return the rates at which a codec encodes a cloud; none if this job failed before."""
-        if f"{dataset}/{cloud}/{codec}" in self.config.failed:
+        """Return the rates at which a codec encodes a cloud; none if a job for them failed."""
+        if any(self.has_failed(kind, dataset, cloud, codec) for kind in ("coded", "metrics")):
             return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
         without = self.too_wide.get((dataset, cloud, codec), ())
@@ -313,7 +337,11 @@ class Plan:
     def scanned(self) -> tuple[tuple[str, str], ...]:
         """Scans whose distance to the true surface is measured before encoding."""
         datasets = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
-        return tuple(cloud for cloud in self.clouds if cloud[0] in datasets)
+        return tuple(
+            cloud
+            for cloud in self.clouds
+            if cloud[0] in datasets and not self.has_failed("scan_errors", *cloud)
+        )
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
@@ -328,7 +356,8 @@ class Plan:
             and data.settings.make != "cloud"
             and self.scenes[data.scenes].scenes.primitives
         }
-        return tuple(c for c in self.curves if c[0] in labelled and c[2] in coders)
+        curves = (c for c in self.curves if c[0] in labelled and c[2] in coders)
+        return tuple(curve for curve in curves if not self.has_failed("recovery", *curve))
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
@@ -389,6 +418,13 @@ class Plan:
             value.codec, entry, clouds, validate, value.validate_every, start, settings
         )
 
+    def _lacks_start(self, name: str, value: TrainingConfig) -> bool:
+        """Return whether a training, or the one from which it starts, failed."""
+        start = self.config.train.get(value.start or "")
+        return self.has_failed("weights", name) or bool(
+            self.config.failed and start and value.start not in self.trainings
+        )
+
     def _start(self, start: str | None) -> str | None:
         if start in self.trainings:
             return str(self.results / "weights" / f"{start}.safetensors")
@@ -397,9 +433,11 @@ class Plan:
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
         if name not in self.config.datasets:
             raise InputError(f"{where}: no data set '{name}'{among(name, self.config.datasets)}")
-        if name not in self.datasets:
+        if name in self.datasets:
+            return [(name, cloud) for cloud in self.datasets[name].clouds]
+        if name in self.left_out:
             raise _unusable(name, self.left_out[name])
-        return [(name, cloud) for cloud in self.datasets[name].clouds]
+        return []
 
     def _dataset(self, name: str, value: DataSetConfig) -> DataSetPlan:
         scenes = self.checked_scenes(f"datasets.{name}", value)
@@ -418,7 +456,8 @@ class Plan:
         sources = {
             cloud: source
             for cloud, source in self._sources(value, self._usable(name, scenes))
-            if f"{name}/{cloud}" not in self.config.failed
+            if not self.has_failed("scenes", scenes.name, source[0])
+            and not any(self.has_failed(kind, name, cloud) for kind in _MAKING)
         }
         if scenes.scenes.read_first:
             checks = self._checks(name, sources).values()
@@ -486,6 +525,23 @@ class Plan:
         if faults:
             self.left_out[name] = faults
         return usable
+
+    def _study(self, value: StudyConfig) -> StudyPlan | None:
+        seed = self.config.seed if value.seed is None else value.seed
+        study = _study(value, seed)
+        models = {
+            name: model
+            for name, model in study.models.items()
+            if not self.has_failed("residuals", "models", name)
+            and not self.has_failed("wall_points", name)
+        }
+        captures = {
+            name: capture
+            for name, capture in study.captures.items()
+            if not self.has_failed("residuals", "captures", name)
+        }
+        is_empty = bool(study.models) and not models
+        return None if is_empty else replace(study, models=models, captures=captures)
 
 
 def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
@@ -561,7 +617,7 @@ def _study(value: StudyConfig, seed: int) -> StudyPlan:
         if not Path(capture.path).exists():
             raise InputError(f"sensor_study.captures.{name}: {capture.path}: no such file")
     captures = {name: (item.path, item.options) for name, item in value.captures.items()}
-    study = StudyPlan(value, models, captures, seed if value.seed is None else value.seed)
+    study = StudyPlan(value, models, captures, seed)
     distances = sorted(CALIBRATIONS.values())
     for distance in study.all_distances_m:
         if distance not in distances:

@@ -1,26 +1,29 @@
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from typing import Any
 
 from puckbench.planning.plan import Plan
 from puckbench.report.contents import Contents, Example
 
-FIRST_TABLES = ("summary", "clouds")
+FIRST_TABLES = ("summary", "clouds", "left_out", "scan_errors")
 """Tables that come first in the report of every benchmark."""
 
 
 def planned_contents(
-    plan: Plan, figures: Iterable[str], tables: Iterable[str], style: Sequence[Mapping[str, Any]]
+    plan: Plan,
+    figures: Iterable[str],
+    gathered: Container[str],
+    tables: Collection[str],
+    style: Sequence[Mapping[str, Any]],
 ) -> Contents:
+    """Plan the report of a run with these figures, gathered tables and other tables."""
     settings = plan.config.report
     folder = plan.results / "tables"
-    first = [*FIRST_TABLES] if plan.datasets else []
-    first += ["left_out"] if plan.left_out_rows() else []
-    first += ["scan_errors"] if plan.scanned else []
+    first = [name for name in FIRST_TABLES if name in gathered or name in tables]
     return Contents(
         title=settings.title,
-        metrics=str(folder / "metrics.parquet") if plan.datasets else None,
+        metrics=str(folder / "metrics.parquet") if "metrics" in gathered else None,
         tables={name: str(folder / f"{name}.csv") for name in (*first, *tables)},
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
         own_figures=plan.config.figures.own,
@@ -33,16 +36,16 @@ def planned_contents(
 
 
 def _examples(plan: Plan) -> Iterable[Example]:
-    for kind, name in plan.config.figures.examples.clouds_by_kind().items():
-        if name in plan.config.failed:
-            continue
+    for kind, name in plan.examples.items():
         dataset, cloud = name.split("/")
         original = plan.results / "clouds" / dataset / f"{cloud}.ply"
         folder = plan.results / "decoded" / dataset / cloud
         decoded = {
             codec: dict.fromkeys(shown, str(folder / f"{codec}.zip"))
             for codec in plan.codecs
-            if plan.codes(codec, dataset) and (shown := shown_rates(plan, dataset, cloud, codec))
+            if plan.codes(codec, dataset)
+            and not plan.has_failed("decoded", dataset, cloud, codec)
+            and (shown := shown_rates(plan, dataset, cloud, codec))
         }
         yield Example(
             kind=kind, dataset=dataset, cloud=cloud, original=str(original), decoded=decoded

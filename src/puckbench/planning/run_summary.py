@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from puckbench.figures.style import FigureStyle
@@ -33,18 +35,35 @@ _RATE_HEADS = (
 _RATE_NUMBERS = ("ratio", "rms_mm", "largest_mm")
 _MAX_RATES = 24
 _MAX_REMARKS = 10
+_NO_TASK = re.compile(
+    r"dataset|cloud|codec|rate|points_.*|bytes|bpp|(encode|decode)_.*|turns|seed|length_m|repeats"
+    r"|threads|has_times|timed_alone"
+)
+"""Names of columns of drives that are not results of tasks."""
+_FIRST_TASKS = ("drift_percent", "ate_m", "lost_turns")
+_MAX_TASKS = 5
 REPORT = "report.html"
 _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 
 
-def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) -> Iterator[str]:
-    """Yield the lines of the summary, if the run made the table of medians.
+def closing_lines(
+    results: Path, style: FigureStyle, anchor: str, since: float, tables: Collection[str]
+) -> Iterator[str]:
+    """Yield the lines of the summary, if the run made one of its tables.
 
-    `anchor` is the anchor codec of BD-rates; `since` is the time stamp of the run's start.
+    `anchor` is the anchor codec of BD-rates; `since` is the time stamp of the run's start; `tables`
+    are the names of the run's tables.
     """
-    summary = results / "tables" / "summary.csv"
-    if not summary.exists() or summary.stat().st_mtime < since:
-        return
+    files = {name: results / "tables" / f"{name}.csv" for name in _LINES if name in tables}
+    made = [n for n, file in files.items() if file.exists() and file.stat().st_mtime >= since]
+    for name in made:
+        yield from _LINES[name](results, style, anchor)
+    for what, name in _PLACES.items() if made else ():
+        if (results / name).exists():
+            yield f"{what + ':':9}{results / name}"
+
+
+def _median_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[str]:
     shown = summary_rows(results, style, anchor)
     texts = {name: [form(row[name]) for row in shown] for name, (_, form) in _COLUMNS.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
@@ -56,9 +75,63 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
     yield from _remarks(shown)
     yield from _rate_lines(results, style)
     yield from _odd_results(results)
-    for what, name in _PLACES.items():
-        if (results / name).exists():
-            yield f"{what + ':':9}{results / name}"
+
+
+def _drive_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[str]:
+    path = results / "tables" / "drives.csv"
+    groups: dict[tuple[str, str, str], list[Row]] = {}
+    rows = _rows(path)
+    for row in rows:
+        groups.setdefault((row["dataset"], row["codec"], row["rate"]), []).append(row)
+    if len(groups) > _MAX_RATES:
+        yield f"Tasks on drives at each rate: {path}"
+        return
+    columns = _task_columns(rows)
+    heads = ["data set", "codec and rate", "drives", "bits per point", *columns]
+    yield from aligned([heads, *(_drive_cells(group, columns, style) for group in groups.values())])
+    yield f"Means over drives; more columns: {path}"
+
+
+def _task_columns(rows: Sequence[Row]) -> list[str]:
+    """Return the columns of tasks' results, at most some, without settings.
+
+    Settings are equal in all rows, and follow the name of a task that is a column, too.
+    """
+    names = [
+        name
+        for name in rows[0]
+        if not _NO_TASK.fullmatch(name)
+        and all(_is_number(row[name]) for row in rows)
+        and (name.partition("_")[0] not in rows[0] or len({row[name] for row in rows}) > 1)
+    ]
+    return sorted(names, key=lambda name: name not in _FIRST_TASKS)[:_MAX_TASKS]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text or 0)
+    except ValueError:
+        return False
+    return True
+
+
+def _drive_cells(rows: Sequence[Row], columns: Sequence[str], style: FigureStyle) -> list[str]:
+    first = rows[0]
+    values = {name: [float(row[name]) for row in rows if row[name]] for name in ("bpp", *columns)}
+    return [
+        style.title(first["dataset"]),
+        f"{style.of_codec(first['codec']).title} {first['rate']}",
+        str(len(rows)),
+        *(f"{fmean(numbers):.3g}" if numbers else "" for numbers in values.values()),
+    ]
+
+
+_LINES: dict[str, Callable[[Path, FigureStyle, str], Iterable[str]]] = {
+    "summary": _median_lines,
+    "drives": _drive_lines,
+    "left_out": lambda *_: (),  # the caller prints it
+}
+"""Tables that the summary shows, and the functions that yield its lines."""
 
 
 def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[str, Any]]:
