@@ -86,3 +86,36 @@ def test_of_puckbench_the_imported_modules_are_followed() -> None:
     names = {str(path.relative_to(SOURCE)) for path in reached_files(SOURCE / "io/meshes/ply.py")}
     assert {"io/meshes/ply.py", "geometry/mesh.py", "core/errors.py"} <= names
     assert not any(name.startswith(("cli", "lidar")) for name in names)
+
+
+LAZY = (
+    "if TYPE_CHECKING:\n    from far.inner import value as value\n    from far.other import more\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("statement", "modules"),
+    [
+        ("from far import value", {"inner"}),
+        ("from far import more", {"other"}),
+        ("from far import inner", {"inner"}),
+        ("from far import *", {"inner", "other"}),
+        ("import far", {"inner", "other"}),
+        ("from far import version", set()),
+    ],
+)
+def test_of_a_lazy_package_the_modules_of_the_names_in_use_are_followed(
+    tmp_path: Path, statement: str, modules: set[str]
+) -> None:
+    written(tmp_path / "far" / "__init__.py", LAZY)
+    for name in ("inner", "other"):
+        written(tmp_path / "far" / f"{name}.py")
+    reached = imported_files(written(tmp_path / "user.py", f"{statement}\n"))
+    assert {path.stem for path in reached} - {"__init__"} == modules
+
+
+@pytest.mark.parametrize("statement", ["import puckbench.gpcc", "from puckbench import gpcc"])
+def test_code_that_imports_an_engine_reaches_all_of_it(tmp_path: Path, statement: str) -> None:
+    reached = reached_files(written(tmp_path / "user.py", f"{statement}\n"))
+    names = {str(path.relative_to(SOURCE)) for path in reached if path.is_relative_to(SOURCE)}
+    assert {"gpcc/octree.py", "gpcc/arithmetic.py", "gpcc/attributes/raht.py"} <= names

@@ -106,6 +106,7 @@ CONFIG: dict[str, Any] = {
         "small": {
             "codec": "pcgcv2_plus",
             "datasets": ["sampled"],
+            "validate": ["sampled"],
             "steps": 1,
             "options": {
                 "lmbdas": [1, 4],
@@ -221,18 +222,17 @@ def _in_a_fork(config: str) -> dict[str, list[str]]:
 
 
 def main() -> None:
-    """Print the jobs that each edit changes, as JSON."""
-    config = sys.argv[1]
-    before, changed = _in_a_fork(config), []
-    for file, old, new in json.load(sys.stdin):
-        path = Path(file) if Path(file).exists() else SOURCES / file
-        content = path.read_bytes()
-        assert old.encode() in content, f"{file}: {old}"
-        edited = content.replace(old.encode(), new.encode(), 1)
-        path.write_bytes(edited)
+    """Print the jobs that each edit (file, old text, new text) changes, as JSON."""
+    config, changed = sys.argv[1], []
+    before = _in_a_fork(config)
+    for name, old, new in json.load(sys.stdin):
+        file = Path(name) if Path(name).exists() else SOURCES / name
+        content = file.read_bytes()
+        assert content.count(old.encode()) == 1, f"{name}: {old}"
+        file.write_bytes(content.replace(old.encode(), new.encode()))
         after = _in_a_fork(config)
-        path.write_bytes(content)
-        changed.append([name for name, state in after.items() if state != before.get(name)])
+        file.write_bytes(content)
+        changed.append([job for job, state in after.items() if state != before.get(job)])
     json.dump(changed, sys.stdout)
 
 

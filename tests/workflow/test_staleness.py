@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -166,3 +167,127 @@ def test_what_a_job_of_each_kind_opens_is_an_input_or_its_code(
         return (data | names) - run.inputs - code_of_records[run.words[1]]
 
     assert {" ".join(run.words): left for run in runs if (left := uncovered(run))} == {}
+
+
+_CURVE = ("encode", "evaluate", "decode", "decode_shown")
+CODECS = (*CONFIG["codecs"],)
+
+
+def _curves(*codecs: str) -> set[str]:
+    return {f"{kind} {codec}" for kind in _CURVE for codec in codecs}
+
+
+def _each(kind: str, *names: str) -> set[str]:
+    return {f"{kind} {name}" for name in names}
+
+
+RECORDED = {"scene turns", "scene one_turn", "drive real", "capture_residuals box"}
+DRIVES = {"encode_drive puck", "measure_drive puck"}
+EVALUATED = {*_each("evaluate", *CODECS), "scan_error noisy", "scan_error spin", "train small"}
+NETWORKS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net")
+OCTREE = (*NETWORKS, "gpcc", "gpcc_angular", "gpcc_predictive", "primitives", "mine")
+STUDY = {"residuals vlp16", "wall_points vlp16"}
+VIOLINS = (*(f"fig_5_{k}" for k in (10, 11, 12, 13, 14, 15, 18, 20)), "model_verdict")
+
+CHANGED_BY: dict[str, set[str]] = {
+    "puck/ranges.py": _curves("puck") | DRIVES,
+    "gpcc/octree.py": _curves(*OCTREE) | {"recovery primitives", "train small"},
+    "primitives/region_merging.py": _curves("primitives") | {"recovery primitives"},
+    "learned/pcgcv1/inference.py": _curves("pcgcv1_plus"),
+    "learned/pcgcv2/inference.py": _curves("pcgcv2_plus") | {"train small"},
+    "learned/pcgcv2/training.py": {"train small"},
+    "learned/octree_net/mixing.py": _curves("sparse_octree_net"),
+    "coding/context_mixing.py": _curves("puck", *NETWORKS) | DRIVES | {"train small"},
+    "storage/laz.py": _curves("laz"),
+    "storage/range_images.py": _curves("jpegxl"),
+    "storage/packets.py": _curves("packets_xz"),
+    "codecs/draco.py": _curves("draco"),
+    "mine.py": _curves("mine"),
+    "datasets/mesh_files.py": {"scene meshes"},
+    "datasets/point_clouds.py": {"scene clouds"},
+    "datasets/recordings.py": RECORDED,
+    "scenes/rooms.py": {"scene rooms"},
+    "scenes/room_catalogue.yaml": {"scene rooms"},
+    "scenes/furniture/seating.py": {"scene objects", "scene rooms"},
+    "io/las.py": RECORDED | _curves("laz") | _each("decode", *CODECS),
+    "io/text.py": {*RECORDED, "scene clouds"},
+    "io/meshes/off.py": {"scene meshes"},
+    "io/meshes/obj.py": set(),
+    "lidar/recordings/packet_turns.py": RECORDED | _curves("packets_xz"),
+    "lidar/errors/vlp16.py": {
+        *("scan noisy", "drive virtual", "table compared_residuals", "table table_5_1"),
+        *STUDY,
+    },
+    "lidar/errors/vlp16_divergence.py": {"scan noisy", "table compared_residuals"},
+    "lidar/raycast.py": {"scan noisy", "scan spin", "drive virtual", "drive real", *STUDY},
+    "metrics/geometry.py": EVALUATED,
+    "metrics/further_metrics/density.py": _each("evaluate", *CODECS),
+    "metrics/tasks/registration.py": {
+        *("measure_drive puck", "measure_undecoded virtual", "measure_undecoded real"),
+    },
+    "metrics/tables/nearest_truth.py": {"table nearest_truth"},
+    "thesis/claims/rate_distortion.py": {"table claims"},
+    "thesis/claims/catalogue.yaml": {"table claims"},
+    "thesis/published_rates.yaml": {"table claims", "table thesis_medians"},
+    "thesis/figures/violins.py": _each("figure", *VIOLINS),
+    "figures/truth_rd.py": {
+        f"figure truth_{name}" for name in ("rd", "rd_point", "rd_hausdorff", "accuracy")
+    },
+    "report/findings.py": {"report"},
+    "jobs/prepare_recording.py": set(),
+    "cli/scan.py": set(),
+}
+"""Files of code and data, and the jobs that run again if one is edited, by kind and by what they
+code, make or read."""
+
+
+def _named(job: str) -> str:
+    """A job's kind, and its codec, if any, or what it makes."""
+    kind, _, what = job.partition(" ")
+    return f"{kind} {what.rpartition('/')[2]}".rstrip()
+
+
+@pytest.mark.parametrize("file", CHANGED_BY)
+def test_an_edit_of_a_file_changes_the_code_of_these_jobs_alone(
+    jobs: dict[str, PlannedJob], file: str, bench: Bench
+) -> None:
+    place = str(bench.folder / file) if (bench.folder / file).exists() else file
+    changed = {_named(name) for name, job in jobs.items() if place in code_of(job)}
+    assert changed == CHANGED_BY[file]
+
+
+REAL_EDITS: list[tuple[str, str, str, set[str]]] = [
+    ("puck/least_squares.py", "_RIDGE = 5000", "_RIDGE = 6000", _curves("puck") | DRIVES),
+    ("mine.py", "import numpy", "# A comment.\nimport numpy", set()),
+    ("path.csv", "0.3,0.2", "0.3,0.1", {"drive virtual"}),
+    (
+        "lidar/errors/calibrations/vlp16_measured.yaml",
+        "  ray_sigma_m: 0.0065",
+        "  ray_sigma_m: 0.0066",
+        {"table compared_residuals"},
+    ),
+]
+"""Edits of files (old text, new text), and the jobs that have other settings or fingerprints."""
+
+
+def test_edits_of_the_tree_change_the_plans_of_these_jobs_alone(
+    bench: Bench, tmp_path: Path
+) -> None:
+    """As new processes see them, whose sources are a copy."""
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "src", tmp_path / "src", ignore=ignored)
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.support.every_job", "config.yaml"],
+        cwd=bench.folder,
+        env={**os.environ, "PYTHONPATH": f"{tmp_path / 'src'}{os.pathsep}{ROOT}"},
+        input=json.dumps([edit[:3] for edit in REAL_EDITS]),
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    for (file, *_, expected), names in zip(REAL_EDITS, json.loads(done.stdout), strict=True):
+        words = (name.split(" ") for name in names)
+        changed = {
+            f"{kind} {what[0].rpartition('/')[2]}" if what else kind for kind, *what in words
+        }
+        assert changed == expected, file

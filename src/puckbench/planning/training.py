@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from puckbench.codecs.registry import module_of, training_class
+from puckbench.codecs.registry import module_of, place_of, training_class
 from puckbench.jobs.train import Train
 from puckbench.planning.fingerprints import code_version
 from puckbench.planning.plan import Plan
@@ -38,7 +38,8 @@ class TrainingJobs:
             validate_every=training.validate_every,
             code=code_version(module),
         )
-        return planned(record, module)
+        codec = module_of(place_of(training.codec, training.entry))
+        return planned(record, module, codec)
 
     def memory_mb(self, name: str) -> int:
         datasets = self.plan.datasets
