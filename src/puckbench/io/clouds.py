@@ -132,7 +132,7 @@ def read_unchecked_cloud(
 
     With `convert`, LAS coordinates are converted to metres.
     """
-    columns = _read_columns(path, bin_columns, convert)
+    columns = _read_columns(path, bin_columns, convert, keep_missing)
     with naming(path):
         cloud = cloud_from_columns(columns)
     if step := coarse_step(columns):
@@ -186,7 +186,9 @@ def _missing(cloud: PointCloud, path: Path) -> NDArray[np.bool_]:
     return missing
 
 
-def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns:
+def _read_columns(
+    path: Path, bin_columns: str | None, convert: bool, keep_missing: bool
+) -> Columns:
     suffix = plain_suffix(path)
     if path.exists():
         _check_kind(path, suffix)
@@ -194,7 +196,9 @@ def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns
         return read_float32_frame(path, bin_columns)
     if suffix in (".las", ".laz", ".e57"):
         with unpacked(path) as plain:
-            return read_e57(plain) if suffix == ".e57" else read_las_points(plain, convert)
+            if suffix == ".e57":
+                return read_e57(plain, keep_missing)
+            return read_las_points(plain, convert)
     return _READERS.get(suffix, _read_ply_points)(path)
 
 
