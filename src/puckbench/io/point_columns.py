@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import re
-import unicodedata
-from collections.abc import Container, Iterable, Iterator, Mapping
-from itertools import filterfalse
+from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,6 +9,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.field_names import ascii_name
 
 Columns = dict[str, NDArray[Any]]
 
@@ -53,7 +52,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     normals, wide_colours = _pop_triple(remaining, _NORMALS), _pop_triple(remaining, _COLOURS)
     if wide_colours is None:
         wide_colours = _pop_packed_colours(remaining)
-    fields = dict(_fields(remaining))
+    fields = _fields(remaining)
     colours = None
     if wide_colours is not None:
         colours, is_exact = _eight_bits(wide_colours)
@@ -101,8 +100,7 @@ def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
     """
     columns: Columns = {}
     for field, values in fields.items():
-        letters = filterfalse(unicodedata.combining, unicodedata.normalize("NFKD", field))
-        name = _other_name(re.sub(r"\W+", "_", "".join(letters), flags=re.ASCII), _RESERVED)
+        name = _other_name(ascii_name(field), _RESERVED)
         while not (typed := _typed_columns(name, values)).keys().isdisjoint(columns):
             name = f"{name}_"
         columns |= typed
@@ -214,12 +212,15 @@ def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
     return eight_bits, bool(not is_share and (eight_bits == colours).all())
 
 
-def _fields(columns: Columns) -> Iterator[tuple[str, NDArray[Any]]]:
-    for name, values in columns.items():
-        if values.ndim == 1 and values.dtype.kind in "fiub":
-            yield name, values
-        elif values.ndim == 2 and values.dtype.kind in "fiub":
-            yield from ((f"{name}_{part}", values[:, part]) for part in range(values.shape[1]))
+def _fields(columns: Columns) -> Columns:
+    numeric = {name: values for name, values in columns.items() if values.dtype.kind in "fiub"}
+    fields: Columns = {}
+    for name, values in numeric.items():
+        if values.ndim == 1:
+            fields[name] = values
+        for part in range(values.shape[1] if values.ndim == 2 else 0):
+            fields[_other_name(f"{name}_{part}", numeric.keys() | fields)] = values[:, part]
+    return fields
 
 
 def _labels(columns: Columns) -> NDArray[np.int32] | None:

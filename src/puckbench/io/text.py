@@ -18,6 +18,7 @@ from puckbench.core.content import read_content
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import written_whole
 from puckbench.io.damage import one_line
+from puckbench.io.field_names import decoded
 from puckbench.io.point_columns import Columns, coordinate_names, default_columns, has_coordinates
 from puckbench.io.text_numbers import (
     MIN_NUMBERS,
@@ -116,7 +117,11 @@ def _no_points(titles: Sequence[str]) -> InputError:
 
 
 def _no_table(line: str) -> InputError:
-    return InputError(f"not a table of numbers (a line begins {_decoded(line)[:40]!r})")
+    return InputError(f"not a table of numbers (a line begins {_real(line)[:40]!r})")
+
+
+def _real(line: str) -> str:
+    return decoded(line.encode(_BYTE_ENCODING))
 
 
 def _check_titles(titles: Sequence[str], separator: str, path: Path) -> None:
@@ -214,7 +219,7 @@ def _names(header: _TextHeader, separator: str, columns: Sequence[NDArray[Any]])
     if lines and not candidates:
         count = len(_split(lines[-1], separator))
         hint = ": do commas separate decimals, too?" if len(columns) == 2 * count else ""
-        line = _decoded(lines[-1])[:60]
+        line = _real(lines[-1])[:60]
         raise InputError(f"{count} names ({line!r}) for {len(columns)} columns{hint}")
     default = candidates[-1] if candidates else []
     names = next(filter(has_coordinates, reversed(candidates)), default)
@@ -241,21 +246,13 @@ def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) 
 def _split(line: str, separator: str) -> list[str]:
     line = " ".join(line.split()) if separator == " " else line
     try:
-        names = next(csv.reader([_decoded(line).strip(" \n")], delimiter=separator), [])
+        names = next(csv.reader([_real(line).strip(" \n")], delimiter=separator), [])
     except csv.Error:  # a field of over 128 KiB
         return []
     names = [name.strip(" \t\"'") for name in names]
     while names and not names[-1]:
         names.pop()
     return names
-
-
-def _decoded(line: str) -> str:
-    raw = line.encode(_BYTE_ENCODING)
-    try:
-        return raw.decode()
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", "replace")
 
 
 def _with_default_names(
