@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from puckbench.core.content import plain_suffix, read_content, unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import written_whole
-from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.geometry.cloud import PointCloud, UncheckedCloud, check_points
 from puckbench.geometry.missing_returns import missing_firings, missing_returns
 from puckbench.io.archives import read_archive
 from puckbench.io.descriptions import read_description, sidecar, write_description
@@ -108,17 +108,17 @@ def read_cloud(
         The file is missing, damaged, empty or a mesh, or points are not finite.
     """
     cloud = read_unchecked_cloud(Path(path), keep_missing, drop_invalid, bin_columns)
-    check_cloud(cloud, Path(path))
-    return cloud
+    return checked_cloud(cloud, Path(path))
 
 
-def check_cloud(cloud: PointCloud, path: Path) -> None:
+def checked_cloud(cloud: UncheckedCloud, path: Path) -> PointCloud:
     try:
         check_points(cloud.xyz, str(path))
     except InputError as error:
-        if len(cloud) == len(cloud.finite()):
+        if np.isfinite(cloud.xyz).all():
             raise
         raise InputError(f"{error} (prepare and run leave them out: --drop-invalid)") from error
+    return cloud.checked()
 
 
 def read_unchecked_cloud(
@@ -127,7 +127,7 @@ def read_unchecked_cloud(
     drop_invalid: bool = False,
     bin_columns: str | None = None,
     convert: bool = True,
-) -> PointCloud:
+) -> UncheckedCloud:
     """Read a cloud like `read_cloud`, but allow empty clouds and points that are not finite.
 
     With `convert`, LAS coordinates are converted to metres.
@@ -149,7 +149,9 @@ def read_unchecked_cloud(
     return without_invalid(cloud, path) if drop_invalid else cloud
 
 
-def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -> PointCloud:
+def without_missing(
+    cloud: UncheckedCloud, missing: NDArray[np.bool_], path: Path
+) -> UncheckedCloud:
     """Remove points where `missing` (n,) is true; warn, and count them in the description."""
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
@@ -159,7 +161,7 @@ def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -
     return replace(present, about={**present.about, "missing_returns": count}) if count else present
 
 
-def without_invalid(cloud: PointCloud, path: Path) -> PointCloud:
+def without_invalid(cloud: UncheckedCloud, path: Path) -> UncheckedCloud:
     """Remove points that are not finite, warn, and count them in the description."""
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
@@ -169,7 +171,9 @@ def removal_counts(about: Mapping[str, Any]) -> dict[str, int]:
     return {name: about[name] for name in ("dropped_points", "missing_returns") if name in about}
 
 
-def _without(cloud: PointCloud, rows: NDArray[np.bool_], path: Path, reason: str) -> PointCloud:
+def _without(
+    cloud: UncheckedCloud, rows: NDArray[np.bool_], path: Path, reason: str
+) -> UncheckedCloud:
     count = int(np.count_nonzero(rows))
     if not count:
         return cloud

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.cloud import Floats, UncheckedCloud
 from puckbench.io.field_names import ascii_name
 
 Columns = dict[str, NDArray[Any]]
@@ -38,7 +38,7 @@ _MAX_OFF_UNIT = 0.1
 _EXACT_INTEGERS = 2**53
 
 
-def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
+def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> UncheckedCloud:
     """Make a cloud from columns (n,), named as in PLY, PCD, LAS or E57 files, ignoring case.
 
     Columns other than coordinates, normals, colours and labels become fields. Raises InputError if
@@ -66,7 +66,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
         xyz = np.ascontiguousarray(xyz, dtype=np.float64)
         if normals is not None:
             normals = np.ascontiguousarray(normals, dtype=np.float64)
-    return PointCloud(xyz, normals, colours, labels, fields=fields)
+    return UncheckedCloud(xyz, normals, colours, labels, fields=fields)
 
 
 def default_columns(rows: NDArray[Any]) -> Columns:
