@@ -176,10 +176,10 @@ def _separator(header: _TextHeader) -> str:
     words, fields = line.split(), [field.split() for field in line.rstrip().split("\t")]
     if ";" in line:
         return ";"
-    if "," in line and not have_decimal_commas(words):
-        return ","
     if any(_has_all_names(title, line.count("\t")) for title in header.titles):
         return "\t"
+    if "," in line and not have_decimal_commas(words):
+        return ","
     return "\t" if len(fields) > 1 and all(map(_is_one_value, fields)) else " "
 
 

@@ -91,7 +91,7 @@ def _with_commas(lines: bytes, separator: str) -> Iterator[re.Match[bytes]]:
     """Find fields with one comma; between commas, they must have quotes (the first group)."""
     quote = rb'"' if separator == "," else rb'"?'
     edge = rb"[ \t]" if separator in " \t" else re.escape(separator.encode())
-    number = rb"([-+]?\d+,\d+(?:[eE][-+]?\d+)?)"
+    number = rb"([-+]?\d*,\d+(?:[eE][-+]?\d+)?)"
     field = rb"(?m)(?:^|" + edge + rb") *(" + quote + rb")" + number + rb"\1 *(?=" + edge + rb"|$)"
     return re.finditer(field, lines)
 
