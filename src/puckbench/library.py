@@ -144,8 +144,9 @@ def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int 
     from puckbench.jobs import preparation
     from puckbench.jobs.prepare import Prepare
 
-    size, neighbours = (n.item() if isinstance(n, np.integer) else n for n in (size, neighbours))
-    job = Prepare.create(size=size, neighbours=neighbours)
+    given = {"size": size, "neighbours": neighbours}
+    plain = {name: n.item() if isinstance(n, np.integer) else n for name, n in given.items()}
+    job = Prepare.create(**plain)
     points = _cloud(cloud)
     check_points(points.xyz, "the cloud")
     return preparation.prepare(points, job.size, job.neighbours)

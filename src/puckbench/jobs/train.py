@@ -91,7 +91,7 @@ class Train(Job):
 
     def _check_entry(self) -> None:
         """Raise InputError if the codec's options are not valid, or its device is not here."""
-        device = getattr(open_codec(self.codec, self.changes).options, "device", "cpu")
+        device: Any = getattr(open_codec(self.codec, self.changes).options, "device", "cpu")
         if reason := why_not(device):
             raise InputError(f"codec {self.codec}: {reason}")
 
