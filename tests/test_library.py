@@ -2,7 +2,9 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,3 +77,93 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     names, modules = map(str.split, done.stdout.splitlines())
     assert {"open_codec", "read_cloud", "turns", "measures"} <= set(names)
     assert not {"numpy", "pandas", "pydantic"} & set(modules)
+
+
+POINTS = np.random.default_rng(1).random((200, 3)) * 10
+CLOUD = puckbench.PointCloud(POINTS)
+ANY: Any = puckbench
+"""The package without its types, for arguments that they forbid."""
+
+
+def test_points_are_prepared_like_a_cloud_of_them() -> None:
+    prepared = puckbench.prepare(POINTS, size=np.int64(64))
+    assert prepared.about == puckbench.prepare(CLOUD, size=64).about
+    assert prepared.about["size"] == 64
+
+
+def _draco(**changes: Any) -> puckbench.library.Codec:
+    return puckbench.open_codec("draco", {"rates": ["r1"], **changes})
+
+
+REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
+    "prepare_list": (
+        lambda: ANY.prepare([[1, 2, 3]]),
+        "expected a PointCloud or points .n, 3., not l",
+    ),
+    "prepare_path": (
+        lambda: ANY.prepare("a.ply"),
+        "expected a PointCloud or points .n, 3., not str",
+    ),
+    "prepare_flat": (lambda: puckbench.prepare(POINTS[0]), r"of shape \(n, 3\), got \(3,\)"),
+    "prepare_none": (lambda: puckbench.prepare(POINTS[:0]), "the cloud is empty"),
+    "prepare_one": (lambda: puckbench.prepare(POINTS[:1]), "no extent"),
+    "prepare_small": (lambda: puckbench.prepare(CLOUD, 1), "size is 1, but must be from 2"),
+    "prepare_below_0": (lambda: puckbench.prepare(CLOUD, -4), "size is -4, but must be from 2"),
+    "prepare_half": (lambda: ANY.prepare(CLOUD, 10.5), "size is 10.5, but must be"),
+    "prepare_word": (lambda: puckbench.prepare(CLOUD, "big"), "size is 'big', but must be"),
+    "prepare_few": (lambda: puckbench.prepare(CLOUD, 64, 0), "neighbours is 0, but must be"),
+    "compare_name": (lambda: ANY.compare(CLOUD, ["draco"]), "'draco' is not a codec"),
+    "compare_words": (lambda: ANY.compare(CLOUD, "draco"), "'d' is not a codec"),
+    "compare_file": (lambda: ANY.compare("a.ply", [_draco()]), "not str"),
+    "compare_0": (lambda: puckbench.compare(CLOUD, [_draco()], 0), "repeats is 0, but must"),
+    "compare_peak": (lambda: ANY.compare(CLOUD, [_draco()], 1, "a"), "peak is 'a', but must"),
+    "measures_peak": (lambda: puckbench.measures(CLOUD, CLOUD, -1), "peak is -1, but must"),
+    "measures_nan": (lambda: puckbench.measures(CLOUD, CLOUD, np.nan), "peak is nan, but must"),
+    "measures_bytes": (lambda: ANY.measures(CLOUD, b"stream"), "not bytes"),
+    "codec_none": (lambda: ANY.open_codec(None), "a codec's name is a string, not NoneType"),
+    "codec_path": (lambda: ANY.open_codec(Path("a.py")), "a codec's name is a string, not"),
+    "changes_list": (lambda: ANY.open_codec("draco", ["r1"]), "must be a mapping"),
+    "changes_key": (lambda: _draco(rate=["r1"]), "unknown option 'rate' .*did you mean 'rates'"),
+    "changes_rates": (lambda: _draco(rates="r1"), "rates is 'r1', but must be a list"),
+    "changes_options": (lambda: _draco(options=None), "options is None, but must be"),
+    "encode_array": (lambda: ANY_CODEC.encode_cloud(POINTS, "r1"), "a PointCloud is coded, not nd"),
+    "encode_none": (lambda: ANY_CODEC.encode(None, "r1"), "points: not numbers, but NoneType"),
+    "encode_rate": (lambda: ANY_CODEC.encode(POINTS, 1), "a rate is a name, not int"),
+    "decode_none": (lambda: ANY_CODEC.decode(None), "a stream is bytes, not NoneType"),
+    "decode_cloud": (lambda: ANY_CODEC.decode_cloud(CLOUD), "a stream is bytes, not PointCloud"),
+    "decode_returns": (
+        lambda: ANY.open_codec("puck").decode_cloud("text"),
+        "codec puck: a stream is bytes, not str",
+    ),
+    "no_recording": (lambda: list(puckbench.turns("")), "0 ROS bags"),
+}
+ANY_CODEC: Any = _draco()
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_other_arguments_are_refused_in_a_line(case: str) -> None:
+    call, fault = REFUSED[case]
+    with pytest.raises(puckbench.InputError, match=fault) as refusal:
+        call()
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_cloud_in_metres_is_not_coded_on_the_grid_of_scaled_ones() -> None:
+    codec = puckbench.open_codec("gpcc")
+    with pytest.raises(puckbench.InputError, match="does not say whether it is scaled: prepare it"):
+        codec.encode_cloud(CLOUD, "r3")
+    with pytest.raises(puckbench.InputError, match="is in metres: prepare it"):
+        codec.encode_cloud(puckbench.prepare(CLOUD, 0), "r3")
+    prepared = puckbench.prepare(CLOUD)
+    with pytest.raises(puckbench.InputError, match="are lengths, and the cloud is scaled"):
+        codec.encode_cloud(prepared, "10mm")
+    assert codec.encode_cloud(prepared, "r3") == codec.encode(prepared.xyz, "r3")
+    assert codec.encode_cloud(CLOUD, "10mm") == codec.encode(POINTS, "10mm")
+    said = puckbench.PointCloud(prepared.xyz, about={"size": 1024})
+    assert codec.encode_cloud(said, "r3") == codec.encode(prepared.xyz, "r3")
+
+
+def test_a_curve_is_read_by_a_name_of_its_file(tmp_path: Path) -> None:
+    with pytest.raises(puckbench.InputError, match="no such file"):
+        puckbench.library.read_curve(str(tmp_path / "none.zip"))
+    assert len(puckbench.compare(puckbench.prepare(CLOUD), [_draco()])) == 1

@@ -2,15 +2,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from puckbench.codecs import registry
 from puckbench.codecs.base import Codec, SharedWork
 from puckbench.core.errors import InputError
 from puckbench.core.measurement import measured
+from puckbench.core.models import parsed
 from puckbench.core.registry import trust
-from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, ready
 from puckbench.jobs.curve_files import read_curve
@@ -46,9 +50,19 @@ def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
         a trusted source.
     changes
         A configuration's entry: ``options``, ``rates``, ``metric_rates``, ``class``.
+
+    Raises
+    ------
+    InputError
+        The codec, or a key, option or rate of `changes`, is unknown or not valid.
     """
-    trust(codec_plugins(name, changes or {}))
-    return registry.open_codec(name, changes)
+    from puckbench.planning.config import CodecConfig
+
+    if not isinstance(name, str):
+        raise InputError(f"a codec's name is a string, not {type(name).__name__}")
+    entry = parsed(CodecConfig, changes or {}, f"codec {name}").changes()
+    trust(codec_plugins(name, entry))
+    return registry.open_codec(name, entry)
 
 
 def turns(
@@ -90,19 +104,21 @@ def turns(
 
 
 def measures(
-    original: PointCloud, decoded: PointCloud, peak: float | None = None
+    original: PointCloud | Floats, decoded: PointCloud | Floats, peak: float | None = None
 ) -> dict[str, float]:
     """Return metrics of a decoded cloud's geometry, and of attributes and returns of both clouds.
 
     Parameters
     ----------
     original, decoded
-        Clouds in the same coordinate frame; D2 needs normals in the original.
+        Clouds, or points (n, 3), in the same coordinate frame; D2 needs normals in the original.
     peak
         As in `compare`.
     """
     from puckbench.metrics.sensor_metrics import range_errors
 
+    original, decoded = _cloud(original), _cloud(decoded)
+    _check_peak(peak)
     metrics = geometry_metrics(original, decoded.xyz, peak)
     metrics |= attribute_metrics(original, decoded, metrics)
     if original.returns is None or decoded.returns is None:
@@ -110,15 +126,45 @@ def measures(
     return metrics | range_errors(original.returns, decoded.returns)
 
 
-def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Estimate normals of a cloud and scale it (see `puckbench.jobs.preparation.prepare`)."""
-    from puckbench.jobs import preparation
+def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
+    """Estimate normals of a cloud and scale it.
 
-    return preparation.prepare(cloud, size, neighbours)
+    Parameters
+    ----------
+    cloud
+        A cloud, or points (n, 3), in m.
+    size, neighbours
+        As in `puckbench.jobs.prepare.Prepare`.
+
+    Raises
+    ------
+    InputError
+        The cloud is empty or has no extent, or an argument is not valid.
+    """
+    from puckbench.jobs import preparation
+    from puckbench.jobs.prepare import Prepare
+
+    given = {"size": size, "neighbours": neighbours}
+    plain = {name: n.item() if isinstance(n, np.integer) else n for name, n in given.items()}
+    job = Prepare.create(**plain)
+    points = _cloud(cloud)
+    check_points(points.xyz, "the cloud")
+    return preparation.prepare(points, job.size, job.neighbours)
+
+
+def _cloud(cloud: PointCloud | Floats) -> PointCloud:
+    if isinstance(cloud, PointCloud):
+        return cloud
+    if isinstance(cloud, np.ndarray):
+        return PointCloud(cloud)
+    raise InputError(f"expected a PointCloud or points (n, 3), not {type(cloud).__name__}")
 
 
 def compare(
-    cloud: PointCloud, codecs: Iterable[Codec], repeats: int = 1, peak: float | None = None
+    cloud: PointCloud | Floats,
+    codecs: Iterable[Codec],
+    repeats: int = 1,
+    peak: float | None = None,
 ) -> pd.DataFrame:
     """Return a row for each codec and rate, with the columns of a run's ``metrics.csv``.
 
@@ -144,8 +190,13 @@ def compare(
 
     from puckbench.metrics.geometry import ReferenceCloud
 
-    chosen = list(codecs)
+    cloud, chosen = _cloud(cloud), [codecs] if isinstance(codecs, Codec) else list(codecs)
+    _check_peak(peak)
+    if not (isinstance(repeats, Integral) and repeats >= 1):
+        raise InputError(f"repeats is {repeats!r}, but must be a whole number from 1 on")
     for codec in chosen:
+        if not isinstance(codec, Codec):
+            raise InputError(f"codecs: {codec!r} is not a codec (open_codec returns codecs)")
         codec.check_frame(cloud.frame)
     cells = [
         (codec, rate, shared)
@@ -154,6 +205,11 @@ def compare(
     ]
     reference = ReferenceCloud(cloud)
     return pd.DataFrame([_row(reference, *cell, repeats, peak) for cell in cells])
+
+
+def _check_peak(peak: float | None) -> None:
+    if not (peak is None or (isinstance(peak, Real) and 0 < peak < np.inf)):
+        raise InputError(f"peak is {peak!r}, but must be a positive number")
 
 
 def _row(

@@ -11,7 +11,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.cli.registry import help_texts
-from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.cloud import PointCloud, UncheckedCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes import read_mesh, write_mesh
 
@@ -264,7 +264,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    write_cloud(tmp_path / "nan.ply", PointCloud(np.array([[0, 0, 0], [np.nan, 0, 0]])))
+    write_cloud(tmp_path / "nan.ply", UncheckedCloud(np.array([[0, 0, 0], [np.nan, 0, 0]])))
     main(["encode", str(cloud), str(tmp_path / "cut.bin"), "--codec", "draco", "--rate", "r1"])
     stream = (tmp_path / "cut.bin").read_bytes()
     (tmp_path / "cut.bin").write_bytes(stream[: len(stream) // 2])

@@ -131,7 +131,28 @@ CASES = [
         ),
         fields={"spins_0": [1, 3], "spins_1": [2, 4]},
     ),
-    _case("nested.npy", _npy(_fields(*_XYZ, ("more", [("a", "<f4")]), **_NAMED))),
+    _case(
+        "nested.npy",
+        _npy(_fields(*_XYZ, ("more", [("a", "<f4")]), **_NAMED)),
+        warning="nested.npy: columns without numbers are left out: more",
+    ),
+    _case(
+        "words_and_times.npy",
+        _npy(_fields(*_XYZ, ("who", "U3"), ("when", "M8[s]"), ("i", "u1"), **_NAMED)),
+        fields={"i": [0, 0]},
+        warning="left out: who, when",
+    ),
+    _case(
+        "same_part.npy",
+        _npy(_fields(*_XYZ, ("d", "<f4", 2), ("d_0", "<f4"), **_NAMED, d=7, d_0=8)),
+        fields={"d_0": [8, 8], "d_0_": [7, 7], "d_1": [7, 7]},
+    ),
+    _case(
+        "twice_x.npy",
+        _npy(_fields(("xyz", "<f4", 3), ("x", "<f4"))),
+        error="two arrays or fields hold the column x",
+    ),
+    _case("six_shares.npy", _npy(np.hstack([TWO, TWO / 10])), fields={"column_4": [0.1, 0.4]}),
     _case(
         "one_value_each.npy",
         _npy(
@@ -158,6 +179,16 @@ CASES = [
         _npz(pose=np.eye(4), x=TWO[:, 0], y=TWO[:, 1], z=TWO[:, 2], ring=[7, 8]),
         fields={"ring": [7, 8]},
     ),
+    _case("points_twice.npz", _npz(xyz=TWO, points=TWO + 9), error="hold the column x"),
+    _case(
+        "colours_twice.npz", _npz(xyz=TWO, colors=[[1] * 3] * 2, rgb=[[9] * 3] * 2), error="hold"
+    ),
+    _case(
+        "other_length.npz",
+        _npz(xyz=TWO, intensity=[1, 2, 3], pose=np.eye(4)),
+        warning="array intensity is left out: 3 values for 2 points",
+    ),
+    _case("words.npz", _npz(xyz=TWO, who=["a", "b"]), warning="left out: who"),
     _case("capitals.npz", _npz(XYZ=TWO, Normals=TWO)),
     _case(
         "objects_beside.npz",

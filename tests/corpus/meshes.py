@@ -108,6 +108,15 @@ QUANTISED = struct.pack("<12h", 0, 0, 0, 0, 32767, 0, 0, 0, 32767, 32767, 0, 0)
 
 CASES = [
     # ---- OBJ
+    obj("weights_of_one", rows([(*p, 1) for p in SQUARE], "v ") + "f 1 2 3 4\n"),
+    obj(
+        "weights",
+        rows([(*p, 2) for p in SQUARE], "v ") + "f 1 2 3 4\n",
+        error="weights.obj: not a vertex in space, but with a weight: '0 0 0 2'",
+    ),
+    obj(
+        "decimal_comma", "v 0,5 0 0\nf 1 1 1\n", error="decimal_comma.obj: not a vertex: '0,5 0 0'"
+    ),
     obj("concave_face", rows(FLOOR, "v ") + "f 1 2 3 4 5 6", 7, points=FLOOR),
     obj("clockwise_face", V_SQUARE + "f 4 3 2 1\n"),
     obj("normals_without_texture", V_SQUARE + "vn 0 0 1\nf 1//1 2//1 3//1 4//1\n"),
@@ -148,6 +157,19 @@ CASES = [
         content("OFF\n3 1000000000 0\n"),
         "mesh",
         error=r"many.off: truncated: 0 lines for",
+    ),
+    Case(
+        "more_faces.off",
+        content("OFF\n3 1 0\n" + rows(TRIANGLE) + "3 0 1 2\n3 0 2 1\n"),
+        "mesh",
+        points=TRIANGLE,
+        warning="left out 1 lines after its 1 faces",
+    ),
+    Case(
+        "decimal_comma.off",
+        content("OFF\n3 1 0\n0,5 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
+        "mesh",
+        error="a vertex is not three numbers",
     ),
     Case(
         "huge_index.off",
@@ -246,6 +268,12 @@ CASES = [
         "mesh",
         points=TRIANGLE * 2,
         area=1,
+    ),
+    Case(
+        "second_solid_cut.stl",
+        content(f"solid a\n{LOOP.format(rows(TRIANGLE, 'vertex '))}endsolid a\nsolid b\n"),
+        "mesh",
+        error="second_solid_cut.stl: truncated: the solid has no end",
     ),
     Case(
         "open_loop.stl",

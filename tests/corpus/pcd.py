@@ -54,6 +54,28 @@ CASES = [
     _case("compressed.pcd", _pcd(_packed(_COLUMNS), "binary_compressed", **_PADDED)),
     _case("crlf.pcd", _pcd(b"").replace(b"\n", b"\r\n") + _FLOATS),
     _case("crlf_text.pcd", _pcd(_TEXT, "ascii").replace(b"\n", b"\r\n")),
+    *(
+        _case(
+            f"name_in_{encoding}.pcd",
+            _pcd(
+                b"1 2 3 7\n4 5 6 8\n", "ascii", **_fields("x y z @", "4 4 4 4", "F F F F", "1 " * 4)
+            ).replace(b"@", "Intensität".encode(encoding)),
+            fields={"Intensität": [7, 8]},
+        )
+        for encoding in ("utf-8", "latin-1")
+    ),
+    _case(
+        "decimal_comma.pcd", _pcd(b"1,5 2,5 3,5\n4 5 6\n", "ascii"), error="a damaged line .*'1,5'"
+    ),
+    _case(
+        "same_part.pcd",
+        _pcd(
+            b"1 2 3 7 7 9\n4 5 6 8 8 9\n",
+            "ascii",
+            **_fields("x y z d d_0", "4 " * 5, "F " * 5, "1 1 1 2 1"),
+        ),
+        fields={"d_0": [9, 9], "d_0_": [7, 8], "d_1": [7, 8]},
+    ),
     _case("no_viewpoint.pcd", _pcd(VIEWPOINT="")),
     _case("no_points_line.pcd", _pcd(POINTS="")),
     _case("no_counts.pcd", _pcd(COUNT="")),

@@ -63,6 +63,30 @@ CASES = [
     _case("blanks_in_text.ply", _ASCII.replace(b"end_header\n", b"end_header\t \n")),
     _case("comment_in_latin_1.ply", _ply(before="comment by #\n").replace(b"#", b"Andr\xe9")),
     _case("comment_in_utf_8.ply", _ply(before="comment größer\nobj_info num_cols 512\n")),
+    *(
+        _case(
+            f"name_in_{encoding}.ply",
+            _ply("1 2 3 7\n4 5 6 8\n", after="property float Intensit@\n", form="ascii").replace(
+                b"@", "ät".encode(encoding)
+            ),
+            fields={"Intensitat": [7, 8]},
+        )
+        for encoding in ("utf-8", "latin-1")
+    ),
+    _case("more_points.ply", _ply(_FLOATS * 2), warning="left out 24 bytes after its 2 vertex"),
+    _case(
+        "more_lines.ply",
+        _ply(_TEXT + "7 8 9\n\n", form="ascii"),
+        warning="left out 1 lines after its 2 lines",
+    ),
+    _case("decimal_comma.ply", _ply("1,5 2,5 3,5\n4 5 6\n", form="ascii"), error="malformed input"),
+    _case(
+        "case_of_names.ply",
+        _ply("1 2 3 7 9\n4 5 6 8 9\n", form="ascii").replace(
+            b"end_header", b"property int Ring\nproperty int ring\nend_header"
+        ),
+        fields={"Ring": [7, 8], "ring": [9, 9]},
+    ),
     _case("crlf.ply", _ply(body=b"").replace(b"\n", b"\r\n") + _FLOATS),
     _case("crlf_and_blank.ply", _ply(b"", "comment é\n").replace(b"\n", b"\r\n") + _FLOATS),
     _case("crlf_text.ply", _ASCII.replace(b"\n", b"\r\n")),

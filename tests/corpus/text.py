@@ -7,6 +7,10 @@ from tests.corpus.case import cloud_case as _case
 INTENSITY = {"Intensity": [7, 8]}
 
 
+GERMAN = "x,y,z,Intensität\n1,2,3,7\n4,5,6,8\n"
+"""A header that is not ASCII."""
+
+
 _NAMED = "{0}1{0}2{0}3{0}7\n{0}4{0}5{0}6{0}8\n"
 """Lines that begin with an index or an empty value."""
 
@@ -91,6 +95,134 @@ CASES = [
         options={"drop_invalid": True},
         warning="not_finite_dropped.xyz: 1 of 3 points are not finite: left out",
     ),
+    # Decimal commas, and thousands
+    *(
+        _case(f"commas_twice_{number}.csv", lines, error="csv: commas separate its numbers and")
+        for number, lines in enumerate(
+            [
+                "1,5, 2,5, 3,5\n4,5, 5,5, 6,5\n",
+                "1,5, 2, 3\n4,5, 5, 6\n",
+                "1, 2, 3,5\n4, 5, 6,5\n",
+                "1,5,\t2,5,\t3,5\n",
+                "7, 1,5, 2,5, 3,5\n",
+            ]
+        )
+    ),
+    _case("commas_and_blanks.csv", "1, 2, 3\n4, 5, 6\n"),
+    _case("one_decimal.csv", "1,5,2,5,3,5\n4,5,5,5,6,5\n", error="six numbers, or three. If"),
+    _case("six_integers.csv", "1,2,3,200,0,0\n4,5,6,0,10,0\n"),
+    _case(
+        "grouped_by_blanks.csv",
+        "1,2,3, 7,8,9\n4,5,6, 70,8,9\n",
+        warning=None,
+    ),
+    _case(
+        "commas_twice_named.csv",
+        "x, y, z\n1,5, 2,5, 3,5\n",
+        error="3 names .* for 6 columns: do commas separate decimals, too",
+    ),
+    _case(
+        "decimal_comma_quoted.csv",
+        '"x","y","z"\n"1,5",2,"3,25"\n"4","5,5","6"\n',
+        [(1.5, 2, 3.25), (4, 5.5, 6)],
+    ),
+    _case("decimal_comma_quoted_alone.csv", '"1,5","2","3,25"\n', [(1.5, 2, 3.25)]),
+    _case("decimal_comma_integers.xyz", "1 2,5 3 7\n4,0 5 6 8\n", [(1, 2.5, 3), (4, 5, 6)]),
+    _case(
+        "decimal_comma_late.csv",
+        "x;y;z\n" + "1;2;3\n" * 20000 + "4,5;5;6\n",
+        [(1, 2, 3)] * 20000 + [(4.5, 5, 6)],
+    ),
+    _case(
+        "decimal_comma_in_words.csv",
+        "x;y;z;who\n1.5;2;3;at 1,5 m\n4;5;6;Bob\n",
+        [(1.5, 2, 3), (4, 5, 6)],
+        warning="left out: who",
+    ),
+    _case(
+        "decimal_comma_and_point.csv",
+        "x;y;z\n1,5;2.5;3\n4;5;6\n",
+        error="column y has '2.5', but other decimals follow commas",
+    ),
+    _case(
+        "thousands_or_decimals.csv",
+        'x,y,z\n"1,234","5,678",3\n',
+        error="'1,234' may be 1234 or 1.234: write it so",
+    ),
+    _case(
+        "millimetres.csv",
+        "x;y;z\n1,234;5,678;3,000\n4,000;5,000;6,001\n",
+        [(1.234, 5.678, 3), (4, 5, 6.001)],
+        warning="millimetres.csv: its commas are read as decimal commas: 1,234 is 1.234",
+    ),
+    _case("millimetres_below_1.csv", "x;y;z\n1,234;0,678;3,000\n", [(1.234, 0.678, 3)]),
+    *(
+        _case(
+            f"thousands_{number}.csv",
+            f'x;y;z\n1;2;3\n"{value}";2;3\n',
+            error="column x has .*: write numbers without separators of thousands",
+        )
+        for number, value in enumerate(
+            ["1,234.5", "1.234,5", "1 234,5", "1\u00a0234", "1\u202f234,5", "1'234.5", "1.234.567"]
+        )
+    ),
+    # Other numbers
+    _case(
+        "fortran.xyz",
+        "x y z id\n 1.0D+00 0.2D1 3.D0 3d5\n 4.0D0 5.0d0 6.D+0 a\n",
+        warning="left out: id",
+    ),
+    _case(
+        "words_for_nan.csv",
+        "x,y,z,Intensity\n1,2,3,#N/A\n4,5,6,8\n",
+        fields={"Intensity": [float("nan"), 8]},
+    ),
+    _case("first_point_without_x.csv", "x,y,z\nN/A,2,3\n4,5,6\n", error="1 of 2 points are not f"),
+    _case(
+        "minus_of_word_processors.csv", "x,y,z\n\u22121,2,3\n4,5,6\n", error="begins '\u22121,2,3'"
+    ),
+    _case("damaged_first_point.csv", "x,y,z\n1,--,3\n4,5,6\n", error="begins '1,--,3'"),
+    _case("only_damaged.csv", "x,y,z\n1|2|3\n4|5|6\n", error="a line begins '1.2.3'"),
+    _case("lists.txt", "[1, 2, 3]\n[4, 5, 6]\n", error="a line begins '.1, 2, 3.'"),
+    _case(
+        "long_ids.csv",
+        "x,y,z,id\n1,2,3,9007199254740993\n4,5,6,\n",
+        warning="numbers from 2\\^53 on are rounded: id",
+    ),
+    _case(
+        "six_columns_no_normals.xyz",
+        "1 2 3 0.5 0.25 1\n4 5 6 0 0 0.5\n",
+        fields={"column_4": [0.5, 0], "column_5": [0.25, 0], "column_6": [1, 0.5]},
+    ),
+    # Names
+    *(
+        _case(f"intensity_{encoding}.csv", GERMAN.encode(encoding), fields={"Intensität": [7, 8]})
+        for encoding in ("utf-8", "utf-8-sig", "latin-1", "utf-16")
+    ),
+    _case("euro_cp1252.csv", "x,y,z,€\n1,2,3,7\n4,5,6,8\n".encode("cp1252"), fields={"€": [7, 8]}),
+    _case(
+        "same_words.csv",
+        "x,y,z,gps time,gps_time\n1,2,3,7,9\n4,5,6,8,9\n",
+        fields={"gps time": [7, 8], "gps_time": [9, 9]},
+    ),
+    _case(
+        "label_and_label_.csv",
+        "x,y,z,label,label_\n1,2,3,0.5,7\n4,5,6,1,8\n",
+        fields={"label_": [7, 8], "label__": [0.5, 1]},
+    ),
+    _case(
+        "millimetres_below_names.csv",
+        "x,y,z\nmm,mm,mm\n1,2,3\n4,5,6\n",
+        warning="its unit, mm, is not applied: use --metres-per-unit",
+    ),
+    _case(
+        "empty_cells_tabs.txt",
+        "x\ty\tz\tIntensity\ttime\n1\t2\t3\t\t9\n4\t5\t6\t\t9\n",
+        fields={"time": [9, 9]},
+    ),
+    _case("trailing_comma_and_blank.csv", "1, 2, 3, \n4, 5, 6, \n"),
+    _case("long_line.xyz", "# " + "x" * 200_000 + "\n1 2 3\n4 5 6\n"),
+    _case("long_title.xyz", "x" * 200_000 + "\n1 2 3\n4 5 6\n", error="0 names .* for 3 columns"),
     # Lines
     _case("crlf.xyz", "1 2 3 \r\n4 5 6 \r\n"),
     _case("cr.xyz", "1 2 3\r4 5 6\r"),

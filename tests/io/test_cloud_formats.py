@@ -18,6 +18,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import SUFFIXES, read_cloud, write_cloud
 from puckbench.io.e57 import parse_e57
+from puckbench.io.point_columns import cloud_from_columns
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.random((40, 3)) * [50, 30, 10]
@@ -78,6 +79,49 @@ def test_fields_come_back_from_the_clouds_own_file(tmp_path: Path) -> None:
         assert np.array_equal(back.fields[name], fields[name])
     assert np.array_equal(back.fields["label_"], fields["label"])
     assert list(back.select(np.array([3])).fields["ring"]) == [3]
+
+
+def test_no_field_is_lost_by_its_name(tmp_path: Path) -> None:
+    long = np.arange(40) + 2**60
+    names = ("gps time", "gps_time", "Intensität", "Intensitat", "强度", "red", "red_", "id_low")
+    fields = {name: np.full(40, place) for place, name in enumerate(names)} | {"id": long}
+    write_cloud(tmp_path / "a.ply", PointCloud(UTM, fields=fields))
+    back = read_cloud(tmp_path / "a.ply").fields
+    written = ("gps_time", "gps_time_", "Intensitat", "Intensitat_", "_", "red_", "red__", "id_low")
+    assert [back[name][0] for name in written] == list(range(8))
+    halves = back["id__high"].astype(np.int64) << 32 | back["id__low"].astype(np.int64)
+    assert np.array_equal(halves, long)
+
+
+def test_a_text_with_a_german_header_is_prepared(tmp_path: Path) -> None:
+    rows = "".join(f"{x:.3f},{y:.3f},{z:.3f},7\n" for x, y, z in POINTS)
+    (tmp_path / "a.csv").write_bytes(f"x,y,z,Intensität\n{rows}".encode("latin-1"))
+    assert main(["prepare", str(tmp_path / "a.csv"), str(tmp_path / "b.ply")]) == 0
+    assert (read_cloud(tmp_path / "b.ply").fields["Intensitat"] == 7).all()
+
+
+@pytest.mark.parametrize(
+    ("colours", "expected", "has_fields"),
+    [
+        ([[-1, 0, 300 - 45]], [[0, 0, 255]], True),
+        ([[100.5, 0, 1]], [[100, 0, 1]], True),
+        ([[65535.0, 0, 257]], [[255, 0, 1]], False),
+        ([[100.0, 0, 1]], [[100, 0, 1]], False),
+    ],
+)
+def test_colours_that_do_not_fit_stand_beside_them(
+    colours: list[list[float]], expected: list[list[int]], has_fields: bool
+) -> None:
+    columns = dict(zip("xyz", np.zeros((3, 1)), strict=True))
+    columns |= dict(zip(("red", "green", "blue"), np.transpose(colours), strict=True))
+    cloud = cloud_from_columns(columns)
+    assert cloud.colours is not None
+    assert cloud.colours.tolist() == expected
+    if has_fields:
+        wide = [cloud.fields[name] for name in ("red_16", "green_16", "blue_16")]
+        assert np.array_equal(np.transpose(wide), colours)
+    else:
+        assert not cloud.fields
 
 
 def test_coloured_pcd_of_open3d(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from puckbench.io.e57 import read_e57
 
 pytest.importorskip("pye57", reason="the test tools have pye57 for Linux on x86-64 alone")
 
-from tests.corpus.e57 import invalid, rich, two_scans
+from tests.corpus.e57 import colours, invalid, rich, two_scans
 
 
 def test_normals_and_colours_are_those_of_the_cloud(tmp_path: Path) -> None:
@@ -36,3 +36,10 @@ def test_invalid_points_have_no_coordinates(tmp_path: Path) -> None:
 def test_scans_are_numbered(tmp_path: Path) -> None:
     two_scans(tmp_path / "a.e57")
     assert list(read_e57(tmp_path / "a.e57")) == ["x", "y", "z", "scan"]
+
+
+def test_colours_of_8_and_16_bits_become_the_same(tmp_path: Path) -> None:
+    colours(tmp_path / "a.e57")
+    cloud = read_cloud(tmp_path / "a.e57")
+    assert cloud.colours is not None
+    assert cloud.colours[:, 0].tolist() == [0, 255, 0, 255]

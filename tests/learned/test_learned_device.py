@@ -16,6 +16,9 @@ from scipy.spatial import cKDTree
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.jobs.train import Train
 from puckbench.learned.pcgcv1 import weights as pcgcv1_weights
 from puckbench.learned.pcgcv1.device_inference import DeviceTransforms
 from puckbench.learned.pcgcv2 import inference as pcgcv2_inference
@@ -105,6 +108,25 @@ def test_where_there_is_no_cuda_the_codec_says_so(name: str, opened: Callable[..
     assert codec.available() == (False, "device cuda: PyTorch finds no CUDA device here")
     with pytest.raises(InputError, match="no CUDA device"):
         codec.encode(40 + shell(), "r1")
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"device": "cuda"}, "codec pcgcv2_plus: device cuda: PyTorch finds no CUDA device here"),
+        ({"devise": "cuda"}, "codec pcgcv2_plus: unknown option 'devise'"),
+    ],
+)
+def test_a_training_of_an_entry_that_cannot_be_used_does_not_start(
+    options: dict[str, str], fault: str, tmp_path: Path
+) -> None:
+    write_cloud(tmp_path / "a.ply", PointCloud(shell(), about={"size": 64}))
+    out = tmp_path / "out.safetensors"
+    training = Train(codec="pcgcv2_plus", changes={"options": options}, options={"steps": 1})
+    with pytest.raises(InputError, match=fault):
+        training.run((tmp_path / "a.ply",), out)
+    assert not out.exists()
 
 
 @cuda

@@ -205,7 +205,7 @@ def test_values_do_not_depend_on_the_order_of_the_points(name: str) -> None:
         (np.zeros((1, 3)), None, np.zeros((0, 3)), "decoded cloud: the cloud is empty"),
         (np.zeros((1, 3)), None, np.full((1, 3), np.nan), "1 of 1 points are not finite"),
         (np.zeros((1, 3)), np.full((1, 3), np.nan), np.zeros((1, 3)), "a normal is not finite"),
-        (np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((1, 3)), "1 normals for 2 points"),
+        (np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((1, 3)), "expected normals of shape"),
     ],
 )
 def test_unusable_clouds_are_refused(

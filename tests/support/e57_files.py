@@ -16,11 +16,15 @@ Kind = str | tuple[int, int]
 
 @dataclass(frozen=True)
 class Scan:
-    """Columns by their names in E57, doubles or whole numbers between two; and the scan's pose."""
+    """Columns by their names in E57, doubles or whole numbers between two; and the scan's pose.
+
+    `intensities` are the limits of intensities, if stated.
+    """
 
     columns: Mapping[str, tuple[Kind, Sequence[float]]]
     rotation: Mapping[str, float] = field(default_factory=dict)
     translation: Mapping[str, float] = field(default_factory=dict)
+    intensities: tuple[float, float] | None = None
 
 
 def cartesian(points: Any) -> dict[str, tuple[Kind, Sequence[float]]]:
@@ -55,6 +59,10 @@ def _write_scan(file: Any, scan: Scan, number: int) -> None:
             )
     if scan.rotation or scan.translation:
         node.set("pose", pose)
+    if scan.intensities is not None:
+        ends = zip(("intensityMinimum", "intensityMaximum"), scan.intensities, strict=True)
+        limits = {name: libe57.FloatNode(image, value) for name, value in ends}
+        node.set("intensityLimits", _structure(image, limits))
     kinds = {name: _node(image, kind) for name, (kind, _) in scan.columns.items()}
     vector = libe57.CompressedVectorNode(
         image, _structure(image, kinds), libe57.VectorNode(image, True)

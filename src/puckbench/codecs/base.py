@@ -127,8 +127,15 @@ class Codec(CodecFacts, ABC):
         Raises
         ------
         InputError
-            As for `encode`, or the codec requires returns and the cloud has none.
+            As for `encode`; the rate is for clouds in another coordinate frame (points of unknown
+            frame are in m if the rate is a length); or the codec requires returns and the cloud has
+            none.
         """
+        if not isinstance(cloud, PointCloud):
+            fault = f"a PointCloud is coded, not {type(cloud).__name__} (points: encode)"
+            raise InputError(f"codec {self.name}: {fault}")
+        if cloud.frame or self.rate_name(rate) in self.rates:
+            self.check_frame(cloud.frame, rate)
         if self.takes == "points" or (self.takes == "either" and cloud.returns is None):
             held = attributes_of(cloud) if self.attributes else {}
             if attributes := {name: held[name] for name in self.attributes if name in held}:
@@ -151,7 +158,9 @@ class Codec(CodecFacts, ABC):
             content, shift = unshifted(stream)
             cloud = self._decode_with_attributes(content)
         if cloud is None:
-            return PointCloud(self.decode(stream))
+            points = self.decode(stream)
+            with naming(f"codec {self.name}: decoded points"):
+                return PointCloud(points)
         return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
 
     def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:

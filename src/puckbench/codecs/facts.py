@@ -237,14 +237,15 @@ class CodecFacts:
 
     def _refuse_unscaled(self, frame: CoordinateFrame | None) -> None:
         fault = "is in metres" if frame else "does not say whether it is scaled"
-        remedy = "" if frame else ", or say that it is (--frame scaled)"
+        remedy = "" if frame else ", or say that it is (--frame scaled, or about={'size': 1024})"
         if frame and self.metric_rates:
             remedy = f", or use a rate of {', '.join(self.metric_rates)}"
         elif hasattr(self.options, "unit"):
             remedy += ", or give the codec a unit in metres (--entry)"
         raise InputError(
             f"codec {self.name}: its rates are steps of a scaled cloud's grid, and the cloud "
-            f"{fault}: prepare it (puckbench prepare, or encode --prepare){remedy}"
+            f"{fault}: prepare it (puckbench prepare, encode --prepare, or in Python "
+            f"puckbench.prepare){remedy}"
         )
 
     def is_length(self, rate: str) -> bool:
@@ -264,6 +265,8 @@ class CodecFacts:
 
     def _find(self, rate: str) -> tuple[str, Parameters]:
         with naming(f"codec {self.name}"):
+            if not isinstance(rate, str):
+                raise InputError(f"a rate is a name, not {type(rate).__name__}")
             if (item := find_rate(self, rate)) is None:
                 offered = {**self.rates, **self.metric_rates}
                 raise InputError(f"unknown rate '{rate}'{among(rate, offered)}")

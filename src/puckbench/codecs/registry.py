@@ -70,7 +70,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
         There is no such codec.
     """
     entry = entry or {}
-    base = entry.get("class", name)
+    base = entry.get("class") or name
     if base in variants():
         codec = _variant(base)
     elif base in CODECS:
@@ -143,7 +143,7 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
 
 def place_of(name: str, changes: Entry | None = None) -> str:
     """Return where a codec's class is defined: ``module:Class`` or ``file.py:Class``."""
-    base = (changes or {}).get("class", name)
+    base = (changes or {}).get("class") or name
     base = variants().get(base, {}).get("class", base)
     if base not in CODECS:
         return str(base)

@@ -4,6 +4,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
 from puckbench.codecs.base import Codec, Parameters, Takes
+from puckbench.coding.byte_io import stream_bytes
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import Floats, PointCloud
 
@@ -40,7 +41,7 @@ class ReturnsCodec(Codec):
     def decode_returns(self, stream: bytes) -> Returns:
         """Decode returns; raise InputError if the stream is damaged or belongs to another codec."""
         with naming(f"codec {self.name}"):
-            return self._decode_returns(stream)
+            return self._decode_returns(stream_bytes(stream))
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
         returns = self.decode_returns(stream)

@@ -18,6 +18,13 @@ def signed_128(number: int) -> bytes:
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 
+def stream_bytes(stream: object) -> bytes:
+    """Return a stream as bytes; raise InputError if it is something else."""
+    if not isinstance(stream, bytes | bytearray | memoryview):
+        raise InputError(f"a stream is bytes, not {type(stream).__name__}")
+    return bytes(stream)
+
+
 class Reader:
     def __init__(self, body: bytes) -> None:
         self.body, self.at = body, 0

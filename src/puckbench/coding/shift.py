@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.coding.byte_io import Reader, signed_128
+from puckbench.coding.byte_io import Reader, signed_128, stream_bytes
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, bounds
 
@@ -56,6 +56,7 @@ def shifted(stream: bytes, shift: Floats) -> bytes:
 
 def unshifted(stream: bytes) -> Shifted:
     """Separate the header from the codec's stream; raise InputError if the header is damaged."""
+    stream = stream_bytes(stream)
     if not stream.startswith(MAGIC):
         return Shifted(stream, None)
     reader = Reader(stream[len(MAGIC) :])

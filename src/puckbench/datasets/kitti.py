@@ -25,7 +25,7 @@ from puckbench.datasets.base import Count, select_names
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.cloud import Floats, UncheckedCloud, check_points
 from puckbench.geometry.missing_returns import missing_returns
 from puckbench.io.clouds import without_invalid, without_missing
 from puckbench.io.float32_frames import check_column_count, float32_rows
@@ -78,7 +78,7 @@ class Kitti(FrameSet):
         data = read_bytes(path)
         check_column_count(path, data, _COLUMNS)
         points = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
-        cloud = without_invalid(PointCloud(points, about={"dropped_points": 0}), path)
+        cloud = without_invalid(UncheckedCloud(points, about={"dropped_points": 0}), path)
         if not (self.keep_missing or self.returns):
             cloud = without_missing(cloud, missing_returns(cloud.xyz), path)
         xyz, part = cloud.xyz, _part_of(name)
@@ -92,7 +92,7 @@ class Kitti(FrameSet):
             pose = None if pose is None else pose @ _TURNED  # as in `_recovered`
             returns = recovered.returns
             return Scene(name, part, returns=returns, about=about, pose=pose, time_s=time_s)
-        scene, origin = replace(cloud, about=about), (0.0, 0.0, 0.0)
+        scene, origin = replace(cloud.checked(), about=about), (0.0, 0.0, 0.0)
         return Scene(name, part, None, scene, None, origin, None, about, pose, time_s)
 
     @cached_property

@@ -21,7 +21,7 @@ from puckbench.core.files import read_bytes
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from puckbench.geometry.cloud import Floats, UncheckedCloud, check_points
 from puckbench.geometry.missing_returns import missing_firings
 from puckbench.io.clouds import without_invalid, without_missing
 from puckbench.io.float32_frames import check_column_count, float32_rows
@@ -65,12 +65,12 @@ class NuScenes(FrameSet):
                 recovered = _recovered(table)
             about |= {"sensor": recovered.returns.sensor, **recovered.about()}
             return Scene(name, log, returns=recovered.returns, about=about)
-        cloud = PointCloud(table[:, :3], about={**about, "dropped_points": 0})
+        cloud = UncheckedCloud(table[:, :3], about={**about, "dropped_points": 0})
         if not self.keep_missing:
             cloud = without_missing(cloud, missing_firings(cloud.xyz, table[:, 4]), path)
         cloud = without_invalid(cloud, path)
         check_points(cloud.xyz, str(path))
-        return Scene(name, log, cloud=cloud, origin=(0.0, 0.0, 0.0), about=cloud.about)
+        return Scene(name, log, cloud=cloud.checked(), origin=(0.0, 0.0, 0.0), about=cloud.about)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
         paths = sorted((folder / self.part / "LIDAR_TOP").glob(f"*{_SUFFIX}"))

@@ -9,7 +9,7 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
 from puckbench.geometry.cloud import check_extent
-from puckbench.io.clouds import SUFFIXES, check_cloud, read_unchecked_cloud, removal_counts
+from puckbench.io.clouds import SUFFIXES, checked_cloud, read_unchecked_cloud, removal_counts
 from puckbench.io.ply import has_faces
 
 
@@ -39,13 +39,13 @@ class PointClouds(FileSet):
         path = self._file(name)
         unit = self._unit(path)  # one that is named counts more than that of the file
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)
-        cloud = read_unchecked_cloud(path, *options, convert=unit == 1)
+        unchecked = read_unchecked_cloud(path, *options, convert=unit == 1)
         about = {
             **self._about(path),
             "file_bytes": path.stat().st_size,
-            **removal_counts(cloud.about),
+            **removal_counts(unchecked.about),
         }
-        check_cloud(cloud, path)
+        cloud = checked_cloud(unchecked, path)
         if unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * unit)
         check_extent(cloud.xyz, str(path))

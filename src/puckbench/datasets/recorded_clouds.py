@@ -9,7 +9,7 @@ from puckbench.datasets.recordings import BAG_SUFFIXES, RecordingSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import check_extent
-from puckbench.io.clouds import check_cloud, removal_counts
+from puckbench.io.clouds import checked_cloud, removal_counts
 
 
 @LOADERS.register("recorded_clouds")
@@ -38,8 +38,7 @@ class RecordedClouds(RecordingSet):
         if number % self.every:
             look_up(self._clouds, name, str(self.path))
         options = (topic, self.keep_missing, self.drop_invalid)
-        cloud = read_recorded_cloud(path, number, *options)
-        check_cloud(cloud, path)
+        cloud = checked_cloud(read_recorded_cloud(path, number, *options), path)
         check_extent(cloud.xyz, str(path))
         about = {"source": path.name, "topic": topic, "message": number}
         about |= removal_counts(cloud.about)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model, parsed
 
 if TYPE_CHECKING:
@@ -20,20 +20,20 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 CoordinateFrame = Literal["scaled", "metric"]
 """Frame of coordinates: scaled to a cube of integer grid positions, or metric (metres)."""
-_INTEGER_LIMIT = 2**53
+INTEGER_LIMIT = 2**53
 """Integers below this are exact in double precision."""
 
 
 class _VoxelGrid(Model, extra="ignore"):
     metres: PositiveFloat
     origin: tuple[float, float, float]
-    size: Annotated[int, Field(ge=2, lt=_INTEGER_LIMIT)]
+    size: Annotated[int, Field(ge=2, lt=INTEGER_LIMIT)]
 
 
 class _Description(Model, extra="ignore"):
     name: str = ""
     group: str = ""
-    size: Annotated[int, Field(ge=0, lt=_INTEGER_LIMIT)] | None = None
+    size: Annotated[int, Field(ge=0, lt=INTEGER_LIMIT)] | None = None
     scale: PositiveFloat = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     peak: PositiveFloat | None = None
@@ -45,12 +45,12 @@ class _Description(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Points with optional attributes.
+    """Points with optional attributes; lists and whole numbers are converted to the arrays named.
 
     Parameters
     ----------
     xyz
-        Coordinates, (n, 3) float64.
+        Coordinates, (n, 3) float64, finite.
     normals
         Unit vectors, (n, 3) float64.
     colours
@@ -64,6 +64,12 @@ class PointCloud:
         Returns of a spinning sensor, one per point.
     fields
         Further attributes by name, (n,) each.
+
+    Raises
+    ------
+    InputError
+        An array has another shape, is not of numbers, or does not fit its type; a point is not
+        finite; or the description is not valid.
     """
 
     xyz: Floats
@@ -75,10 +81,30 @@ class PointCloud:
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        xyz = _numbers(self.xyz, "points", (None, 3))
+        count = len(xyz)
+        arrays = {"xyz": xyz.astype(np.float64) if xyz.dtype.kind in "iu" else xyz}
+        if self.normals is not None:
+            arrays["normals"] = _numbers(self.normals, "normals", (count, 3))
+        if self.colours is not None:
+            arrays["colours"] = _integers(self.colours, "colours", (count, 3), np.uint8)
+        if self.labels is not None:
+            arrays["labels"] = _integers(self.labels, "labels", (count,), np.int32)
+        for name, array in arrays.items():
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "fields", _fields(self.fields, count))
+        if self.returns is not None and len(self.returns) != count:
+            raise InputError(f"{len(self.returns)} returns for {count} points")
+        self._check_finite()
+        if not isinstance(self.about, Mapping):
+            raise InputError(f"the cloud's description: not a dict, but {_kind(self.about)}")
         names = _Description.model_fields.keys() & self.about.keys()
         if names:
             entries = {name: self.about[name] for name in names}
             parsed(_Description, entries, "the cloud's description")
+
+    def _check_finite(self) -> None:
+        check_finite(self.xyz)
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -99,10 +125,7 @@ class PointCloud:
         peak = self.about.get("peak")
         return None if peak is None else float(peak)
 
-    def finite(self) -> PointCloud:
-        return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
-
-    def select(self, rows: NDArray[Any]) -> PointCloud:
+    def select(self, rows: NDArray[Any]) -> Self:
         """Return the points that a mask or indices select, without `returns`."""
         return replace(
             self,
@@ -118,6 +141,64 @@ class PointCloud:
         """Transform points (m, 3) from the cloud's unit to metres: ``points / scale + offset``."""
         scale, offset = self.about.get("scale", 1.0), self.about.get("offset", (0.0, 0.0, 0.0))
         return np.asarray(points / scale + np.asarray(offset))
+
+
+@dataclass(frozen=True)
+class UncheckedCloud(PointCloud):
+    """A cloud as a file holds it: points may be not finite."""
+
+    def _check_finite(self) -> None:
+        pass
+
+    def checked(self) -> PointCloud:
+        """Return the cloud; raise InputError if a point is not finite."""
+        return PointCloud(**vars(self))
+
+
+def _numbers(values: Any, what: str, shape: tuple[int | None, ...]) -> NDArray[Any]:
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # lists of different lengths
+        raise InputError(f"{what}: not an array ({error})") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{what}: not numbers, but {_kind(values)}")
+    if len(shape) != array.ndim or any(
+        size not in (None, actual) for size, actual in zip(shape, array.shape, strict=True)
+    ):
+        expected = str(shape).replace("None", "n")
+        raise InputError(f"expected {what} of shape {expected}, got {array.shape}")
+    return array
+
+
+def _integers(
+    values: Any, what: str, shape: tuple[int, ...], kind: type[np.integer[Any]]
+) -> NDArray[Any]:
+    array = _numbers(values, what, shape)
+    with np.errstate(invalid="ignore"):
+        converted = array.astype(kind, copy=False)
+    if array.dtype != kind and not np.array_equal(converted, array):
+        limits = np.iinfo(kind)
+        raise InputError(f"{what}: not whole numbers from {limits.min} to {limits.max}")
+    return converted
+
+
+def _fields(fields: Any, count: int) -> dict[str, NDArray[Any]]:
+    if not isinstance(fields, Mapping):
+        raise InputError(f"fields: not arrays by name, but {_kind(fields)}")
+    arrays = {name: np.asarray(values) for name, values in fields.items()}
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fiub" or array.shape != (count,):
+            what = f"{_kind(array)} of shape {array.shape}"
+            raise InputError(
+                f"field {name}: expected a number for each of {count} points, got {what}"
+            )
+    return arrays
+
+
+def _kind(values: Any) -> str:
+    return (
+        f"an array of {values.dtype}" if isinstance(values, np.ndarray) else type(values).__name__
+    )
 
 
 def bounds(points: Floats) -> Floats:
@@ -149,10 +230,15 @@ def check_points(points: Floats, source: str) -> None:
 
     The message begins with `source`.
     """
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"{source}: expected points of shape (n, 3), got {points.shape}")
-    if len(points) == 0:
-        raise InputError(f"{source}: the cloud is empty")
+    with naming(source):
+        _numbers(points, "points", (None, 3))
+        if len(points) == 0:
+            raise InputError("the cloud is empty")
+        check_finite(points)
+
+
+def check_finite(points: Floats) -> None:
+    """Raise InputError unless all points (n, 3) are finite."""
     if not np.isfinite(points).all():
         invalid = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
-        raise InputError(f"{source}: {invalid} of {len(points)} points are not finite")
+        raise InputError(f"{invalid} of {len(points)} points are not finite")

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, bounds
+from puckbench.geometry.cloud import INTEGER_LIMIT, Floats, bounds
 
 GRID = "grid"
 """Value of the option `size` for the voxel grid of the cloud's description."""
@@ -46,6 +46,8 @@ def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
 
     It subtracts each axis's minimum, and multiplies by (size - 1) / largest extent.
     """
+    if not 2 <= size < INTEGER_LIMIT:
+        raise InputError(f"size is {size}, but must be from 2 to 2^53 (or 0: metres)")
     offset = points.min(axis=0)
     extent = float((points.max(axis=0) - offset).max())
     if extent <= 0:

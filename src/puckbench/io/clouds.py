@@ -16,7 +16,7 @@ from puckbench.core.content import plain_suffix, read_content, unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import written_whole
 from puckbench.core.lazy import imported
-from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.geometry.cloud import PointCloud, UncheckedCloud, check_points
 from puckbench.geometry.missing_returns import missing_firings, missing_returns
 from puckbench.io.archives import read_archive
 from puckbench.io.descriptions import read_description, sidecar, write_description
@@ -103,17 +103,17 @@ def read_cloud(
         The file is missing, damaged, empty or a mesh, or points are not finite.
     """
     cloud = read_unchecked_cloud(Path(path), keep_missing, drop_invalid, bin_columns)
-    check_cloud(cloud, Path(path))
-    return cloud
+    return checked_cloud(cloud, Path(path))
 
 
-def check_cloud(cloud: PointCloud, path: Path) -> None:
+def checked_cloud(cloud: UncheckedCloud, path: Path) -> PointCloud:
     try:
         check_points(cloud.xyz, str(path))
     except InputError as error:
-        if len(cloud) == len(cloud.finite()):
+        if np.isfinite(cloud.xyz).all():
             raise
         raise InputError(f"{error} (prepare and run leave them out: --drop-invalid)") from error
+    return cloud.checked()
 
 
 def read_unchecked_cloud(
@@ -122,12 +122,12 @@ def read_unchecked_cloud(
     drop_invalid: bool = False,
     bin_columns: str | None = None,
     convert: bool = True,
-) -> PointCloud:
+) -> UncheckedCloud:
     """Read a cloud like `read_cloud`, but allow empty clouds and points that are not finite.
 
     With `convert`, LAS coordinates are converted to metres.
     """
-    columns = _read_columns(path, bin_columns, convert)
+    columns = _read_columns(path, bin_columns, convert, keep_missing)
     with naming(path):
         cloud = cloud_from_columns(columns)
     if step := coarse_step(columns):
@@ -144,7 +144,9 @@ def read_unchecked_cloud(
     return without_invalid(cloud, path) if drop_invalid else cloud
 
 
-def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -> PointCloud:
+def without_missing(
+    cloud: UncheckedCloud, missing: NDArray[np.bool_], path: Path
+) -> UncheckedCloud:
     """Remove points where `missing` (n,) is true; warn, and count them in the description."""
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
@@ -154,7 +156,7 @@ def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -
     return replace(present, about={**present.about, "missing_returns": count}) if count else present
 
 
-def without_invalid(cloud: PointCloud, path: Path) -> PointCloud:
+def without_invalid(cloud: UncheckedCloud, path: Path) -> UncheckedCloud:
     """Remove points that are not finite, warn, and count them in the description."""
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
@@ -164,7 +166,9 @@ def removal_counts(about: Mapping[str, Any]) -> dict[str, int]:
     return {name: about[name] for name in ("dropped_points", "missing_returns") if name in about}
 
 
-def _without(cloud: PointCloud, rows: NDArray[np.bool_], path: Path, reason: str) -> PointCloud:
+def _without(
+    cloud: UncheckedCloud, rows: NDArray[np.bool_], path: Path, reason: str
+) -> UncheckedCloud:
     count = int(np.count_nonzero(rows))
     if not count:
         return cloud
@@ -182,14 +186,17 @@ def _missing(cloud: PointCloud, path: Path) -> NDArray[np.bool_]:
     return missing
 
 
-def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns:
+def _read_columns(
+    path: Path, bin_columns: str | None, convert: bool, keep_missing: bool
+) -> Columns:
     suffix = plain_suffix(path)
     if path.exists():
         _check_kind(path, suffix)
     read = imported(READERS[suffix]) if suffix in READERS else _read_ply_points
     if suffix in (".las", ".laz", ".e57"):
         with unpacked(path) as plain:
-            return cast(Columns, read(plain) if suffix == ".e57" else read(plain, convert))
+            more = (keep_missing,) if suffix == ".e57" else (convert,)
+            return cast(Columns, read(plain, *more))
     return cast(Columns, read(path, bin_columns) if suffix == ".bin" else read(path))
 
 

@@ -51,8 +51,13 @@ def read_npy(path: Path) -> Columns:
     data = read_content(path)
     with naming(path):
         if data.startswith(_ZIP):
-            return _read_archive(data, path)
-        return _array_columns(_read_array(data))
+            columns = _read_archive(data, path)
+        else:
+            columns = _array_columns(_read_array(data))
+    others = [name for name, values in columns.items() if values.dtype.kind not in "fiub"]
+    if others:
+        _log.warning("%s: columns without numbers are left out: %s", path, ", ".join(others))
+    return columns
 
 
 def _read_array(data: bytes) -> NDArray[Any]:
@@ -79,7 +84,7 @@ def _array_columns(array: NDArray[Any]) -> Columns:
         flat = array.reshape(-1)
         columns: Columns = {}
         for name in array.dtype.names:
-            columns |= _named_columns(name, flat[name])
+            columns = _joined(columns, _named_columns(name, flat[name]))
         return columns
     is_image = array.ndim == 3 and array.dtype.kind == "f"
     rows = array.reshape(-1, array.shape[-1]) if is_image else array
@@ -89,6 +94,12 @@ def _array_columns(array: NDArray[Any]) -> Columns:
     if count > _MAX_COLUMNS or (count > _MAX_COLUMNS_OF_FEW_POINTS and len(rows) < count):
         raise InputError(f"{count} columns: transpose it to a row for each point, (n, 3 or more)")
     return default_columns(rows)
+
+
+def _joined(columns: Columns, more: Columns) -> Columns:
+    if twice := columns.keys() & more.keys():
+        raise InputError(f"two arrays or fields hold the column {min(twice)}")
+    return columns | more
 
 
 def _named_columns(name: str, values: NDArray[Any]) -> Columns:
@@ -108,7 +119,8 @@ def _read_archive(data: bytes, path: Path) -> Columns:
     for name in point_arrays:
         with naming(f"array {name}"):
             array = _read_array(contents[name])
-            columns |= _array_columns(array) if len(point_arrays) == 1 else {name: _flat(array)}
+            more = _array_columns(array) if len(point_arrays) == 1 else {name: _flat(array)}
+            columns = _joined(columns, more)
     points = len(next(iter(columns.values()), ()))
     if any(len(part) != points for part in columns.values()):
         raise InputError("its arrays x, y and z have different lengths")
@@ -119,7 +131,10 @@ def _read_archive(data: bytes, path: Path) -> Columns:
             _log.warning("%s: array %s is left out: %s", path, name, error)
             continue
         if values.ndim and len(values) == points:
-            columns |= _named_columns(name, values)
+            columns = _joined(columns, _named_columns(name, values))
+        elif values.ndim == 1 or name.lower() in _COLUMN_NAMES:  # not a pose, say
+            lengths = (path, name, len(values), points)
+            _log.warning("%s: array %s is left out: %d values for %d points", *lengths)
     return columns
 
 

@@ -19,6 +19,7 @@ from puckbench.core.content import read_content
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import write_bytes
 from puckbench.io.damage import one_line, reading
+from puckbench.io.field_names import decoded
 
 _MAX_VALUES = 4096
 """Maximum values of a field per point; PCL's largest descriptor has 1,980."""
@@ -75,7 +76,7 @@ def parse_pcd(data: bytes, source: str = "PCD file") -> dict[str, NDArray[Any]]:
     head = re.match(rb"(?:[^\n]*\n){0,40}?DATA[ \t]+(\w+)[^\n]*\n", data[:_MAX_HEADER_BYTES])
     if head is None:
         raise InputError("not a PCD file")
-    lines = [line.split() for line in head.group().decode("ascii", "replace").splitlines()]
+    lines = [decoded(line).split() for line in head.group().splitlines()]
     header = {line[0]: line[1:] for line in lines if line}
     with reading("PCD header", *_HEADER_DAMAGE):
         kind = np.dtype(list(_fields(header)))

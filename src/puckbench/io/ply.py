@@ -18,6 +18,7 @@ from puckbench.core.content import plain_name, read_content
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable, written_whole
 from puckbench.io.damage import reading
+from puckbench.io.field_names import ascii_name, decoded
 
 _MAX_HEADER_BYTES = 1 << 20
 _OLD_TYPES = {"char": 1, "uchar": 1, "short": 2, "ushort": 2, "int": 4, "uint": 4, "float": 4}
@@ -34,6 +35,7 @@ class _Element:
     name: str
     count: int
     min_bytes: int
+    has_lists: bool
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,15 @@ def read_elements(path: Path) -> Any:
     header = _header(head, path)
     if plain_name(path) == path and header.is_plain:
         _check_size(header, path.stat().st_size, path)
+        if header.is_text:
+            _warn_of_lines(header, _text(read_content(path)[header.size :]), path)
         return _parse(path, path)
     data = read_content(path)
     _check_size(header, len(data), path)
     body = data[header.size :]
     if header.is_text:
-        body = body.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        body = _text(body)
+        _warn_of_lines(header, body, path)
     # Some systems do not remove the file while the rows are memory-mapped to it.
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         plain = Path(folder, path.name)
@@ -99,10 +104,14 @@ def _header(head: bytes, path: Path) -> _PlyHeader:
     is_text = [b"format", b"ascii"] in [words[:2] for words in lines]
     with naming(path), reading("PLY header", IndexError, KeyError, ValueError):
         elements = tuple(_elements(lines, is_text))
-    plain = b"".join(b" ".join(words) + b"\n" for words in lines)
+    plain = b"".join(b" ".join(map(_plain_word, words)) + b"\n" for words in lines)
     has_no_blanks = (begin[0], end[0]) == (b"ply" + ending, b"end_header" + ending)
     is_plain = has_no_blanks and head[: end.end()].isascii()
     return _PlyHeader(end.end(), plain, is_plain, is_text, elements)
+
+
+def _plain_word(word: bytes) -> bytes:
+    return word if word.isascii() else ascii_name(decoded(word)).encode()
 
 
 def _elements(lines: list[list[bytes]], is_text: bool) -> Iterator[_Element]:
@@ -114,7 +123,8 @@ def _elements(lines: list[list[bytes]], is_text: bool) -> Iterator[_Element]:
         count = int(lines[start][2])
         if count < 0 or (count and not min_bytes):
             raise ValueError(f"{count} elements of {min_bytes} bytes")
-        yield _Element(lines[start][1].decode("ascii", "replace"), count, min_bytes)
+        has_lists = any(kind[0] == b"list" for kind in kinds)
+        yield _Element(lines[start][1].decode("ascii", "replace"), count, min_bytes, has_lists)
 
 
 def _check_size(header: _PlyHeader, size: int, path: Path) -> None:
@@ -122,6 +132,23 @@ def _check_size(header: _PlyHeader, size: int, path: Path) -> None:
     if header.size + min_bytes > size + header.is_text:
         counts = ", ".join(f"{element.count} of {element.name}" for element in header.elements)
         raise InputError(f"{path}: not a readable PLY file (truncated: its header says {counts})")
+
+    last = header.elements[-1] if header.elements else None
+    surplus = size - header.size - min_bytes
+    is_fixed = not header.is_text and not any(element.has_lists for element in header.elements)
+    if last is not None and is_fixed and surplus >= last.min_bytes:
+        _log.warning("%s: left out %d bytes after its %d %s", path, surplus, last.count, last.name)
+
+
+def _text(body: bytes) -> bytes:
+    return body.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+
+
+def _warn_of_lines(header: _PlyHeader, body: bytes, path: Path) -> None:
+    expected = sum(element.count for element in header.elements)
+    surplus = body.rstrip().count(b"\n") + 1 - expected
+    if body.strip() and surplus > 0:
+        _log.warning("%s: left out %d lines after its %d lines", path, surplus, expected)
 
 
 def has_faces(path: Path) -> bool:

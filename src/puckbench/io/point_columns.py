@@ -1,14 +1,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.cloud import Floats, UncheckedCloud
+from puckbench.io.field_names import ascii_name
 
 Columns = dict[str, NDArray[Any]]
 
@@ -33,10 +34,11 @@ _PACKED_COLOURS = ("rgb", "rgba")
 _RESERVED = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label"}
 _MAX_STEP = 1e-5
 _MAX_COLOUR = 255
+_MAX_OFF_UNIT = 0.1
 _EXACT_INTEGERS = 2**53
 
 
-def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
+def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> UncheckedCloud:
     """Make a cloud from columns (n,), named as in PLY, PCD, LAS or E57 files, ignoring case.
 
     Columns other than coordinates, normals, colours and labels become fields. Raises InputError if
@@ -50,7 +52,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     normals, wide_colours = _pop_triple(remaining, _NORMALS), _pop_triple(remaining, _COLOURS)
     if wide_colours is None:
         wide_colours = _pop_packed_colours(remaining)
-    fields = dict(_fields(remaining))
+    fields = _fields(remaining)
     colours = None
     if wide_colours is not None:
         colours, is_exact = _eight_bits(wide_colours)
@@ -59,28 +61,30 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     labels = _labels(remaining)
     field = fields.pop("label", None)
     if labels is None and field is not None:
-        fields["label_"] = field
+        fields[_other_name("label_", fields)] = field
     with np.errstate(invalid="ignore"):  # signalling NaNs
         xyz = np.ascontiguousarray(xyz, dtype=np.float64)
         if normals is not None:
             normals = np.ascontiguousarray(normals, dtype=np.float64)
-    return PointCloud(xyz, normals, colours, labels, fields=fields)
+    return UncheckedCloud(xyz, normals, colours, labels, fields=fields)
 
 
 def default_columns(rows: NDArray[Any]) -> Columns:
     """Name the columns of an array (n, 3 or more) without column names, by convention.
 
     Of four columns, the last is the intensity. Of six, the last three are colours if they are
-    integers from 0 to 255, else normals. Of seven, the last four are intensity and colours, in
-    either order. Further columns are numbered.
+    integers from 0 to 255, or normals if they are unit vectors. Of seven, the last four are
+    intensity and colours, in either order. Further columns are numbered.
     """
     names = ["x", "y", "z"]
     colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
     count = rows.shape[1]
     if count == 4:
         names += ["intensity"]
-    elif count == 6:
-        names += colours if _are_colours(rows[:, 3:]) else normals
+    elif count == 6 and _are_colours(rows[:, 3:]):
+        names += colours
+    elif count == 6 and _are_normals(rows[:, 3:]):
+        names += normals
     elif count == 7 and _are_colours(rows[:, 4:]):
         names += ["intensity", *colours]
     elif count == 7 and _are_colours(rows[:, 3:6]):
@@ -96,15 +100,25 @@ def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
     """
     columns: Columns = {}
     for field, values in fields.items():
-        name = re.sub(r"\W+", "_", field)
-        name = f"{name}_" if name in _RESERVED else name
-        if values.dtype.kind == "b":
-            columns[name] = values.astype(np.uint8)
-        elif values.dtype.kind == "f":
-            columns[name] = values.astype("<f4" if values.dtype.itemsize <= 4 else "<f8")
-        elif values.dtype.kind in "iu":
-            columns |= _integer_columns(name, values)
+        name = _other_name(ascii_name(field), _RESERVED)
+        while not (typed := _typed_columns(name, values)).keys().isdisjoint(columns):
+            name = f"{name}_"
+        columns |= typed
     return columns
+
+
+def _other_name(name: str, taken: Container[str]) -> str:
+    while name in taken:
+        name = f"{name}_"
+    return name
+
+
+def _typed_columns(name: str, values: NDArray[Any]) -> Columns:
+    if values.dtype.kind == "b":
+        return {name: values.astype(np.uint8)}
+    if values.dtype.kind == "f":
+        return {name: values.astype("<f4" if values.dtype.itemsize <= 4 else "<f8")}
+    return _integer_columns(name, values) if values.dtype.kind in "iu" else {}
 
 
 def _integer_columns(name: str, values: NDArray[Any]) -> Columns:
@@ -132,8 +146,13 @@ def _normalised(name: str) -> str:
     return re.sub(r"\s*[\[(]m[\])]$", "", name.lower().strip().lstrip("/#").strip())
 
 
+def coordinate_names(names: Iterable[str]) -> list[str]:
+    """Return the names of the columns that hold x, y and z, or an empty list."""
+    return _first_triple(names, _XYZ)
+
+
 def has_coordinates(names: Iterable[str]) -> bool:
-    return bool(_first_triple(names, _XYZ))
+    return bool(coordinate_names(names))
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
@@ -180,23 +199,28 @@ def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    if colours.dtype.kind == "f":
-        high = np.nan_to_num(colours).max(initial=0)
-        scaled = np.clip(np.nan_to_num(colours * (_MAX_COLOUR if high <= 1 else 1)), 0, _MAX_COLOUR)
-        return np.rint(scaled).astype(np.uint8), bool(high > 1 and (scaled == colours).all())
-    if colours.max(initial=0) <= _MAX_COLOUR:
-        return colours.astype(np.uint8), True
-    high_bytes = (np.clip(colours, 0, 0xFFFF).astype(np.uint16) >> 8).astype(np.uint8)
-    is_exact = (colours % 256 == 0).all() or (colours == high_bytes * np.int64(257)).all()
-    return high_bytes, bool(is_exact)
+    """Return colours in 8 bits, and whether they hold all of `colours`."""
+    values = np.nan_to_num(colours) if colours.dtype.kind == "f" else colours
+    low, high = values.min(initial=0), values.max(initial=0)
+    if high > _MAX_COLOUR:
+        high_bytes = (np.clip(values, 0, 0xFFFF).astype(np.uint16) >> 8).astype(np.uint8)
+        is_exact = (colours % 256 == 0).all() or (colours == high_bytes * np.int64(257)).all()
+        return high_bytes, bool(is_exact and low >= 0)
+    is_share = colours.dtype.kind == "f" and high <= 1
+    scaled = np.clip(values * _MAX_COLOUR if is_share else values, 0, _MAX_COLOUR)
+    eight_bits = np.rint(scaled).astype(np.uint8)
+    return eight_bits, bool(not is_share and (eight_bits == colours).all())
 
 
-def _fields(columns: Columns) -> Iterator[tuple[str, NDArray[Any]]]:
-    for name, values in columns.items():
-        if values.ndim == 1 and values.dtype.kind in "fiub":
-            yield name, values
-        elif values.ndim == 2 and values.dtype.kind in "fiub":
-            yield from ((f"{name}_{part}", values[:, part]) for part in range(values.shape[1]))
+def _fields(columns: Columns) -> Columns:
+    numeric = {name: values for name, values in columns.items() if values.dtype.kind in "fiub"}
+    fields: Columns = {}
+    for name, values in numeric.items():
+        if values.ndim == 1:
+            fields[name] = values
+        for part in range(values.shape[1] if values.ndim == 2 else 0):
+            fields[_other_name(f"{name}_{part}", numeric.keys() | fields)] = values[:, part]
+    return fields
 
 
 def _labels(columns: Columns) -> NDArray[np.int32] | None:
@@ -214,3 +238,8 @@ def _are_colours(values: NDArray[Any]) -> bool:
         return False
     whole = (values == np.rint(values)).all()
     return bool(whole and values.min() >= 0 and 1 < values.max() <= _MAX_COLOUR)
+
+
+def _are_normals(values: NDArray[Any]) -> bool:
+    lengths = np.linalg.norm(np.asarray(values, np.float64), axis=1)
+    return bool((np.isnan(lengths) | (lengths == 0) | (np.abs(lengths - 1) < _MAX_OFF_UNIT)).all())

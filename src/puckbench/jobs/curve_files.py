@@ -40,8 +40,9 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
     write_archive(path, members)
 
 
-def read_curve(path: Path) -> dict[str, Coded]:
+def read_curve(path: str | Path) -> dict[str, Coded]:
     """Read streams and records by rate; raise InputError if the file is not a curve."""
+    path = Path(path)
     members = read_archive(path)
     rates = [PurePosixPath(name).stem for name in members if name.endswith(STREAM)]
     if not rates:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,18 @@ def to_code(
     cloud = read_cloud(path)
     if frame is None and plain_suffix(path) in IN_METRES:
         frame = "metric"
+    cloud = _in_frame(cloud, frame)
     with naming(path):
-        codec.check_frame(frame or cloud.frame, rate)
-    points_alone = codec.takes == "points" and not codec.attributes
-    return cloud if points_alone else with_returns(cloud, path)
+        codec.check_frame(cloud.frame, rate)
+        points_alone = codec.takes == "points" and not codec.attributes
+        return cloud if points_alone else with_returns(cloud, path)
+
+
+def _in_frame(cloud: PointCloud, frame: CoordinateFrame | None) -> PointCloud:
+    if frame in (None, cloud.frame):
+        return cloud
+    size = 0 if frame == "metric" else max(2, int(cloud.xyz.max()) + 1)
+    return replace(cloud, about={**cloud.about, "size": size})
 
 
 def measured_encoding(

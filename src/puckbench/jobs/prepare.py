@@ -10,9 +10,9 @@ from pydantic import Field, PositiveFloat
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
 from puckbench.core.models import Model, parsed
-from puckbench.geometry.cloud import Floats, PointCloud, bounds
+from puckbench.geometry.cloud import Floats, PointCloud, UncheckedCloud, bounds
 from puckbench.geometry.extent import warn_of_implausible_extent
-from puckbench.io.clouds import check_cloud, read_unchecked_cloud, write_cloud
+from puckbench.io.clouds import checked_cloud, read_unchecked_cloud, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
@@ -100,8 +100,7 @@ class Prepare(Job):
             return _of_scan(path, self.clean)
         from puckbench.jobs.preparation import MeasuredPoints
 
-        cloud = self._cloud(path)
-        check_cloud(cloud, path)
+        cloud = checked_cloud(self._cloud(path), path)
         # Undo the shift of a prepared cloud, unless it is in a sensor's frame.
         if cloud.frame is not None and "sensor" not in cloud.about:
             cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
@@ -109,7 +108,7 @@ class Prepare(Job):
             cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
         return MeasuredPoints(cloud, clean=cloud)
 
-    def _cloud(self, path: Path) -> PointCloud:
+    def _cloud(self, path: Path) -> UncheckedCloud:
         convert = self.metres_per_unit == 1
         options = (self.keep_missing, self.drop_invalid, self.bin_columns, convert)
         return read_unchecked_cloud(path, *options)

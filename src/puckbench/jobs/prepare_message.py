@@ -3,7 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.cloud import UncheckedCloud
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.recordings.cloud_messages import read_recorded_cloud
@@ -24,7 +24,7 @@ class PrepareMessage(Prepare):
     message: int
     topic: str | None = None
 
-    def _cloud(self, path: Path) -> PointCloud:
+    def _cloud(self, path: Path) -> UncheckedCloud:
         options = (self.keep_missing, self.drop_invalid)
         cloud = read_recorded_cloud(path, self.message, self.topic, *options)
         return replace(cloud, about={"source": path.name, "message": self.message, **cloud.about})

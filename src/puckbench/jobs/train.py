@@ -16,6 +16,7 @@ from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.learned.catalogue import weights_file
+from puckbench.learned.device import why_not
 from puckbench.learned.training.settings import BaseTraining
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class Train(Job):
         from puckbench.jobs.training_log import TrainingLog
         from puckbench.learned.training.loop import train
 
+        self._check_entry()
         training = open_training(self.codec, self.changes, self.options)
         checkpoint = weights.with_suffix(".pt")
         with training.trainer() as trainer:
@@ -86,6 +88,12 @@ class Train(Job):
             training.export(weights, trainer.model, card)
         write_json(weights.with_suffix(".json"), card)
         return card
+
+    def _check_entry(self) -> None:
+        """Raise InputError if the codec's options are not valid, or its device is not here."""
+        device: Any = getattr(open_codec(self.codec, self.changes).options, "device", "cpu")
+        if reason := why_not(device):
+            raise InputError(f"codec {self.codec}: {reason}")
 
     def _begin(
         self, trainer: BaseTrainer[Any, Any], training: BaseTraining, clouds: Sequence[Path]

@@ -71,6 +71,6 @@ def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) 
 
 
 def _colours(cloud: PointCloud, source: str) -> np.ndarray:
-    if cloud.colours is None or cloud.colours.shape != cloud.xyz.shape:
+    if cloud.colours is None:
         raise InputError(f"{source}: needs a colour for every point")
     return cloud.colours

@@ -151,8 +151,6 @@ def _float64(values: NDArray[Any]) -> Floats:
 
 def _checked_normals(reference: PointCloud) -> Floats:
     normals = _float64(np.asarray(reference.normals))
-    if normals.shape != reference.xyz.shape:
-        raise InputError(f"reference cloud: {len(normals)} normals for {len(reference)} points")
     if not np.isfinite(normals).all():
         raise InputError("reference cloud: a normal is not finite")
     return normals

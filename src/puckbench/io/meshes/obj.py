@@ -54,11 +54,20 @@ def _lines(data: bytes) -> list[bytes]:
 
 def _vertices(lines: list[bytes], source: str) -> Floats:
     try:
+        if lines and len(lines[0].split()) == 4:
+            _check_weights(lines, source)
         numbers = [float(number) for line in lines for number in line.split(None, 3)[:3]]
         return np.array(numbers, dtype=np.float64).reshape(len(lines), 3)
     except ValueError as error:
         invalid = next((line for line in lines if not _is_vertex(line)), b"")
         raise InputError(f"{source}: not a vertex: {_quoted(invalid)}") from error
+
+
+def _check_weights(lines: list[bytes], source: str) -> None:
+    for line in lines:
+        words = line.split()
+        if len(words) == 4 and float(words[3]) != 1:
+            raise InputError(f"{source}: not a vertex in space, but with a weight: {_quoted(line)}")
 
 
 def _corners(lines: list[bytes], source: str) -> Ints:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import codecs
+import logging
 import re
 from pathlib import Path
 
@@ -15,6 +16,9 @@ from puckbench.io.meshes.polygons import Polygons
 _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
 
 
+_log = logging.getLogger(__name__)
+
+
 def read_off(path: Path) -> Polygons:
     """Read vertices and faces of an ASCII OFF file (Object File Format); skip colours and normals.
 
@@ -25,6 +29,8 @@ def read_off(path: Path) -> Polygons:
     if len(rows) < vertices + faces:
         fault = f"{len(rows)} lines for {vertices} vertices and {faces} faces"
         raise InputError(f"{path}: truncated: {fault}")
+    if surplus := len(rows) - vertices - faces:
+        _log.warning("%s: left out %d lines after its %d faces", path, surplus, faces)
     corners, sizes = _faces(rows[vertices : vertices + faces], path)
     return Polygons(_vertices(rows[:vertices], path), corners, sizes)
 

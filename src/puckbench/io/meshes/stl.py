@@ -13,6 +13,7 @@ from puckbench.io.meshes.polygons import Polygons, uniform_polygons
 _LOG = logging.getLogger(__name__)
 _HEADER_BYTES = 84
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_SOLID, _END_OF_SOLID = re.compile(rb"(?mi)^\s*solid\b"), re.compile(rb"(?i)\bendsolid\b")
 _PARTS = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)|\b(endloop)\b", re.IGNORECASE)
 
 
@@ -27,7 +28,8 @@ def _is_ascii(data: bytes) -> bool:
 
 
 def _ascii(data: bytes, path: Path) -> Polygons:
-    if b"endsolid" not in data.lower():
+    starts, ends_of_solids = (len(pattern.findall(data)) for pattern in (_SOLID, _END_OF_SOLID))
+    if not ends_of_solids or ends_of_solids < starts:
         raise InputError(f"{path}: truncated: the solid has no end")
     parts = _PARTS.findall(data)
     ends = np.flatnonzero([bool(part[3]) for part in parts])

@@ -88,7 +88,7 @@ def read_messages(
 
 
 def _isolated(parse: Callable[..., ParsedFile], path: Path, **options: Any) -> ParsedFile:
-    side_files = [path.with_name(path.name + suffix) for suffix in SIDE_FILE_SUFFIXES]
+    side_files = [path.parent / f"{path.name}{suffix}" for suffix in SIDE_FILE_SUFFIXES]
     with TemporaryDirectory() as folder:
         return parse_isolated(parse, path, "ROS bag", {**options, "folder": folder}, side_files)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from puckbench.core.errors import naming
-from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.cloud import UncheckedCloud
 from puckbench.geometry.missing_returns import missing_returns
 from puckbench.io.clouds import without_invalid, without_missing
 from puckbench.io.point_columns import Columns, cloud_from_columns
@@ -75,7 +75,7 @@ def read_recorded_cloud(
     topic: str | None = None,
     keep_missing: bool = False,
     drop_invalid: bool = False,
-) -> PointCloud:
+) -> UncheckedCloud:
     """Read a message as a cloud, which may be empty or have non-finite points.
 
     Missing returns are removed and counted as in `puckbench.io.clouds.read_cloud`.
