@@ -87,7 +87,7 @@ def read_recording(
         elif suffix in SUFFIXES:
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
         elif has_units:
-            returns = read_message_returns(path, topic, sensor, time_unit)
+            returns = read_message_returns(path, topic, sensor, time_unit, source)
             table = _between(returns, start_s, end_s)
         else:
             packets = read_packets(path, stream, source, topic)

@@ -28,7 +28,7 @@ RETURN_COLUMNS: ColumnSpecs = {
     "azimuth": ("<f8", "rad", "clockwise from forward (y) seen from above, at the firing"),
     "elevation": ("<f8", "rad", "nominal elevation of the laser"),
     "distance": ("<f8", "m", "measured distance"),
-    "reflectivity": ("<i2", "", "0..100 diffuse, 101..255 retro-reflector"),
+    "reflectivity": ("<i2", "", "0..100 diffuse, 101..255 retro-reflector; -1: not known"),
     "x": ("<f8", "m", "right, sensor's frame"),
     "y": ("<f8", "m", "forward, sensor's frame"),
     "z": ("<f8", "m", "up, sensor's frame, vertical correction applied"),
