@@ -100,7 +100,7 @@ LEFT_OUT: dict[str, tuple[str, Time, str]] = {
     "degrees": (
         "<f4",
         lambda since, _: 360 * since / TURN_S,
-        "field time has times of 0.356 s in messages that are 0.1 s apart",
+        "field time has times of 0.356 s in a message, though messages are 0.1 s apart",
     ),
     "zeros": ("<f4", lambda since, _: 0 * since, r"field time has one time for all points \(0\)"),
     "stamp": (

@@ -30,8 +30,8 @@ def cloud_bag(
     """Write a bag of ROS 1 (.bag) or a file of ROS 2 (.db3, .mcap); return its path.
 
     Each topic has the messages of structured arrays (n,) or (height, width), 0.1 s apart. `others`
-    are topics of text, by name. Clouds may be compressed by zlib, as point_cloud_transport does, and
-    have `frames`, by default the frame "sensor".
+    are topics of text, by name. Clouds may be compressed by zlib, as point_cloud_transport does.
+    `frames` are the clouds' coordinate frames, by default "sensor".
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

@@ -16,6 +16,8 @@ _LARGEST_FACTOR = 1000**0.5
 _LARGEST_STEP_RAD = np.radians(30)
 """Limit of the rotation between two firings; packets of a Puck at 20 Hz are 10 degrees apart."""
 _FEWEST_STEPS = 8
+_NO_LEAP = 0.95
+"""Share of the steps between times that contain no leap of the clock."""
 _YEAR_2000_S, _YEAR_2100_S = 946_684_800, 4_102_444_800
 _DAY_S = 86400.0
 _COARSEST_S = 1e-3
@@ -98,6 +100,7 @@ def _turns_per_tick(times: NDArray[Any], azimuth: Floats) -> float | None:
     near = turned < _LARGEST_STEP_RAD
     if near.sum() < max(_FEWEST_STEPS, len(near) / 2) or not turned[near].any():
         return None
+    near &= steps <= np.quantile(steps[near], _NO_LEAP)
     return float(turned[near].sum() / (2 * np.pi) / steps[near].sum())
 
 
