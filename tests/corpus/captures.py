@@ -313,6 +313,7 @@ CLOUDS += [
     Cloud(
         "whole_stamp.csv",
         csv("x,y,z,laser,t", LASERS, [12345] * 64),
+        warning=r"whole_stamp.csv: column t has one time for all points \(12345\): its",
         fields={"timestamp": [0.0] * 64},
     ),
     Case(

@@ -35,6 +35,8 @@ TIMES = ("timestamp", "time", "time_stamp", "t", "offset_time", "gps_time")
 REFLECTIVITIES = ("reflectivity", "intensity")
 MOST_OFF_DEG = 0.5
 """Limit of the median angle between the points of a laser and its cone."""
+_MOST_OFF = 0.1
+"""Share of points that may lie off their lasers' cones without a warning."""
 _BRIGHTEST, UNKNOWN = 255, -1
 _LEAP_S = 1.0
 
@@ -69,7 +71,7 @@ def returns_of_columns(
     with `label`.
     """
     xyz = _points(columns, label)
-    laser = _lasers(columns, xyz, device)
+    laser = _lasers(columns, xyz, device, label)
     azimuth = np.mod(np.arctan2(xyz[:, 0], xyz[:, 1]), 2 * np.pi)
     elevation = np.radians(device.laser_elevation_deg)[laser]
     values = {
@@ -119,7 +121,7 @@ def tell_missing(label: str, count: int) -> dict[str, int]:
     return {"dropped_points": count, "missing_returns": count}
 
 
-def _lasers(columns: Columns, xyz: Floats, sensor: Sensor) -> NDArray[np.intp]:
+def _lasers(columns: Columns, xyz: Floats, sensor: Sensor, label: str) -> NDArray[np.intp]:
     names = [name for name in LASERS if name in columns]
     if not names:
         raise InputError(f"no laser column ({', '.join(LASERS)})")
@@ -129,11 +131,15 @@ def _lasers(columns: Columns, xyz: Floats, sensor: Sensor) -> NDArray[np.intp]:
         for order in (by_rank, ids) if name in _RANKS else (ids, by_rank):
             try:
                 lasers = order[_numbered(columns[name], sensor)]
-                _check_cones(xyz, lasers, sensor)
+                off_deg = _off_cones(xyz, lasers, sensor)
             except InputError as error:
                 faults.append(f"column {name} {error}")
-            else:
-                return lasers
+                continue
+            share = float(np.mean(np.abs(off_deg) > MOST_OFF_DEG))
+            if share > _MOST_OFF:
+                told = f"{share:.0%} of the points lie more than {MOST_OFF_DEG:g} degrees off"
+                _log.warning("%s: column %s: %s the cones of their lasers", label, name, told)
+            return lasers
     raise InputError(faults[0])
 
 
@@ -150,32 +156,33 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
     return values.astype(np.intp)
 
 
-def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
-    """Raise InputError unless points lie on their lasers' cones, with or without height offsets.
+def _off_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> Floats:
+    """Return the angles (n,), degrees, between points and their lasers' cones.
 
-    As lasers may be closer than `MOST_OFF_DEG`, their cones may not all lie nearer to other lasers.
+    Cones are those with or without height offsets, whichever fit. Raises InputError if a laser's
+    points are far off its cone, or all lasers' points are nearer to their neighbours' cones.
     """
     level, elevations = np.hypot(xyz[:, 0], xyz[:, 1]), np.asarray(sensor.laser_elevation_deg)
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
-    apart = np.diff(np.unique(elevations))
-    worst, shifted = [], []
+    present, apart = np.unique(lasers), np.diff(np.unique(elevations))
+    fits = []
     for height in (corrections, np.zeros(sensor.lasers)):
         off = np.degrees(np.arctan2(xyz[:, 2] - height[lasers], level)) - elevations[lasers]
-        sizes = np.abs(off)
-        present = np.unique(lasers)
-        worst.append(max((float(np.median(sizes[lasers == k])), int(k)) for k in present))
-        shifted.append(abs(float(np.median([np.median(off[lasers == k]) for k in present]))))
-    degrees, laser = min(worst)
+        worst = max((float(np.median(np.abs(off[lasers == k]))), int(k)) for k in present)
+        fits.append((worst, off))
+    (degrees, laser), off = min(fits, key=lambda fit: fit[0])
     if degrees > MOST_OFF_DEG:
         raise InputError(
             f"has no lasers: points of laser {laser} lie {degrees:.1f} degrees off its cone; this"
             f" is not a recording of a {sensor.name} in its frame (another sensor: --sensor)"
         )
-    if len(apart) and min(shifted) > np.median(apart) / 2:
+    shift = abs(float(np.median([np.median(off[lasers == k]) for k in present])))
+    if len(apart) and shift > np.median(apart) / 2:
         raise InputError(
-            f"has no lasers: points lie {min(shifted):.2f} degrees off the cones of their lasers, "
+            f"has no lasers: points lie {shift:.2f} degrees off the cones of their lasers, "
             f"nearer to those of others (does it count the lasers of the {sensor.name} from 0?)"
         )
+    return off
 
 
 def _seconds(path: Path, columns: Columns, unit: TimeUnit | None) -> Floats:

@@ -30,6 +30,7 @@ from puckbench.lidar.recordings.message_times import (
 from puckbench.lidar.recordings.returns import RecordedReturns
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.turns import MAX_LASERS
 
 _BATCH = 64
 _log = logging.getLogger(__name__)
@@ -141,6 +142,8 @@ def _fitted(columns: Columns, label: str) -> tuple[Columns, Sensor, dict[str, An
         raise InputError(f"no laser column ({', '.join(LASERS)})")
     ring = columns[name]
     check_finite(f"field {name}", ring)
+    if (count := len(np.unique(ring))) > MAX_LASERS:
+        raise InputError(f"field {name} has {count:,} numbers, more than {MAX_LASERS} lasers")
     if (ring != np.floor(ring)).any():
         raise InputError(f"field {name} has {ring[ring != np.floor(ring)][0]:g}, no laser's number")
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
