@@ -98,7 +98,9 @@ def _of_rotation(log: PacketLog, steps: Floats, usual: float) -> list[str]:
         return []
     rise = f"{rises[np.argmax(is_off)]:.2f} degrees"
     hertz = f"{rate / 360 * 1e6:.3g} Hz"
-    return [f"the azimuth leaves {hertz} ({_first(is_off, len(steps) + 1)}: {rise})"]
+    return [
+        f"the azimuth rises unevenly, not at {hertz} ({_first(is_off, len(steps) + 1)}: {rise})"
+    ]
 
 
 def _of_ouster(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> list[str]:

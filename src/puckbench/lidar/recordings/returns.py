@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.errors import InputError
 from puckbench.io.return_tables import (
     ColumnSpecs,
     ReturnTable,
@@ -83,4 +84,8 @@ def write_returns(path: Path, table: RecordedReturns) -> None:
 
 
 def read_returns(path: Path) -> RecordedReturns:
-    return read_return_table(path, RecordedReturns)
+    table = read_return_table(path, RecordedReturns)
+    for name, values in table.columns.items():
+        if not np.isfinite(values).all():
+            raise InputError(f"{path}: column {name} has a value that is not finite")
+    return table
