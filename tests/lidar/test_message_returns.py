@@ -273,3 +273,42 @@ def test_a_compressed_bag_is_named_and_not_its_copy(
     assert main(["capture", str(tmp_path / "b.puck"), str(tmp_path / "a.parquet")]) == 0
     (line,) = caplog.messages
     assert line.startswith(f"{tmp_path / 'b.puck'}: topic /points: column intensity")
+
+
+@pytest.mark.parametrize(
+    ("intensity", "suffix", "stored", "told"),
+    [
+        (7, ".bin", 7 / 255, None),
+        (0.25, ".bin", 0.25, None),
+        (
+            -3,
+            ".bin",
+            -3,
+            "intensities from -3 to -3 remain as they are, as they are none from 0 to 1",
+        ),
+        (
+            4000,
+            ".bin",
+            4000,
+            "intensities from 4000 to 4000 remain as they are, as they are none from",
+        ),
+        (7, ".las", 7, None),
+        (4000, ".las", 4000, None),
+        (0.25, ".las", 0, "intensities from 0.25 to 0.25 become whole numbers from 0 to 65535"),
+        (-3, ".las", 0, "intensities from -3 to -3 become whole numbers from 0 to 65535"),
+    ],
+)
+def test_intensities_that_a_format_cannot_have_are_told(
+    intensity: float,
+    suffix: str,
+    stored: float,
+    told: str | None,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    path, out = bag(tmp_path / "a.mcap", turns(1, intensity=intensity)), tmp_path / f"a{suffix}"
+    assert main(["export", str(path), str(out)]) == 0
+    values = read_cloud(out).fields.get("intensity", np.zeros(1))
+    assert set(values) == {pytest.approx(stored)}
+    assert len(caplog.messages) == (told is not None)
+    assert all(line.startswith(f"{out}: {told}") for line in caplog.messages)

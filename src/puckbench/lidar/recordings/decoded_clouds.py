@@ -15,7 +15,7 @@ from puckbench.io.las import read_las
 from puckbench.io.pcd import read_pcd
 from puckbench.io.ply import read_ply
 from puckbench.io.text import read_csv
-from puckbench.lidar.recordings.returns import RETURN_COLUMNS, RecordedReturns
+from puckbench.lidar.recordings.returns import RETURN_COLUMNS, UNKNOWN, RecordedReturns
 from puckbench.lidar.recordings.times import TimeUnit, falls, fault_of, seconds_of, unit_of
 from puckbench.lidar.sensor import Sensor, load_sensor
 
@@ -37,7 +37,7 @@ MOST_OFF_DEG = 0.5
 """Limit of the median angle between the points of a laser and its cone."""
 _MOST_OFF = 0.1
 """Share of points that may lie off their lasers' cones without a warning."""
-_BRIGHTEST, UNKNOWN = 255, -1
+_BRIGHTEST = 255
 _LEAP_S = 1.0
 
 Columns = Mapping[str, NDArray[Any]]
@@ -226,7 +226,7 @@ def _tell_leap(path: Path, name: str, seconds: Floats) -> None:
 def _reflectivities(columns: Columns, label: str) -> NDArray[Any]:
     name = next((name for name in REFLECTIVITIES if name in columns), None)
     if name is None:
-        return np.zeros(len(columns["x"]))
+        return np.full(len(columns["x"]), UNKNOWN)
     values = columns[name].astype(np.float64)
     low, high = np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf)
     is_share = high <= 1 and (values != np.floor(values)).any()

@@ -20,6 +20,8 @@ from puckbench.lidar.turns import Turn, clock_steps
 
 STRONGEST, LAST, BOTH = 0, 1, 2
 """Kinds of return; in dual return mode, BOTH is a return that is strongest and last."""
+UNKNOWN = -1
+"""Reflectivity that is not known."""
 
 RETURN_COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
@@ -60,7 +62,7 @@ def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedRetu
 
 
 def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray[Any]]:
-    layout, beams, unknown = returns.layout, returns.beams, np.zeros(turn.ranges.shape)
+    layout, beams, unknown = returns.layout, returns.beams, np.full(turn.ranges.shape, UNKNOWN)
     columns, lasers, kinds = returns.indices(turn)
     at = (kinds, columns, lasers)
     is_only = turn.ranges[0, columns, lasers] == turn.ranges[-1, columns, lasers]
