@@ -229,11 +229,16 @@ def test_two_sensors_in_one_stream_are_told(
         assert any(line.startswith(fault) for line in lines(path, caplog))
 
 
-def test_packets_received_before_the_first_are_read(tmp_path: Path) -> None:
+def test_packets_received_before_the_first_are_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     """The recorder's clock is set back, or the first two packets are swapped."""
-    for received in (LOG.received - 3600 * (np.arange(160) > 20), LOG.received[swapped()]):
+    set_back = LOG.received - 3600 * (np.arange(160) > 20)
+    line = "times of reception go back (at packet 21)"
+    for received, told in ((LOG.received[swapped()], []), (set_back, [line])):
         path = written(tmp_path / "a.pcap", replace(LOG, received=received))
         assert same(read_recording(path), decode_packets(LOG.payloads))
+        assert lines(path, caplog) == told
         assert len(read_turns(path).returns.turns) == 4
 
 

@@ -13,7 +13,8 @@ from puckbench.lidar import load_sensor
 from tests.support.cloud_bags import Rows, cloud_bag
 
 ELEVATIONS = np.sort(np.asarray(load_sensor("vlp16").laser_elevation_deg))
-COLUMNS, TURN_S, STAMP_S, BOOT_S = 90, 0.1, 1.7e9, 5000.0
+COLUMNS, TURN_S, STAMP_S, BOOT_S = 64, 0.125, 1.7e9, 5000.0
+"""Times are multiples of 1/512 s, which numbers in s, us and ns represent exactly."""
 SINCE_S: Floats = np.repeat(np.arange(COLUMNS), 16) / COLUMNS * TURN_S
 """Time of each point of a turn since its beginning, s."""
 RANKS = np.tile(np.arange(16), COLUMNS)
@@ -59,7 +60,18 @@ def bag(
     stamps_s: Sequence[float] | None = None,
     frames: Sequence[str] = (),
 ) -> Path:
-    """Write the clouds to a bag; by default, stamps are those of turns at 10 Hz."""
+    """Write the clouds to a bag; by default, stamps are those of turns at 8 Hz."""
     if stamps_s is None:
         stamps_s = [STAMP_S + TURN_S * number for number in range(len(clouds))]
     return cloud_bag(path, {"/points": clouds}, stamps_s, frames=frames)
+
+
+def points(clouds: Sequence[Rows]) -> Floats:
+    """The clouds' points in the sensor's axes."""
+    rows = np.concatenate(clouds)
+    return np.column_stack([-rows["y"], rows["x"], rows["z"]]).astype(np.float64)
+
+
+def seconds(count: int = 4) -> Floats:
+    """True times of the points of turns, s."""
+    return np.concatenate([TURN_S * number + SINCE_S for number in range(count)])

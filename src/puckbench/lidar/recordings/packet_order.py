@@ -55,6 +55,9 @@ def tell_irregularities(source: Path, log: PacketLog) -> None:
     if late := log.about.get("late_packets"):
         told.append(f"sorted by the sensor's clock, as {late:,} packets are late")
     told += _of_velodyne(log) if log.sensor is None else _of_ouster(log.sensor, log.payloads)
+    back = np.diff(log.received) * 1e6 <= -_LEAP_US
+    if back.any():
+        told.append(f"times of reception go back ({_first(back, len(log))})")
     for line in told:
         logging.getLogger(__name__).warning("%s: %s", source, line)
 
