@@ -51,7 +51,7 @@ def cloud_bag(
             for number, rows in enumerate(clouds):
                 stamp = stamps_s[number] if stamps_s else 1e9 + 0.1 * number
                 frame = frames[number] if frames else "sensor"
-                message = cloud_message(types, rows, round(stamp * 1e9), is_ros1, frame)
+                message = cloud_message(types, rows, nanoseconds(stamp), is_ros1, frame)
                 if is_compressed:
                     message = compressed_message(types, message)
                 data = bytes(serialise(message, cloud_kind))
@@ -60,6 +60,10 @@ def cloud_bag(
         (file,) = path.with_suffix(".making").glob(f"*{path.suffix}")
         file.rename(path)
     return path
+
+
+def nanoseconds(seconds: float) -> int:
+    return int(seconds // 1) * 10**9 + round(seconds % 1 * 1e9)
 
 
 def _writer(path: Path) -> Any:

@@ -16,7 +16,14 @@ from puckbench.io.pcd import read_pcd
 from puckbench.io.ply import read_ply
 from puckbench.io.text import read_csv
 from puckbench.lidar.recordings.returns import RETURN_COLUMNS, UNKNOWN, RecordedReturns
-from puckbench.lidar.recordings.times import TimeUnit, falls, fault_of, seconds_of, unit_of
+from puckbench.lidar.recordings.times import (
+    TimeUnit,
+    falls,
+    fault_of,
+    largest_leap,
+    seconds_of,
+    unit_of,
+)
 from puckbench.lidar.sensor import Sensor, load_sensor
 
 _READERS = {
@@ -38,7 +45,6 @@ MOST_OFF_DEG = 0.5
 _MOST_OFF = 0.1
 """Share of points that may lie off their lasers' cones without a warning."""
 _BRIGHTEST = 255
-_LEAP_S = 1.0
 
 Columns = Mapping[str, NDArray[Any]]
 _log = logging.getLogger(__name__)
@@ -206,21 +212,13 @@ def _seconds(path: Path, columns: Columns, unit: TimeUnit | None) -> Floats:
     if falls(times):
         _log.warning("%s: column %s has times that fall from point to point", path, name)
     seconds = seconds_of(times, inferred)
-    _tell_leap(path, name, seconds)
+    if leap := largest_leap(seconds):
+        _log.warning("%s: column %s leaps by %.6g s after %.6g s", path, name, *leap)
     return seconds
 
 
 def _kind(values: NDArray[Any]) -> str:
     return "integers" if values.dtype.kind in "iu" else "numbers"
-
-
-def _tell_leap(path: Path, name: str, seconds: Floats) -> None:
-    instants = np.unique(seconds)
-    steps = np.diff(instants)
-    if len(steps) and steps.max() > _LEAP_S:
-        at = instants[int(np.argmax(steps))]
-        told = (path, name, steps.max(), at)
-        _log.warning("%s: column %s leaps by %.6g s after %.6g s", *told)
 
 
 def _reflectivities(columns: Columns, label: str) -> NDArray[Any]:

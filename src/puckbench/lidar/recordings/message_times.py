@@ -19,6 +19,7 @@ from puckbench.lidar.recordings.times import (
     falls,
     fault_of,
     is_since_1970,
+    largest_leap,
     unit_of,
 )
 
@@ -64,9 +65,10 @@ def seconds_of_messages(
     is_absolute, parts = times
     begins = np.array([part.min() for part in parts]) if is_absolute else stamps_s
     _tell_order(messages, begins, label, f"times in field {name}" if is_absolute else "stamps")
-    if is_absolute:
-        return parts, True
-    return [part + stamp for part, stamp in zip(parts, stamps_s, strict=True)], True
+    if not is_absolute:
+        parts = [part + stamp for part, stamp in zip(parts, stamps_s, strict=True)]
+    _tell_leaps(messages, parts, label, str(name))
+    return parts, True
 
 
 def _usable(
@@ -109,7 +111,7 @@ def _is_absolute(times: Sequence[NDArray[Any]], unit: TimeUnit) -> bool:
     if is_since_1970(times[0], unit):
         return True
     firsts = np.array([part.min() for part in times])
-    if np.abs(firsts).min() > _LONGEST_TURN_S * PER_SECOND[unit]:
+    if np.abs(firsts).max() > _LONGEST_TURN_S * PER_SECOND[unit]:
         return True
     steps, spans = np.diff(firsts), [np.ptp(part) for part in times]
     return len(steps) > 0 and bool(np.median(steps) > np.median(spans) / 2)
@@ -134,6 +136,16 @@ def _tell_order(
             more = f", usually {usual:.3g} s" if usual else ""
             told = (label, int(rows.sum()), len(messages), fault, of_what, step, more)
             _log.warning("%s: %d of %d messages %s by their %s (first %s%s)", *told)
+
+
+def _tell_leaps(
+    messages: Sequence[MessagePoints], parts: Sequence[Floats], label: str, name: str
+) -> None:
+    leaps = [largest_leap(part) for part in parts]
+    found = [number for number, leap in enumerate(leaps) if leap]
+    if found and (leap := leaps[found[0]]):
+        told = (label, name, leap[0], messages[found[0]].number, len(found), len(messages))
+        _log.warning("%s: field %s leaps by %.6g s in message %d (%d of %d leap)", *told)
 
 
 def _signed(times: NDArray[Any]) -> NDArray[Any]:

@@ -25,6 +25,7 @@ _COARSEST_S = 1e-3
 _OFF_ONE = 0.02
 """Tolerance of the one turn per unit if times are shares of turns."""
 _MOST_FALLS = 10
+_LEAP_S = 1.0
 
 
 def unit_of(times: NDArray[Any], azimuth: Floats, turn_s: float | None = None) -> TimeUnit | None:
@@ -72,6 +73,15 @@ def falls(times: NDArray[Any]) -> bool:
     """Whether times fall from point to point far more often than they rise."""
     fallen, risen = (times[1:] < times[:-1]).sum(), (times[1:] > times[:-1]).sum()
     return bool(fallen > _MOST_FALLS * risen)
+
+
+def largest_leap(seconds: Floats) -> tuple[float, float] | None:
+    """Return the largest step between times, s, and the time before, if it exceeds 1 s."""
+    instants = np.unique(seconds)
+    steps = np.diff(instants)
+    if not len(steps) or steps.max() <= _LEAP_S:
+        return None
+    return float(steps.max()), float(instants[int(np.argmax(steps))])
 
 
 def _are_shares(times: NDArray[Any], azimuth: Floats) -> bool:
