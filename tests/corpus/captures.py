@@ -321,6 +321,40 @@ CLOUDS += [
         warning=r"whole_stamp.csv: column t has one time for all points \(12345\): its",
         fields={"timestamp": [0.0] * 64},
     ),
+    Cloud(
+        "shares.csv",
+        csv("x,y,z,laser,t", LASERS, (AZIMUTH / 2 / np.pi % 1).tolist()),
+        warning=r"column t has shares of a turn \(0\.0\d+ to 0\.187\d+\), which are no times: its",
+        fields={"timestamp": [0.0] * 64},
+    ),
+    Cloud(
+        "before_the_end.csv",
+        csv("x,y,z,laser,t", LASERS, [second - 0.1 for second in SECONDS]),
+        fields={"timestamp": [second - 0.1 for second in SECONDS]},
+    ),
+    Cloud(
+        "leap.csv",
+        csv("x,y,z,laser,t", LASERS, [second + 3600 * (second > 0.0099) for second in SECONDS]),
+        warning=r"leap.csv: column t leaps by 3600 s after 0\.00977\d+ s$",
+    ),
+    Cloud(
+        "lasers_from_1.csv",
+        csv("x,y,z,laser", [laser + 1 for laser in LASERS]),
+        error="column laser has a value that is not a laser of the VLP-16: 16, not 0 to 15$",
+    ),
+    *(
+        Cloud(
+            f"{name}.csv",
+            csv("x,y,z,laser,intensity", LASERS, [value] * 63 + [0]),
+            fields={"reflectivity": [-1] * 64},
+            warning=f"{name}.csv: column intensity has {seen}, which are no reflectivities from 0",
+        )
+        for name, value, seen in (
+            ("intensities_of_16_bits", 65535, "0 to 65535"),
+            ("intensities_from_0_to_1", 0.5, r"0 to 0\.5"),
+            ("negative_intensities", -20, "-20 to 0"),
+        )
+    ),
     Case(
         "no_unit.csv",
         content(NO_UNIT),
@@ -419,7 +453,7 @@ PACKETS = [
         spun(
             f"late_by_{places}.pcap",
             sent(swapped(places)),
-            warning=f"late_by_{places}.pcap: sorted by the sensor's clock, as {late} packets are late$",
+            warning=f": sorted by the sensor's clock, as {late} packets are late$",
         )
         for places, late in ((1, 10), (4, 10), (30, 8))
     ),

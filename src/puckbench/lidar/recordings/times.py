@@ -77,9 +77,11 @@ def falls(times: NDArray[Any]) -> bool:
 
 def largest_leap(seconds: Floats) -> tuple[float, float] | None:
     """Return the largest step between times, s, and the time before, if it exceeds 1 s."""
+    if not len(seconds) or np.ptp(seconds) <= _LEAP_S:
+        return None
     instants = np.unique(seconds)
     steps = np.diff(instants)
-    if not len(steps) or steps.max() <= _LEAP_S:
+    if steps.max() <= _LEAP_S:
         return None
     return float(steps.max()), float(instants[int(np.argmax(steps))])
 
