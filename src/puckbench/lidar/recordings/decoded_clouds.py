@@ -171,24 +171,24 @@ def _off_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> Floats:
     level, elevations = np.hypot(xyz[:, 0], xyz[:, 1]), np.asarray(sensor.laser_elevation_deg)
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
     present, apart = np.unique(lasers), np.diff(np.unique(elevations))
-    fits = []
+    fits: list[tuple[tuple[float, int], Floats]] = []
     for height in (corrections, np.zeros(sensor.lasers)):
         off = np.degrees(np.arctan2(xyz[:, 2] - height[lasers], level)) - elevations[lasers]
         worst = max((float(np.median(np.abs(off[lasers == k]))), int(k)) for k in present)
         fits.append((worst, off))
-    (degrees, laser), off = min(fits, key=lambda fit: fit[0])
+    (degrees, laser), least = min(fits, key=lambda fit: fit[0])
     if degrees > MOST_OFF_DEG:
         raise InputError(
             f"has no lasers: points of laser {laser} lie {degrees:.1f} degrees off its cone; this"
             f" is not a recording of a {sensor.name} in its frame (another sensor: --sensor)"
         )
-    shift = abs(float(np.median([np.median(off[lasers == k]) for k in present])))
+    shift = abs(float(np.median([np.median(least[lasers == k]) for k in present])))
     if len(apart) and shift > np.median(apart) / 2:
         raise InputError(
             f"has no lasers: points lie {shift:.2f} degrees off the cones of their lasers, "
             f"nearer to those of others (does it count the lasers of the {sensor.name} from 0?)"
         )
-    return off
+    return least
 
 
 def _seconds(path: Path, columns: Columns, unit: TimeUnit | None) -> Floats:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.io.point_columns import Columns
-from puckbench.lidar.recordings.decoded_clouds import TIMES, check_finite
+from puckbench.lidar.recordings.decoded_clouds import TIMES, Columns, check_finite
 from puckbench.lidar.recordings.times import (
     PER_SECOND,
     TimeUnit,
