@@ -142,6 +142,18 @@ def test_a_named_unit_is_taken_at_its_word(
     assert not caplog.messages
 
 
+def test_a_named_unit_does_not_make_coarse_or_constant_numbers_times(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for kind in ("epoch_f4", "zeros"):
+        form, time, fault = LEFT_OUT[kind]
+        caplog.clear()
+        table = read(tmp_path / f"{kind}.bag", turns(COUNT, kind=form, time=time), time_unit="s")
+        assert table["timestamp"] == pytest.approx(STAMPS_S, abs=1e-6)
+        (line,) = caplog.messages
+        assert re.search(fault + ": its times are left out$", line), line
+
+
 def test_the_distance_of_stamps_tells_a_unit_that_no_rotation_tells(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -203,8 +203,7 @@ def _seconds(path: Path, columns: Columns, unit: TimeUnit | None) -> Floats:
         raise InputError(
             f"column {name} has {_kind(times)} whose unit cannot be inferred: add --time-unit ns"
         )
-    fault = fault_of(times, inferred, azimuth) if unit is None else None
-    if fault:
+    if fault := fault_of(times, inferred, azimuth if unit is None else None):
         _log.warning("%s: column %s %s: its times are left out", path, name, fault)
         return np.zeros(len(times))
     if unit is None and inferred != "s":

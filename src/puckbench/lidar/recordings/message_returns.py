@@ -52,7 +52,7 @@ def read_message_returns(
     """
     name, (_, count) = cloud_topic(path, topic)
     label = f"{source or path}: topic {name}"
-    with naming(f"{path}: topic {name}"):
+    with naming(label):
         points, counts = _read(path, name, range(count), time_unit, label)
         columns = {**points, "x": -points["y"], "y": points["x"]}
         about: dict[str, Any] = {}

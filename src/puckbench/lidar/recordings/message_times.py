@@ -89,7 +89,7 @@ def _usable(
     if inferred is None:
         raise InputError(f"the unit of field {name} cannot be inferred: add --time-unit ns")
     ticks, is_absolute = PER_SECOND[inferred], _is_absolute(times, inferred)
-    fault = None if unit else fault_of(sample, inferred, azimuth)
+    fault = fault_of(sample, inferred, None if unit else azimuth)
     if fault is None and unit is None and apart_s:
         span_s = float(np.median([np.ptp(part) for part in times])) / ticks
         if span_s > _MOST_APART * apart_s:

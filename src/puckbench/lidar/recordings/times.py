@@ -43,15 +43,18 @@ def unit_of(times: NDArray[Any], azimuth: Floats, turn_s: float | None = None) -
     return unit or (None if is_unknown else "s")
 
 
-def fault_of(times: NDArray[Any], unit: TimeUnit, azimuth: Floats) -> str | None:
-    """Say why times (n,) cannot be those of firings with azimuths (n,), rad; None if they can."""
+def fault_of(times: NDArray[Any], unit: TimeUnit, azimuth: Floats | None) -> str | None:
+    """Say why times (n,) cannot be those of firings; None if they can.
+
+    With azimuths (n,), rad, shares of a turn are recognised.
+    """
     if times.dtype.kind == "f":
         step = float(np.spacing(np.abs(times).max())) / PER_SECOND[unit]
         if step > _COARSEST_S:
             return f"has times of {times.dtype} in steps of {step:g} s"
     if len(times) > 1 and np.ptp(times) == 0:
         return f"has one time for all points ({times[0]:g})"
-    if _are_shares(times, azimuth):
+    if azimuth is not None and _are_shares(times, azimuth):
         return f"has shares of a turn ({times.min():g} to {times.max():g}), which are no times"
     return None
 
