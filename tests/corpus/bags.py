@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from puckbench.lidar.recordings import decode_packets
 from puckbench.lidar.recordings.velodyne_messages import SCAN
 from tests.corpus.case import Case, content
@@ -21,8 +23,11 @@ from tests.support.bag_files import (
     ros2_bag,
     sqlite_bag,
 )
+from tests.support.capture_lookalike import box_capture, scan_message
 
 POINTS = decode_packets(LOG.payloads).xyz
+SPUN = box_capture(120).payloads
+SCANS = [scan_message(SPUN[first : first + 20]) for first in range(0, 120, 20)]
 Write = Callable[[Path], Any]
 IMAGES = "sensor_msgs/msg/Image"
 TOPICS = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT);"
@@ -164,4 +169,25 @@ CASES = [
         error="missing_part: metadata.yaml names files that are not there: ",
     ),
     Case("two_bags", two_bags, "returns", error="two_bags: 2 ROS bags"),
+    Case(
+        "swapped_messages.db3",
+        lambda path: sqlite_bag(path, [SCANS[place] for place in (0, 2, 1, 3, 5, 4)]),
+        "returns",
+        points=decode_packets(SPUN).xyz,
+        warning="swapped_messages.db3: sorted by the sensor's clock, as 2 packets are late$",
+    ),
+    Case(
+        "repeated_messages.db3",
+        lambda path: sqlite_bag(path, [*SCANS, SCANS[2]]),
+        "returns",
+        points=decode_packets(SPUN).xyz,
+        warning=r"left out packets that repeat one before, byte by byte \(20\)$",
+    ),
+    Case(
+        "lost_messages.db3",
+        lambda path: sqlite_bag(path, [*SCANS[:2], *SCANS[3:]]),
+        "returns",
+        points=decode_packets(np.delete(SPUN, np.r_[40:60], axis=0)).xyz,
+        warning=r"lost_messages.db3: about 20 packets are lost \(at packet 40\)$",
+    ),
 ]

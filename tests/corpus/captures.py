@@ -5,9 +5,13 @@ from __future__ import annotations
 import struct
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from puckbench.lidar.recordings import decode_packets
+from puckbench.lidar.recordings.packets import PACKET, PacketLog
+from puckbench.lidar.recordings.writing import pcap_bytes
 from tests.corpus.case import Case, content
 from tests.support.capture_bytes import (
     block,
@@ -27,6 +31,7 @@ from tests.support.capture_bytes import (
     statistics,
     udp,
 )
+from tests.support.capture_lookalike import box_capture
 
 # Hop-by-hop options of 8 bytes, then destination options of 16, before UDP.
 OPTIONS = b"\x3c\x00" + bytes(6) + b"\x11\x01" + bytes(14)
@@ -313,7 +318,42 @@ CLOUDS += [
     Cloud(
         "whole_stamp.csv",
         csv("x,y,z,laser,t", LASERS, [12345] * 64),
+        warning=r"whole_stamp.csv: column t has one time for all points \(12345\): its",
         fields={"timestamp": [0.0] * 64},
+    ),
+    Cloud(
+        "shares.csv",
+        csv("x,y,z,laser,t", LASERS, (AZIMUTH / 2 / np.pi % 1).tolist()),
+        warning=r"column t has shares of a turn \(0\.0\d+ to 0\.187\d+\), which are no times: its",
+        fields={"timestamp": [0.0] * 64},
+    ),
+    Cloud(
+        "before_the_end.csv",
+        csv("x,y,z,laser,t", LASERS, [second - 0.1 for second in SECONDS]),
+        fields={"timestamp": [second - 0.1 for second in SECONDS]},
+    ),
+    Cloud(
+        "leap.csv",
+        csv("x,y,z,laser,t", LASERS, [second + 3600 * (second > 0.0099) for second in SECONDS]),
+        warning=r"leap.csv: column t leaps by 3600 s after 0\.00977\d+ s$",
+    ),
+    Cloud(
+        "lasers_from_1.csv",
+        csv("x,y,z,laser", [laser + 1 for laser in LASERS]),
+        error="column laser has a value that is not a laser of the VLP-16: 16, not 0 to 15$",
+    ),
+    *(
+        Cloud(
+            f"{name}.csv",
+            csv("x,y,z,laser,intensity", LASERS, [value] * 63 + [0]),
+            fields={"reflectivity": [-1] * 64},
+            warning=f"{name}.csv: column intensity has {seen}, which are no reflectivities from 0",
+        )
+        for name, value, seen in (
+            ("intensities_of_16_bits", 65535, "0 to 65535"),
+            ("intensities_from_0_to_1", 0.5, r"0 to 0\.5"),
+            ("negative_intensities", -20, "-20 to 0"),
+        )
     ),
     Case(
         "no_unit.csv",
@@ -369,4 +409,103 @@ CLOUDS += [
         options={"time_unit": "ns"},
     ),
 ]
-CASES = [*CAPTURES, *CLOUDS]
+SPUN = box_capture(100)
+"""A VLP-16 at 10 Hz, over the full hour."""
+ROWS = np.arange(len(SPUN))
+TRUE = decode_packets(SPUN.payloads)
+OF_PACKET = np.repeat(ROWS, 24 * 15)
+"""The packet of each return."""
+
+
+def turned_packets(azimuths: Any) -> Any:
+    """The packets of `SPUN` with other azimuths."""
+    table = SPUN.payloads.copy().view(PACKET)[:, 0]
+    turned = table["blocks"]["azimuth"].astype(np.int64) + np.reshape(azimuths, (-1, 1))
+    table["blocks"]["azimuth"] = turned % 36000
+    return table.view(np.uint8).reshape(-1, 1206)
+
+
+def sent(rows: Any, later_us: Any = 0, azimuths: Any = 0, received_s: Any = 0) -> bytes:
+    """A capture of the packets `rows` of `SPUN`, with changed clocks and azimuths."""
+    table = turned_packets(azimuths)[rows].view(PACKET)[:, 0]
+    later = table["time_us"].astype(np.int64) + later_us
+    table["time_us"] = later % (3600 * 10**6)
+    received = 1e9 + 1327e-6 * np.arange(len(table)) + received_s
+    return pcap_bytes(PacketLog(table.view(np.uint8).reshape(-1, 1206), received, {}))
+
+
+def swapped(places: int) -> Any:
+    """Packets of which every tenth comes `places` later."""
+    return np.argsort(ROWS + (ROWS % 10 == 3) * (places + 0.5), kind="stable")
+
+
+def spun(file: str, data: bytes, packets: Any = ROWS, **more: Any) -> Case:
+    """Make a case of a capture that has the true returns of some packets."""
+    rows = np.isin(OF_PACKET, packets)
+    fields = {"timestamp": TRUE["timestamp"][rows]} if len(packets) == len(ROWS) else {}
+    return Returns(file, content(data), points=TRUE.xyz[rows], **{"fields": fields, **more})
+
+
+MOVED = (ROWS >= 50).astype(np.int64)
+PACKETS = [
+    spun("in_order.pcap", sent(ROWS)),
+    *(
+        spun(
+            f"late_by_{places}.pcap",
+            sent(swapped(places)),
+            warning=f": sorted by the sensor's clock, as {late} packets are late$",
+        )
+        for places, late in ((1, 10), (4, 10), (30, 8))
+    ),
+    spun(
+        "reversed.pcap",
+        sent(ROWS[::-1]),
+        warning="reversed.pcap: sorted by the sensor's clock, as 99 packets are late$",
+    ),
+    spun(
+        "received_twice.pcap",
+        sent(np.repeat(ROWS, 2)),
+        warning=r"left out packets that repeat one before, byte by byte \(100\)$",
+    ),
+    Returns(
+        "lost.pcap",
+        content(sent(np.delete(ROWS, [20, 40, 41, 42]))),
+        points=decode_packets(np.delete(SPUN.payloads, [20, 40, 41, 42], axis=0)).xyz,
+        warning=r"lost.pcap: about 4 packets are lost \(at 2 of 96 packets, first packet 20\)$",
+    ),
+    spun(
+        "gps_found.pcap",
+        sent(ROWS, 754_000_000 * MOVED),
+        fields={},
+        warning=r"gps_found.pcap: the sensor's clock leaps \(at packet 50: 754\.001 s\)$",
+    ),
+    spun(
+        "clock_back.pcap",
+        sent(ROWS, -3_000_000 * MOVED),
+        fields={},
+        warning=r"clock_back.pcap: the sensor's clock leaps \(at packet 50: -2\.99867 s\)$",
+    ),
+    spun(
+        "recorder_set_back.pcap",
+        sent(ROWS, received_s=-3600.0 * MOVED),
+        warning=r"recorder_set_back.pcap: times of reception go back \(at packet 50\)$",
+    ),
+    Returns(
+        "encoder_leaps.pcap",
+        content(sent(ROWS, azimuths=9000 * MOVED)),
+        points=decode_packets(turned_packets(9000 * MOVED)).xyz,
+        warning=r"the azimuth rises unevenly, not at 10 Hz \(at packet 50: 94\.78 degrees\)$",
+    ),
+    Returns(
+        "turns_back.pcap",
+        content(sent(ROWS, azimuths=-2 * 478 * ROWS)),
+        error="turns_back.pcap: the azimuths of its packets fall, where those of a Velodyne rise$",
+    ),
+    Returns(
+        "faster.pcap",
+        content(sent(ROWS, azimuths=478 * np.maximum(ROWS - 60, 0))),
+        points=decode_packets(turned_packets(478 * np.maximum(ROWS - 60, 0))).xyz,
+        warning=r"rises unevenly, not at 10 Hz \(at 39 of 100 packets, first packet 61: 9\.56 deg",
+    ),
+]
+CASES = [*CAPTURES, *CLOUDS, *PACKETS]

@@ -6,7 +6,8 @@ import lzma
 from pathlib import Path
 
 from puckbench.coding.byte_io import base_128
-from puckbench.puck import compress
+from puckbench.lidar.recordings.packet_turns import returns_of_packets
+from puckbench.puck import compress, decompress
 from puckbench.puck.records import Record, RecordKind, join_records
 from tests.corpus.case import Case, content
 from tests.support.spinning import pcap, rows, spin
@@ -32,7 +33,25 @@ def _nested(path: Path) -> None:
     inner.unlink()
 
 
+def _late(path: Path) -> None:
+    """A capture of which every third packet comes before the one before; it comes back."""
+    packets = rows(spin(packets=60))
+    packets[2::3], packets[1::3] = packets[1::3], packets[2::3]
+    capture = path.with_name("late.pcap")
+    capture.write_bytes(pcap(packets))
+    compress(capture, path)
+    decompress(path, again := path.with_name("again.pcap"))
+    assert again.read_bytes() == capture.read_bytes()
+
+
 CASES = [
+    Case(
+        "late.puck",
+        _late,
+        "turns",
+        points=returns_of_packets(spin(packets=60)).points(),
+        warning=r"late\.puck: sorted by the sensor's clock, as 20 packets are late$",
+    ),
     Case(
         "zeros.puck",
         lambda path: path.write_bytes(_zeros(8)),

@@ -37,7 +37,7 @@ def _read(case: Case, path: Path) -> tuple[Any, Any]:
     from puckbench.lidar.recordings.reading import read_turns
 
     with decompressed(path) as recording:
-        returns, counts = read_turns(recording, **case.options, source=path)
+        returns, _, counts = read_turns(recording, **case.options, source=path)
     return returns.points(), counts
 
 

@@ -323,7 +323,13 @@ def test_a_part_of_a_turn_is_prepared_with_a_remark(
     remark = f"puckbench: {path}: has no whole turn: takes a part of one"
     assert capsys.readouterr().err.splitlines() == [remark]
     assert main(["prepare", str(path), str(tmp_path / "a.ply"), "--turns", "0"]) == 0
-    assert not capsys.readouterr().err
+    assert capsys.readouterr().err.splitlines() == [remark]
+    longer = tmp_path / "longer.pcap"
+    longer.write_bytes(pcap(rows(spin(packets=60))))
+    cut = f"puckbench: {longer}: takes turn 0, which is cut off: whole turns are 1 to 2"
+    for turns, told in (("0-1", [cut]), ("1", []), ("1-2", [])):
+        assert main(["prepare", str(longer), str(tmp_path / "a.ply"), "--turns", turns]) == 0
+        assert capsys.readouterr().err.splitlines() == told
     with pytest.raises(InputError, match=r"no whole turn in the recording: of 1 turns"):
         open_scene_set("recordings", {"path": str(path)}).load("short")
 

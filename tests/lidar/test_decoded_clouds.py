@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,13 +90,41 @@ def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
     assert table["distance"] == pytest.approx(np.array([5, 2]) / np.cos(np.radians(15)))
 
 
-def test_reflectivities_are_rounded_into_one_byte(tmp_path: Path) -> None:
-    """Other programs' intensities may be anything; ours are whole numbers from 0 to 255."""
-    values = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
+def with_intensities(path: Path, values: list[float]) -> Path:
     lines = [f"3,4,{LOW},0,{value}" for value in values]
-    (tmp_path / "a.csv").write_text("\n".join(["x,y,z,laser_id,intensity", *lines]) + "\n")
-    result = read_recording(tmp_path / "a.csv")["reflectivity"]
-    assert result.tolist() == [0, 0, 100, 255, 255, 255]
+    path.write_text("\n".join(["x,y,z,laser_id,intensity", *lines]) + "\n")
+    return path
+
+
+def test_reflectivities_are_rounded_into_one_byte(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for values in ([0, 0.4, 99.6, 254.7, 255], [0, 1, 1, 0], [1]):
+        path = with_intensities(tmp_path / "a.csv", values)
+        assert read_recording(path)["reflectivity"].tolist() == np.rint(values).tolist()
+    assert not caplog.messages
+
+
+@pytest.mark.parametrize(
+    ("values", "seen"),
+    [
+        ([-3.0, 7], "-3 to 7"),
+        ([0, 0.25, 1], "0 to 1"),
+        ([0.125], "0.125 to 0.125"),
+        ([12, 255.5], "12 to 255.5"),
+        ([0, 65535], "0 to 65535"),
+        ([7, float("nan")], "7 to 7 and nan"),
+        ([float("nan")], "nan"),
+        ([7, float("inf")], "7 to inf"),
+    ],
+)
+def test_intensities_that_are_no_reflectivities_are_unknown_and_told(
+    values: list[float], seen: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = with_intensities(tmp_path / "a.csv", values)
+    assert set(read_recording(path)["reflectivity"]) == {-1}
+    fault = f"column intensity has {seen}, which are no reflectivities from 0 to 255: left out (-1)"
+    assert caplog.messages == [f"{path}: {fault}"]
 
 
 @pytest.mark.parametrize("laser", ["-1", "16", "2.5", ""])
@@ -169,8 +198,9 @@ def test_units_are_those_with_which_the_sensor_turns(
 ) -> None:
     azimuth = np.radians(np.mod(turned_deg * np.arange(40) + 123, 360))
     times = turned_deg / 360 / rate_hz * ticks * np.arange(40)
-    assert unit_of(times, azimuth) == (unit or "s")
-    assert unit_of(times[::-1], azimuth[::-1]) == (unit or "s")
+    number_unit = unit or ("s" if ticks == 1 else None)
+    assert unit_of(times, azimuth) == number_unit
+    assert unit_of(times[::-1], azimuth[::-1]) == number_unit
     if ticks == 1e9:
         assert unit_of(np.rint(times).astype(np.uint64), azimuth) == unit
 
@@ -182,7 +212,10 @@ def test_azimuths_that_show_no_turning_tell_no_unit() -> None:
     assert unit_of(times, np.zeros(100)) is None
     assert unit_of(times[:8], np.arange(8) * 0.1) is None
     assert unit_of(times[:9], np.arange(9) * 0.1) is not None
-    assert unit_of(times.astype(float), azimuth) == "s"
+    assert unit_of(times.astype(float), azimuth) is None
+    assert unit_of(times / 1000, azimuth) == "s"
+    for unit, ticks in (("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)):
+        assert unit_of(times * (ticks / times.max() / 10), azimuth, turn_s=0.1) == unit
     # Of ten steps six are across the sensor.
     leaps = np.cumsum([0, *[0.1] * 40, *[2.0] * 60])
     assert unit_of(np.arange(101) * 1000, leaps) is None
@@ -218,3 +251,89 @@ def test_a_mutated_pcd_is_columns_or_an_error(
     except InputError:
         return
     assert all(len(column) <= len(data) for column in columns.values())
+
+
+def ring_of_turns(path: Path, times: list[Any], lasers: Any = None) -> Path:
+    """Points of a VLP-16 at 10 Hz, 4 degrees apart, at 4 m on all lasers in turn."""
+    count = len(times)
+    ids = np.arange(count) % 16 if lasers is None else lasers
+    azimuth = np.radians(4 * np.arange(count))
+    z = 4 * np.tan(np.radians(load_sensor("vlp16").laser_elevation_deg))[np.arange(count) % 16]
+    rows = zip(4 * np.sin(azimuth), 4 * np.cos(azimuth), z, ids, times, strict=True)
+    lines = [",".join(map(repr, map(float, row))) for row in rows]
+    path.write_text("\n".join(["x,y,z,laser,t", *lines]) + "\n")
+    return path
+
+
+SINCE_S = 0.1 * np.arange(90) / 90
+
+
+@pytest.mark.parametrize(
+    ("times", "line"),
+    [
+        (SINCE_S, None),
+        (SINCE_S - 0.1, None),
+        (SINCE_S * 1e6, "times in column t: us"),
+        (10 * SINCE_S, "column t has shares of a turn (0 to 0.988889), which are no times"),
+        (0 * SINCE_S, "column t has one time for all points (0)"),
+        (SINCE_S[::-1], "column t has times that fall from point to point"),
+        (SINCE_S + 3600 * (SINCE_S > 0.05), "column t leaps by 3600 s after 0.05 s"),
+    ],
+    ids=["s", "negative", "us", "shares", "constant", "falling", "leap"],
+)
+def test_times_of_clouds_are_seconds_or_a_word_is_said(
+    times: Any, line: str | None, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = ring_of_turns(tmp_path / "a.csv", times)
+    seconds = read_recording(path)["timestamp"]
+    is_left_out = line and ("shares" in line or "one time" in line)
+    units = {"us": 1e6}.get(line.rpartition(" ")[2], 1) if line else 1
+    assert seconds == pytest.approx(0 * times if is_left_out else times / units, abs=1e-9)
+    ending = ": its times are left out" * bool(is_left_out)
+    assert caplog.messages == ([f"{path}: {line}{ending}"] if line else [])
+
+
+def test_single_precision_since_1970_is_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    rows = np.zeros(90, [*((each, "<f4") for each in ("x", "y", "z", "time")), ("ring", "<u2")])
+    azimuth = np.radians(4 * np.arange(90))
+    rows["x"], rows["y"], rows["z"] = (
+        4 * np.sin(azimuth),
+        4 * np.cos(azimuth),
+        4 * np.tan(np.radians(1)),
+    )
+    rows["ring"], rows["time"] = 8, 1.7e9 + SINCE_S
+    header = HEADER.replace("x y z _ ring", "x y z time ring").replace("4 4 4 1 2", "4 4 4 4 2")
+    header = header.replace("F F F U U", "F F F F U").replace("1 1 1 3 1", "1 1 1 1 1")
+    header = header.replace("WIDTH 2", "WIDTH 90").replace("POINTS 2", "POINTS 90")
+    path = tmp_path / "a.pcd"
+    path.write_bytes(header.encode() + b"DATA binary\n" + rows.tobytes())
+    assert set(read_recording(path)["timestamp"]) == {0}
+    fault = "column time has times of float32 in steps of 128 s: its times are left out"
+    assert caplog.messages == [f"{path}: {fault}"]
+
+
+def test_lasers_counted_from_one_are_refused(tmp_path: Path) -> None:
+    """Also where neighbours are so near that every point is within half a degree of its cone."""
+    lasers = np.arange(90) % 16 + 1
+    path = ring_of_turns(tmp_path / "a.csv", SINCE_S.tolist(), lasers)
+    with pytest.raises(
+        InputError, match=r"column laser has a value that .* VLP-16: 16, not 0 to 15"
+    ):
+        read_recording(path)
+    sensor = load_sensor("alpha_prime")
+    order = np.argsort(sensor.laser_elevation_deg)
+    ranks = np.repeat(np.arange(10, 110), 4)
+    azimuth = np.radians(np.tile([10, 100, 190, 280], 100))
+    z = 4 * np.tan(np.radians(np.asarray(sensor.laser_elevation_deg)[order[ranks]]))
+    z += np.asarray(sensor.vertical_correction_mm or np.zeros(128))[order[ranks]] / 1000
+    for shift, fault in ((0, None), (1, r"column ring has no lasers: points lie .* from 0\?\)$")):
+        rows = zip(4 * np.sin(azimuth), 4 * np.cos(azimuth), z, ranks + shift, strict=True)
+        lines = [",".join(map(repr, map(float, row))) for row in rows]
+        path.write_text("\n".join(["x,y,z,ring", *lines]) + "\n")
+        if fault is None:
+            assert read_recording(path, sensor)["laser_id"].tolist() == order[ranks].tolist()
+            continue
+        with pytest.raises(InputError, match=fault):
+            read_recording(path, sensor)

@@ -14,6 +14,7 @@ from puckbench.io.clouds import read_cloud
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings import RecordedReturns, read_recording, read_returns
 from tests.support.cloud_bags import FORMATS, Rows, cloud_bag
+from tests.support.cloud_turns import RANKS, SINCE_S, bag, turns
 
 SENSOR = load_sensor("vlp16")
 ELEVATIONS = np.asarray(SENSOR.laser_elevation_deg)
@@ -171,3 +172,143 @@ def test_what_cannot_be_exported_is_one_line(
     }.items():
         assert main(["export", str(bag), str(tmp_path / words[0]), *words[1:]]) == 2
         assert fault in capsys.readouterr().err
+
+
+def told(path: Path, caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [line.removeprefix(f"{path}: topic /points: ") for line in caplog.messages]
+
+
+@pytest.mark.parametrize("sensor", [None, SENSOR], ids=["fitted", "named"])
+@pytest.mark.parametrize(
+    ("intensity", "seen"),
+    [(-1, "-1 to -1"), (0.5, "0.5 to 0.5"), (4000, "4000 to 4000"), (np.nan, "nan")],
+)
+def test_intensities_that_are_no_reflectivities_are_unknown(
+    intensity: float, seen: str, sensor: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = bag(tmp_path / "a.mcap", turns(2, intensity=intensity))
+    assert set(read_recording(path, sensor)["reflectivity"]) == {-1}
+    fault = f"column intensity has {seen}, which are no reflectivities from 0 to 255: left out (-1)"
+    assert told(path, caplog) == [fault]
+
+
+@pytest.mark.parametrize(
+    ("ring", "kind"),
+    [
+        (RANKS + 1, "<u2"),
+        (RANKS, "<f4"),
+        (15 - RANKS, "i1"),
+        (np.random.default_rng(0).permutation(16)[RANKS], "u1"),
+    ],
+    ids=["from_1", "float", "from_the_highest", "unordered"],
+)
+def test_fitted_lasers_are_numbered_by_elevation_whatever_their_rings(
+    ring: Any, kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    table = read_recording(bag(tmp_path / "a.mcap", turns(2, ring=ring, ring_kind=kind)))
+    assert table["laser_id"].tolist() == np.tile(RANKS, 2).tolist()
+    assert not caplog.messages
+
+
+NOT_FINITE = np.where(np.arange(len(RANKS)) == 5, np.nan, RANKS)
+
+
+@pytest.mark.parametrize(
+    ("ring", "kind", "fitted", "named"),
+    [
+        (None, "", "no laser column", "no laser column"),
+        (RANKS + 1, "<u2", None, "column ring has a value that is not a laser of the VLP-16: 16,"),
+        (RANKS[::-1], "<u2", None, "points of laser 15 lie 29.9 degrees off its cone"),
+        (NOT_FINITE, "<f4", "field ring has a value that is not finite", "VLP-16: nan, not 0 to"),
+        (RANKS + 0.5, "<f4", "field ring has 0.5, no laser's number", "VLP-16: 0.5, not 0 to 15"),
+        (np.arange(1024), "<u2", "field ring has 1,024 numbers, more than 128", "VLP-16: 16, not"),
+        (
+            RANKS + 16 * (SINCE_S > 0.05),
+            "<u2",
+            "lasers 0 and 16 have the same elevation: -15",
+            "VLP-16: 16, not 0 to 15",
+        ),
+    ],
+    ids=["none", "from_1", "reversed", "nan", "half", "numbers", "more"],
+)
+def test_rings_that_are_no_lasers_are_refused(
+    ring: Any, kind: str, fitted: str | None, named: str, tmp_path: Path
+) -> None:
+    path = bag(tmp_path / "a.mcap", turns(2, ring=ring, ring_kind=kind))
+    for sensor, fault in ((None, fitted), (SENSOR, named)):
+        if fault is None:
+            assert len(read_recording(path, sensor)) == 2 * len(RANKS)
+            continue
+        with pytest.raises(InputError) as refusal:
+            read_recording(path, sensor)
+        assert str(refusal.value).startswith(f"{path}: topic /points: ")
+        assert fault in str(refusal.value)
+
+
+def test_points_of_two_sensors_in_a_message_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    left, right = turns(1)[0], turns(1)[0]
+    right["y"] -= 1
+    path = bag(tmp_path / "a.mcap", [np.concatenate([left, right])])
+    read_recording(path, SENSOR)
+    fault = "column ring: 32% of the points lie more than 0.5 degrees off the cones of their lasers"
+    assert told(path, caplog) == [fault]
+
+
+def test_rings_of_few_points_are_left_out_and_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = bag(tmp_path / "a.mcap", turns(1, ring=np.where(np.arange(1024) < 5, 77, RANKS)))
+    assert read_recording(path).about["points_left_out"] == 5
+    assert told(path, caplog) == ["left out 5 points of lasers with few points"]
+
+
+def test_a_compressed_bag_is_named_and_not_its_copy(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = bag(tmp_path / "a.mcap", turns(1, intensity=-1))
+    assert main(["compress", str(path), str(tmp_path / "b.puck")]) == 0
+    caplog.clear()
+    assert main(["capture", str(tmp_path / "b.puck"), str(tmp_path / "a.parquet")]) == 0
+    (line,) = caplog.messages
+    assert line.startswith(f"{tmp_path / 'b.puck'}: topic /points: column intensity")
+
+
+@pytest.mark.parametrize(
+    ("intensity", "suffix", "stored", "told"),
+    [
+        (7, ".bin", 7 / 255, None),
+        (0.25, ".bin", 0.25, None),
+        (
+            -3,
+            ".bin",
+            -3,
+            "intensities from -3 to -3 remain as they are, as they are none from 0 to 1",
+        ),
+        (
+            4000,
+            ".bin",
+            4000,
+            "intensities from 4000 to 4000 remain as they are, as they are none from",
+        ),
+        (7, ".las", 7, None),
+        (4000, ".las", 4000, None),
+        (0.25, ".las", 0, "intensities from 0.25 to 0.25 become whole numbers from 0 to 65535"),
+        (-3, ".las", 0, "intensities from -3 to -3 become whole numbers from 0 to 65535"),
+    ],
+)
+def test_intensities_that_a_format_cannot_have_are_told(
+    intensity: float,
+    suffix: str,
+    stored: float,
+    told: str | None,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    path, out = bag(tmp_path / "a.mcap", turns(1, intensity=intensity)), tmp_path / f"a{suffix}"
+    assert main(["export", str(path), str(out)]) == 0
+    values = read_cloud(out).fields.get("intensity", np.zeros(1))
+    assert values == pytest.approx(np.full(len(values), stored))
+    assert len(caplog.messages) == (told is not None)
+    assert all(line.startswith(f"{out}: {told}") for line in caplog.messages)

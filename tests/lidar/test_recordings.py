@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -141,6 +142,33 @@ def test_a_scan_table_is_no_capture_table(tmp_path: Path) -> None:
     parquet.write_table(pa.table({"distance": [1.0]}), tmp_path / "a.parquet")
     with pytest.raises(InputError, match="not a table of returns, it lacks timestamp"):
         read_returns(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "fault"),
+    [
+        ("laser_id", 1 << 17, "has 131072, where integers of 16 bits are expected"),
+        ("reflectivity", 0.5, "has 0.5, where integers of 16 bits are expected"),
+        ("turn", np.nan, "has nan, where integers of 32 bits are expected"),
+        ("turn", "one", "holds no numbers"),
+        ("timestamp", np.nan, "has a value that is not finite"),
+        ("x", np.inf, "has a value that is not finite"),
+    ],
+)
+def test_values_that_no_column_of_a_table_can_have_are_refused(
+    column: str, value: Any, fault: str, tmp_path: Path
+) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    path = tmp_path / "a.parquet"
+    write_returns(path, read_recording(DATA / "single.pcap"))
+    table = parquet.read_table(path)
+    columns = {name: table.column(name).to_numpy() for name in table.column_names}
+    columns[column] = np.full(len(columns[column]), value)
+    parquet.write_table(pa.table(columns).replace_schema_metadata(table.schema.metadata), path)
+    with pytest.raises(InputError, match=f"{path}: column {column} {fault}"):
+        read_recording(path)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """Returns of recordings and virtual scans as one type, on disk and as points."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -155,6 +157,68 @@ def test_another_table_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"PAR1 nothing")
     with pytest.raises(InputError, match=r"not a table of firings \(Parquet\)"):
         read_firings(path)
+
+
+def _put(name: str, row: Any, value: Any) -> Callable[[dict[str, Any]], None]:
+    def put(columns: dict[str, Any]) -> None:
+        values = columns[name].astype(np.result_type(columns[name], np.asarray(value)))
+        values[row] = value
+        columns[name] = values
+
+    return put
+
+
+def _reversed(columns: dict[str, Any]) -> None:
+    for name, values in columns.items():
+        columns[name] = values[::-1]
+
+
+def _swapped(columns: dict[str, Any]) -> None:
+    for name in ("laser_id", "distance"):
+        columns[name][[3, 4]] = columns[name][[4, 3]]
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (_put("distance", 5, -3), "column distance has -3, not one of 0 to 65535$"),
+        (_put("distance", 5, 70_000), "column distance has 70000, not one of 0 to 65535$"),
+        (_put("distance", 5, 1 << 40), "column distance has 1099511627776, where integers of 32"),
+        (_put("distance", 5, 0.5), "column distance has 0.5, where integers of 32 bits are"),
+        (_put("distance", 5, np.nan), "column distance has nan, where integers of 32 bits are"),
+        (_put("reflectivity", 5, 300), "column reflectivity has 300, not one of -1 to 255$"),
+        (_put("reflectivity", 5, -7), "column reflectivity has -7, not one of -1 to 255$"),
+        (_put("reflectivity", 5, -1), r"column reflectivity has -1 \(not known\) in a part"),
+        (_put("azimuth", 0, 36_000), "column azimuth has 36000, not one of 0 to 35999$"),
+        (_put("azimuth", 0, -1), "column azimuth has -1, not one of 0 to 35999$"),
+        (_put("time", 0, 1 << 32), "column time has 4294967296, not one of -1 to 4294967295$"),
+        (_put("azimuth", 70, 3), "turn 0: column azimuth has several values in a block or packet"),
+        (_put("time", 700, 3), "turn 0: column time has several values in a block or packet"),
+        (_put("time", slice(0, 768), -1), r"column time has -1 \(not known\) in a part of a turn$"),
+        (_put("turn", 0, -1), "turns are not in order$"),
+        (_put("laser_id", 3, 1 << 20), "column laser_id has 1048576, where integers of 16"),
+        (_put("column", 0, 1), "turn 0: its rows are not in order: columns from 0, in each lasers"),
+        (_put("return_kind", 0, 1), "turn 0: its rows are not in order"),
+        (_swapped, "turn 0: its rows are not in order"),
+        (_reversed, "not in order"),
+    ],
+)
+def test_firings_that_no_turn_can_have_are_refused(
+    change: Callable[[dict[str, Any]], None], fault: str, tmp_path: Path
+) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    path = tmp_path / "returns.parquet"
+    write_firings(path, dual())
+    table = parquet.read_table(path)
+    columns = {name: table.column(name).to_numpy().copy() for name in table.column_names}
+    change(columns)
+    changed = pa.table(columns).replace_schema_metadata(table.schema.metadata)
+    parquet.write_table(changed, path)
+    with pytest.raises(InputError, match=fault) as refusal:
+        read_firings(path)
+    assert str(refusal.value).startswith(f"{path}: ")
 
 
 def test_a_repeated_second_return_counts_once() -> None:

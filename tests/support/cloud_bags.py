@@ -25,11 +25,13 @@ def cloud_bag(
     stamps_s: Sequence[float] = (),
     others: Mapping[str, str] | None = None,
     is_compressed: bool = False,
+    frames: Sequence[str] = (),
 ) -> Path:
     """Write a bag of ROS 1 (.bag) or a file of ROS 2 (.db3, .mcap); return its path.
 
     Each topic has the messages of structured arrays (n,) or (height, width), 0.1 s apart. `others`
     are topics of text, by name. Clouds may be compressed by zlib, as point_cloud_transport does.
+    `frames` are the clouds' coordinate frames, by default "sensor".
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -48,7 +50,8 @@ def cloud_bag(
             connection = writer.add_connection(topic, cloud_kind, typestore=types)
             for number, rows in enumerate(clouds):
                 stamp = stamps_s[number] if stamps_s else 1e9 + 0.1 * number
-                message = cloud_message(types, rows, round(stamp * 1e9), is_ros1)
+                frame = frames[number] if frames else "sensor"
+                message = cloud_message(types, rows, nanoseconds(stamp), is_ros1, frame)
                 if is_compressed:
                     message = compressed_message(types, message)
                 data = bytes(serialise(message, cloud_kind))
@@ -57,6 +60,10 @@ def cloud_bag(
         (file,) = path.with_suffix(".making").glob(f"*{path.suffix}")
         file.rename(path)
     return path
+
+
+def nanoseconds(seconds: float) -> int:
+    return int(seconds // 1) * 10**9 + round(seconds % 1 * 1e9)
 
 
 def _writer(path: Path) -> Any:
@@ -70,7 +77,9 @@ def _writer(path: Path) -> Any:
     return Writer2(path.with_suffix(".making"), version=8, storage_plugin=storage)
 
 
-def cloud_message(types: Any, rows: Rows, stamp_ns: int, is_ros1: bool) -> Any:
+def cloud_message(
+    types: Any, rows: Rows, stamp_ns: int, is_ros1: bool, frame: str = "sensor"
+) -> Any:
     rows = np.atleast_2d(rows)
     fields = []
     for name in rows.dtype.names or ():
@@ -80,7 +89,7 @@ def cloud_message(types: Any, rows: Rows, stamp_ns: int, is_ros1: bool) -> Any:
         fields.append(field(name, offset, number, int(np.prod(kind.shape, dtype=int))))
     time = types.types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9))
     more = {"seq": 0} if is_ros1 else {}
-    header = types.types["std_msgs/msg/Header"](stamp=time, frame_id="sensor", **more)
+    header = types.types["std_msgs/msg/Header"](stamp=time, frame_id=frame, **more)
     steps = (rows.itemsize, rows.itemsize * rows.shape[1])
     data = np.frombuffer(rows.tobytes(), np.uint8)
     return types.types[POINT_CLOUD2](header, *rows.shape, fields, False, *steps, data, True)

@@ -109,11 +109,24 @@ def read_return_table(path: Path, kind: type[T]) -> T:
         raise InputError(f"{path}: not a {schema.name}, it lacks {', '.join(missing)}")
     text = (rows.schema.metadata or {}).get(schema.metadata_key.encode(), b"{}")
     about = object_of(text, f"{path}: its metadata")
-    columns = {
-        name: rows.column(name).to_numpy().astype(form, copy=False)
-        for name, (form, _, _) in schema.columns.items()
-    }
+    columns = {}
+    for name, (form, _, _) in schema.columns.items():
+        values = rows.column(name).to_numpy()
+        columns[name] = _exactly(f"{path}: column {name}", values, np.dtype(form))
     return kind(columns, about)
+
+
+def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[Any]:
+    """Return the values in a type; raise InputError if it changes integers."""
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{what} holds no numbers ({values.dtype})")
+    with np.errstate(invalid="ignore"):
+        converted = values.astype(form, copy=False)
+    changed = converted != values
+    if form.kind == "i" and changed.any():
+        value, bits = values[np.argmax(changed)], 8 * form.itemsize
+        raise InputError(f"{what} has {value}, where integers of {bits} bits are expected")
+    return converted
 
 
 def _arrow_table(table: ReturnTable, schema: Any = None) -> Any:

@@ -18,6 +18,7 @@ from puckbench.jobs.prepare_returns import PrepareReturns, is_scan, select_turns
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.returns import Returns, read_firings
 
+_log = logging.getLogger(__name__)
 _LONGEST_MARK = 24
 """Number of bytes at the start of a file that identify packet captures and bags."""
 
@@ -81,6 +82,10 @@ def read_selected_turns(
             returns, whole, left_out = read_turns(recording, 0.0, stream, path, topic)
         first = whole[0] if whole else min(1, len(returns.turns) - 1)
         selected = select_turns(returns, turns or (first, first))
-    if turns is None and not whole:
-        logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
+    taken = range(first, first + 1) if turns is None else range(turns[0], turns[1] + 1)
+    if not whole:
+        _log.warning("%s: has no whole turn: takes a part of one", path)
+    elif cut := [number for number in taken if number not in whole]:
+        of_whole = f"whole turns are {whole[0]} to {whole[-1]}"
+        _log.warning("%s: takes turn %d, which is cut off: %s", path, cut[0], of_whole)
     return selected, left_out

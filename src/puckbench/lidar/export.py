@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,12 @@ from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.pcd import write_pcd
 from puckbench.io.ply import write_ply
 from puckbench.io.text import write_csv
-from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, table_of_returns
+from puckbench.lidar.recordings.returns import (
+    UNKNOWN,
+    RecordedReturns,
+    read_returns,
+    table_of_returns,
+)
 from puckbench.lidar.recordings.writing import write_pcap
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.scan_table import ScanTable, read_scan
@@ -27,6 +33,8 @@ Columns = dict[str, NDArray[Any]]
 
 _KITTI_BRIGHTEST = 255
 """Reflectivity that KITTI's files store as intensity 1."""
+_LAS_BRIGHTEST = 0xFFFF
+_log = logging.getLogger(__name__)
 
 
 def _pcd_columns(columns: Columns) -> Columns:
@@ -39,7 +47,11 @@ def _pcd_columns(columns: Columns) -> Columns:
     return {**_of(columns, *order), **single}
 
 
-def _las_columns(columns: Columns) -> Columns:
+def _las_columns(path: Path, columns: Columns) -> Columns:
+    values = _intensities(columns)
+    if _is_beyond(values, _LAS_BRIGHTEST) or (values != np.floor(values)).any():
+        told = f"become whole numbers from 0 to {_LAS_BRIGHTEST}"
+        _log.warning("%s: intensities from %g to %g %s", path, values.min(), values.max(), told)
     if "laser_id" in columns:
         return columns
     names = {"laser_id": "ring", "reflectivity": "intensity", "timestamp": "time"}
@@ -47,11 +59,26 @@ def _las_columns(columns: Columns) -> Columns:
     return {**_of(columns, *"xyz"), **others}
 
 
-def _kitti_columns(columns: Columns) -> Columns:
+def _kitti_columns(path: Path, columns: Columns) -> Columns:
+    values = _intensities(columns)
+    most = _KITTI_BRIGHTEST if values.max(initial=0) > 1 else 1
+    if _is_beyond(values, most):
+        told = f"remain as they are, as they are none from 0 to {most}"
+        _log.warning("%s: intensities from %g to %g %s", path, values.min(), values.max(), told)
+        most = 1
+    return {**_of(columns, *"xyz"), "intensity": values / most}
+
+
+def _intensities(columns: Columns) -> NDArray[Any]:
+    """Return intensities or reflectivities (n,), 0 where there are none or they are not known."""
     unknown = np.zeros(len(columns["x"]))
-    reflectivity = columns.get("intensity", columns.get("reflectivity", unknown))
-    most = _KITTI_BRIGHTEST if reflectivity.max(initial=0) > 1 else 1
-    return {**_of(columns, *"xyz"), "intensity": reflectivity / most}
+    if "reflectivity" in columns:
+        return np.where(columns["reflectivity"] == UNKNOWN, 0, columns["reflectivity"])
+    return columns.get("intensity", unknown)
+
+
+def _is_beyond(values: NDArray[Any], most: int) -> bool:
+    return not bool(((values >= 0) & (values <= most)).all())
 
 
 def _of(columns: Columns, *names: str) -> Columns:
@@ -63,9 +90,9 @@ _POINTS: dict[str, Callable[[Path, Columns], None]] = {
     ".ply": write_ply,
     ".pcd": lambda path, columns: write_pcd(path, _pcd_columns(columns)),
     ".csv": write_csv,
-    ".las": lambda path, columns: write_las(path, _las_columns(columns)),
-    ".laz": lambda path, columns: write_las(path, _las_columns(columns)),
-    ".bin": lambda path, columns: write_float32_frame(path, _kitti_columns(columns)),
+    ".las": lambda path, columns: write_las(path, _las_columns(path, columns)),
+    ".laz": lambda path, columns: write_las(path, _las_columns(path, columns)),
+    ".bin": lambda path, columns: write_float32_frame(path, _kitti_columns(path, columns)),
 }
 FORMATS = (*_POINTS, ".evd", ".pcap")
 

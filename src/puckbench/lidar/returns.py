@@ -6,11 +6,11 @@ firing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,13 @@ _LARGEST_INCREASE_DEG = 1.0
 """A larger azimuth increase between blocks, unless it is one step, means missing blocks."""
 
 HOUR_US = 3.6e9
+_UNKNOWN = -1
+_ORDER = "columns from 0, in each lasers from 0, of each the kinds of return"
 _FAR_M, _NEAR_RIGHT_M, _NEAR_FORWARD_M = 25.04, 2.40, 1.93
 """Distances at which an HDL-64E is calibrated."""
 
 Firing = Literal["sequential", "simultaneous"]
+_Number = TypeVar("_Number", bound=np.integer)
 
 
 @dataclass(frozen=True)
@@ -401,19 +404,62 @@ def _tuples(value: Any) -> Any:
 
 def _turns(table: FiringTable, layout: Layout) -> Iterator[Turn]:
     width = np.uint32 if table.about.get("range_bits") == 32 else np.uint16
+    _check_firings(table, layout, int(np.iinfo(width).max))
     edges = np.flatnonzero(np.diff(table["turn"], prepend=-1, append=-1))
     for first, end in pairwise(edges):
         shape = (-1, layout.lasers, layout.kinds)
         image = {name: part[first:end].reshape(shape) for name, part in table.columns.items()}
-        ranges, reflectivity = (
-            np.ascontiguousarray(image[name].transpose(2, 0, 1))
-            for name in ("distance", "reflectivity")
-        )
-        per_time = layout.columns_per_block * layout.blocks_per_time
-        times = image["time"][::per_time, 0, 0]
+        with naming(f"turn {image['turn'].flat[0]}"):
+            _check_order(image)
+            per_block = layout.columns_per_block
+            azimuths = _shared(image, "azimuth", per_block)
+            times = _known("time", _shared(image, "time", per_block * layout.blocks_per_time))
+            reflectivities = _known("reflectivity", image["reflectivity"].transpose(2, 0, 1))
         yield Turn(
-            ranges.astype(width),
-            image["azimuth"][:: layout.columns_per_block, 0, 0].astype(np.uint16),
-            times.astype(np.uint32) if (times >= 0).all() else None,
-            reflectivity.astype(np.uint8) if (reflectivity >= 0).all() else None,
+            np.ascontiguousarray(image["distance"].transpose(2, 0, 1)).astype(width),
+            azimuths.astype(np.uint16),
+            None if times is None else times.astype(np.uint32),
+            None
+            if reflectivities is None
+            else np.ascontiguousarray(reflectivities).astype(np.uint8),
         )
+
+
+def _check_order(image: Mapping[str, NDArray[Any]]) -> None:
+    columns, lasers, kinds = np.indices(image["distance"].shape)
+    order = {"column": columns, "laser_id": lasers, "return_kind": kinds}
+    if any((image[name] != places).any() for name, places in order.items()):
+        raise InputError(f"its rows are not in order: {_ORDER}")
+
+
+def _shared(image: Mapping[str, NDArray[Any]], name: str, columns: int) -> NDArray[Any]:
+    """Return a value for each `columns` columns; raise InputError if they have several."""
+    values = image[name]
+    first: NDArray[Any] = values[::columns, 0, 0]
+    if (values != np.repeat(first, columns)[: len(values), None, None]).any():
+        raise InputError(f"column {name} has several values in a block or packet")
+    return first
+
+
+def _check_firings(table: FiringTable, layout: Layout, most_range: int) -> None:
+    limits = {
+        "azimuth": (0, layout.azimuth_steps - 1),
+        "time": (_UNKNOWN, int(np.iinfo(np.uint32).max)),
+        "distance": (0, most_range),
+        "reflectivity": (_UNKNOWN, int(np.iinfo(np.uint8).max)),
+    }
+    for name, (low, high) in limits.items():
+        values = table[name]
+        if (wrong := (values < low) | (values > high)).any():
+            value = values[np.argmax(wrong)]
+            raise InputError(f"column {name} has {value}, not one of {low} to {high}")
+    if (np.diff(table["turn"], prepend=0) < 0).any():
+        raise InputError("turns are not in order")
+
+
+def _known(name: str, values: NDArray[_Number]) -> NDArray[_Number] | None:
+    """Return values of which none is -1, None if all are; raise InputError if some are."""
+    unknown = values == _UNKNOWN
+    if unknown.any() and not unknown.all():
+        raise InputError(f"column {name} has {_UNKNOWN} (not known) in a part of a turn")
+    return None if unknown.any() else values

@@ -26,10 +26,11 @@ CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 
 @dataclass(frozen=True)
 class CloudMessage:
-    """A cloud's columns by name, its time in ns, and whether its points form an image."""
+    """A cloud's columns by name, its time, ns, its frame, and whether its points form an image."""
 
     columns: Columns
     stamp_ns: int
+    frame: str
     is_organised: bool
 
 
@@ -63,9 +64,9 @@ def read_cloud_messages(
     for number, message in zip(numbers, bag.messages, strict=True):
         with naming(f"{path}: topic {bag.topic}: message {number}"):
             columns = columns_of(message)
-        stamp = message.header.stamp
+        stamp, frame = message.header.stamp, message.header.frame_id.lstrip("/")
         stamp_ns = stamp.sec * 10**9 + stamp.nanosec
-        clouds.append(CloudMessage(columns, stamp_ns, message.height > 1))
+        clouds.append(CloudMessage(columns, stamp_ns, frame, message.height > 1))
     return clouds
 
 

@@ -20,6 +20,7 @@ from puckbench.lidar.recordings.ouster import (
     read_sensor,
     serial_of,
 )
+from puckbench.lidar.recordings.packet_order import in_order
 from puckbench.lidar.recordings.packet_turns import SENSORS, is_whole, kind_codes
 from puckbench.lidar.recordings.packets import (
     BANK_FLAGS,
@@ -125,9 +126,9 @@ def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -
 def whole_packets(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """Return the distinct undamaged packets among 1,206-byte payloads.
+    """Return the distinct undamaged packets among 1,206-byte payloads, in the sensor's order.
 
-    `received` are times, s. The result's `about` also counts the payloads left out.
+    `received` are times, s. The result's `about` also counts the payloads left out or sorted.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):
@@ -144,7 +145,7 @@ def whole_packets(
         "foreign_packets": int((kinds == PayloadKind.FOREIGN).sum()),
     }
     counted = {**about, **{name: count for name, count in counts.items() if count}}
-    return PacketLog(log.payloads[is_data], log.received[is_data], counted)
+    return in_order(PacketLog(log.payloads[is_data], log.received[is_data], counted))
 
 
 def log_left_out(path: Path, about: Mapping[str, Any]) -> None:

@@ -7,6 +7,7 @@ uniformly during a message.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -75,9 +76,14 @@ def fitted_lasers(
     rate, turned = _rotation(
         azimuth[is_used], ranks[is_used], seconds[is_used], turn[is_used], lasers=len(kept)
     )
+    elevations = _rounded(np.degrees(np.arctan(tangents)), 4)
+    for place, (lower, upper) in enumerate(pairwise(elevations)):
+        if lower == upper:
+            first, second = names[kept[order]][place : place + 2]
+            raise InputError(f"lasers {first:g} and {second:g} have the same elevation: {lower:g}")
     sensor = Sensor(
         name=f"fitted, {len(kept)} lasers",
-        laser_elevation_deg=_rounded(np.degrees(np.arctan(tangents)), 4),
+        laser_elevation_deg=elevations,
         vertical_correction_mm=_rounded(1000 * heights, 2),
         laser_azimuth_deg=None if turned is None else _rounded(np.degrees(turned), 3),
         rotation_hz=rate,

@@ -1,72 +1,68 @@
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import Floats, check_points
+from puckbench.geometry.cloud import check_points
 from puckbench.io.point_columns import Columns
-from puckbench.lidar.recordings.cloud_messages import (
-    CloudMessage,
-    cloud_topic,
-    read_cloud_messages,
-)
+from puckbench.lidar.recordings.cloud_messages import cloud_topic, read_cloud_messages
 from puckbench.lidar.recordings.decoded_clouds import (
     LASERS,
     REFLECTIVITIES,
-    TIMES,
+    check_finite,
     returns_of_columns,
+    tell_missing,
     without_missing,
 )
 from puckbench.lidar.recordings.fitted_lasers import fitted_lasers
+from puckbench.lidar.recordings.message_times import (
+    MessagePoints,
+    seconds_of_messages,
+    time_field,
+)
 from puckbench.lidar.recordings.returns import RecordedReturns
-from puckbench.lidar.recordings.times import PER_SECOND, TimeUnit, is_since_1970, unit_of
+from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.turns import MAX_LASERS
 
 _BATCH = 64
-_UNITS: dict[str, TimeUnit] = {"t": "ns", "offset_time": "ns"}
-"""Units of Ouster's and Livox's time fields, for times whose unit cannot be inferred."""
+_log = logging.getLogger(__name__)
 
 
 def read_message_returns(
-    path: Path, topic: str | None, sensor: Sensor | None, time_unit: TimeUnit | None = None
+    path: Path,
+    topic: str | None,
+    sensor: Sensor | None,
+    time_unit: TimeUnit | None = None,
+    source: Path | None = None,
 ) -> RecordedReturns:
     """Read a topic of clouds as a table of returns, with a turn for each message.
 
-    The clouds' coordinates are those of ROS: x forward, y left, z up. Their times count from the
-    message's stamp, or from 1970; for columns see `puckbench.lidar.recordings.decoded_clouds`. If
-    `sensor` is None, lasers are fitted to the points.
+    The clouds' coordinates are those of ROS: x forward, y left, z up. For times see
+    `message_times.seconds_of_messages`, for other columns `decoded_clouds.returns_of_columns`. If
+    `sensor` is None, lasers are fitted to the points. Warnings name `source` if `path` is a
+    temporary copy of it.
     """
     name, (_, count) = cloud_topic(path, topic)
-    with naming(f"{path}: topic {name}"):
-        points = _joined(_parts(path, name, range(count), time_unit))
+    label = f"{source or path}: topic {name}"
+    with naming(label):
+        points, counts = _read(path, name, range(count), time_unit, label)
         columns = {**points, "x": -points["y"], "y": points["x"]}
         about: dict[str, Any] = {}
         if sensor is None:
-            columns, sensor, about = _fitted(path, columns)
-        table = returns_of_columns(columns, sensor, "s", path)
-    seconds = table["timestamp"] - table["timestamp"].min(initial=math.inf)
-    about = {**table.about, **about, "topic": name, "messages": count}
-    return replace(table, columns={**table.columns, "timestamp": seconds}, about=about)
-
-
-def _fitted(path: Path, columns: Columns) -> tuple[dict[str, NDArray[Any]], Sensor, dict[str, Any]]:
-    name = next((each for each in LASERS[::-1] if each in columns), None)
-    if name is None:
-        raise InputError(f"no laser column ({', '.join(LASERS)})")
-    present, counts = without_missing(path, columns)
-    xyz = np.column_stack([present[axis] for axis in "xyz"]).astype(np.float64)
-    check_points(xyz, str(path))
-    fitted = fitted_lasers(xyz, present[name], present["timestamp"], present["turn"])
-    rest = {each: values[fitted.is_used] for each, values in present.items() if each not in LASERS}
-    rest["ring"] = fitted.ranks[fitted.is_used]
-    return rest, fitted.sensor, {**counts, **fitted.about()}
+            columns, sensor, about = _fitted(columns, label)
+        table = returns_of_columns(columns, columns["timestamp"], sensor, label)
+    since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
+    about = {"format": path.suffix[1:].lower(), **counts, **about, "topic": name, "messages": count}
+    columns = {**table.columns, "timestamp": since}
+    return replace(table, columns=columns, about={**table.about, **about})
 
 
 def read_message_columns(
@@ -74,16 +70,15 @@ def read_message_columns(
 ) -> Columns:
     """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
 
-    Times are relative to the first message's stamp or, if counted since 1970, to that message's
-    first time. Points without coordinates are left out.
+    For times see `message_times.seconds_of_messages`. Points without coordinates are left out.
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns
-    with naming(f"{path}: topic {name}"):
+    label = f"{path}: topic {name}"
+    with naming(label):
         if not 0 <= first <= last < count:
             raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
-        parts = _parts(path, name, range(first, last + 1), time_unit)
-        columns, _ = without_missing(path, _joined(parts))
+        columns, _ = _read(path, name, range(first, last + 1), time_unit, label)
     result = {axis: columns[axis] for axis in "xyz"}
     for name, fields in (("ring", LASERS[::-1]), ("intensity", REFLECTIVITIES)):
         present = [columns[field] for field in fields if field in columns]
@@ -91,74 +86,72 @@ def read_message_columns(
     return result | ({"time": columns["timestamp"]} if columns["timed"].all() else {})
 
 
-def _joined(parts: Iterator[Columns]) -> Columns:
-    listed = list(parts)
-    if not listed:
+def _read(
+    path: Path, topic: str, numbers: Sequence[int], unit: TimeUnit | None, label: str
+) -> tuple[Columns, dict[str, int]]:
+    """Read points, without missing returns, with columns `timestamp`, `timed` and `turn`."""
+    messages, missing = [], 0
+    for message, left_out in _messages(path, topic, numbers):
+        if len(message.columns["x"]):
+            messages.append(message)
+            missing += left_out
+    if not messages:
         raise InputError("no points in its messages")
-    names = set.intersection(*map(set, listed))
-    return {each: np.concatenate([part[each] for part in listed]) for each in sorted(names)}
+    counts = tell_missing(label, missing)
+    _check_alike(messages)
+    seconds, are_timed = seconds_of_messages(messages, unit, label)
+    names = [each for each in messages[0].columns if each != time_field(messages[0].columns)]
+    columns = {each: np.concatenate([part.columns[each] for part in messages]) for each in names}
+    sizes = [len(part) for part in seconds]
+    columns["timestamp"] = np.concatenate(seconds)
+    columns["timed"] = np.full(sum(sizes), are_timed)
+    columns["turn"] = np.repeat(np.array([each.number for each in messages], np.int32), sizes)
+    return columns, counts
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """Conversion of times to s since the first message or, for times since 1970, since `origin`."""
-
-    column: str
-    unit: TimeUnit
-    start_ns: int
-    origin: float | None
-
-    def seconds(self, message: CloudMessage, columns: Columns) -> Floats:
-        since = (message.stamp_ns - self.start_ns) / 1e9
-        if self.column not in columns:
-            return np.full(len(columns["x"]), since)
-        times, ticks = _signed(columns[self.column]), PER_SECOND[self.unit]
-        if self.origin is None:
-            return np.asarray(times / ticks + since, dtype=np.float64)
-        return np.asarray((times - self.origin) / ticks, dtype=np.float64)
-
-
-def _parts(
-    path: Path, topic: str, messages: Sequence[int], unit: TimeUnit | None
-) -> Iterator[Columns]:
-    clock: _Clock | None = None
-    for first in range(0, len(messages), _BATCH):
-        numbers = messages[first : first + _BATCH]
-        for number, message in zip(numbers, read_cloud_messages(path, topic, numbers), strict=True):
+def _messages(
+    path: Path, topic: str, numbers: Sequence[int]
+) -> Iterator[tuple[MessagePoints, int]]:
+    """Yield the points of messages without missing returns, and the numbers of these."""
+    for first in range(0, len(numbers), _BATCH):
+        batch = numbers[first : first + _BATCH]
+        for number, message in zip(batch, read_cloud_messages(path, topic, batch), strict=True):
             columns = message.columns
-            present = _present(columns)
-            if not len(present["x"]):
-                continue
-            clock = clock or _clock(message, present, unit)
-            kept = {name: columns[name] for name in (*LASERS, *REFLECTIVITIES) if name in columns}
-            yield {
-                **kept,
-                **{axis: columns[axis] for axis in "xyz"},
-                "timestamp": clock.seconds(message, columns),
-                "turn": np.full(len(columns["x"]), number, np.int32),
-                "timed": np.full(len(columns["x"]), clock.column in columns),
-            }
+            kept = (*"xyz", *LASERS, *REFLECTIVITIES, time_field(columns))
+            columns = {name: part for name, part in columns.items() if name in kept}
+            present, missing = without_missing(columns, "field")
+            yield MessagePoints(number, message.stamp_ns, message.frame, present), missing
 
 
-def _present(columns: Columns) -> Columns:
-    missing = [axis for axis in "xyz" if axis not in columns]
-    if missing:
-        raise InputError(f"no field {', '.join(missing)}")
-    rows = np.any([~np.isnan(columns[axis]) for axis in "xyz"], axis=0)
-    return {name: values[rows] for name, values in columns.items()}
+def _check_alike(messages: Sequence[MessagePoints]) -> None:
+    """Raise InputError if messages differ in frame or fields: they are of several sensors."""
+    first = messages[0]
+    for each in messages:
+        if each.frame != first.frame:
+            fault = f"is in frame {each.frame!r}, message {first.number} in {first.frame!r}"
+        elif differing := sorted(each.columns.keys() ^ first.columns.keys()):
+            fault = f"and message {first.number} differ in the fields {', '.join(differing)}"
+        else:
+            continue
+        raise InputError(f"message {each.number} {fault}: several sensors in one topic?")
 
 
-def _clock(message: CloudMessage, columns: Columns, unit: TimeUnit | None) -> _Clock:
-    name = next((name for name in TIMES if name in columns), "")
-    if not name:
-        return _Clock(name, "s", message.stamp_ns, None)
-    times = _signed(columns[name])
-    inferred = unit or unit_of(times, np.arctan2(-columns["y"], columns["x"])) or _UNITS.get(name)
-    if inferred is None:
-        raise InputError(f"the unit of field {name} cannot be inferred: add --time-unit ns")
-    origin = times.min().item() if is_since_1970(times, inferred) else None
-    return _Clock(name, inferred, message.stamp_ns, origin)
-
-
-def _signed(times: NDArray[Any]) -> NDArray[Any]:
-    return times.astype(np.int64 if times.dtype.kind in "iu" else np.float64)
+def _fitted(columns: Columns, label: str) -> tuple[Columns, Sensor, dict[str, Any]]:
+    name = next((each for each in LASERS[::-1] if each in columns), None)
+    if name is None:
+        raise InputError(f"no laser column ({', '.join(LASERS)})")
+    ring = columns[name]
+    check_finite(f"field {name}", ring)
+    if (count := len(np.unique(ring))) > MAX_LASERS:
+        raise InputError(f"field {name} has {count:,} numbers, more than {MAX_LASERS} lasers")
+    if (ring != np.floor(ring)).any():
+        raise InputError(f"field {name} has {ring[ring != np.floor(ring)][0]:g}, no laser's number")
+    xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
+    check_points(xyz, label)
+    fitted = fitted_lasers(xyz, ring, columns["timestamp"], columns["turn"])
+    rest = {each: values[fitted.is_used] for each, values in columns.items() if each not in LASERS}
+    rest["ring"] = fitted.ranks[fitted.is_used]
+    about = fitted.about()
+    if left_out := about.get("points_left_out"):
+        _log.warning("%s: left out %d points of lasers with few points", label, left_out)
+    return rest, fitted.sensor, about

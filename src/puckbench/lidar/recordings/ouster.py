@@ -258,11 +258,7 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
 
     Repeated columns and columns without data are left out. Times have a resolution of 1 us.
     """
-    packets = np.ascontiguousarray(payloads).view(sensor.packet)[:, 0]
-    columns = packets["columns"].reshape(-1)
-    frames = np.repeat(_frames(sensor, packets), sensor.columns_per_packet)
-    is_data = (columns["status"] & 1 == 1) & (columns["column"] < sensor.columns)
-    columns, frames = columns[is_data], frames[is_data]
+    frames, columns = numbered_columns(sensor, payloads)
     _, rows = np.unique(frames * sensor.columns + columns["column"], return_index=True)
     ends = np.flatnonzero(np.diff(frames[rows])) + 1
     parts = np.split(columns[rows], ends) if len(rows) else []
@@ -273,6 +269,17 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
     offset = -sensor.radial_mm / 1000
     returns = Returns(sensor.beams, sensor.layout, turns, profile.quantum_m, sensor.name, offset)
     return OusterTurns(returns, whole)
+
+
+def numbered_columns(
+    sensor: OusterSensor, payloads: NDArray[np.uint8]
+) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """Return the columns (c,) with data of packets, and the numbers (c,) of their revolutions."""
+    packets = np.ascontiguousarray(payloads).view(sensor.packet)[:, 0]
+    columns = packets["columns"].reshape(-1)
+    frames = np.repeat(_frames(sensor, packets), sensor.columns_per_packet)
+    is_data = (columns["status"] & 1 == 1) & (columns["column"] < sensor.columns)
+    return frames[is_data], columns[is_data]
 
 
 def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:

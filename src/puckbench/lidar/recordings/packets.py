@@ -39,8 +39,8 @@ class PacketLog:
         return len(self.payloads)
 
     def between(self, start_s: float, end_s: float) -> PacketLog:
-        """Return the packets received `start_s` to `end_s` seconds after the first one."""
-        since = self.received - self.received[:1]
+        """Return the packets received `start_s` to `end_s` seconds after the earliest one."""
+        since = self.received - self.received.min(initial=np.inf)
         rows = (since >= start_s) & (since < end_s)
         return replace(self, payloads=self.payloads[rows], received=self.received[rows])
 

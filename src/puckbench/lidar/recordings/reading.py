@@ -23,6 +23,7 @@ from puckbench.lidar.recordings.data_packets import (
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
 from puckbench.lidar.recordings.message_returns import read_message_returns
 from puckbench.lidar.recordings.ouster import ouster_turns
+from puckbench.lidar.recordings.packet_order import tell_irregularities
 from puckbench.lidar.recordings.packet_turns import (
     SENSORS,
     decode_packets,
@@ -88,7 +89,7 @@ def read_recording(
         elif suffix in SUFFIXES:
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
         elif has_units:
-            returns = read_message_returns(path, topic, sensor, time_unit)
+            returns = read_message_returns(path, topic, sensor, time_unit, source)
             table = _between(returns, start_s, end_s)
         else:
             packets = read_packets(path, stream, source, topic)
@@ -130,8 +131,9 @@ def read_turns(
 def read_packets(
     path: Path, stream: str | None = None, source: Path | None = None, topic: str | None = None
 ) -> PacketLog:
-    """Read the undamaged data packets of a packet capture or a ROS bag; log how many are omitted.
+    """Read the undamaged data packets of a packet capture or a ROS bag, in the sensor's order.
 
+    Warnings tell of packets that are left out, late or lost, and of leaps of clock and azimuth.
     `stream` selects a capture's stream, such as ``192.168.1.201:2368``; `topic` selects a bag's
     topic. Messages name `source` if `path` is a temporary copy of it.
     """
@@ -141,7 +143,8 @@ def read_packets(
             log = _packets_of_bag(path, stream, topic)
         else:
             log = _packets_of_file(path, stream, topic, source)
-    log_left_out(source, log.about)
+        log_left_out(source, log.about)
+        tell_irregularities(source, log)
     return log
 
 

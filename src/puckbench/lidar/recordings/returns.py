@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.errors import InputError
 from puckbench.io.return_tables import (
     ColumnSpecs,
     ReturnTable,
@@ -19,6 +20,8 @@ from puckbench.lidar.turns import Turn, clock_steps
 
 STRONGEST, LAST, BOTH = 0, 1, 2
 """Kinds of return; in dual return mode, BOTH is a return that is strongest and last."""
+UNKNOWN = -1
+"""Reflectivity that is not known."""
 
 RETURN_COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
@@ -28,7 +31,7 @@ RETURN_COLUMNS: ColumnSpecs = {
     "azimuth": ("<f8", "rad", "clockwise from forward (y) seen from above, at the firing"),
     "elevation": ("<f8", "rad", "nominal elevation of the laser"),
     "distance": ("<f8", "m", "measured distance"),
-    "reflectivity": ("<i2", "", "0..100 diffuse, 101..255 retro-reflector"),
+    "reflectivity": ("<i2", "", "0..100 diffuse, 101..255 retro-reflector; -1: not known"),
     "x": ("<f8", "m", "right, sensor's frame"),
     "y": ("<f8", "m", "forward, sensor's frame"),
     "z": ("<f8", "m", "up, sensor's frame, vertical correction applied"),
@@ -59,7 +62,7 @@ def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedRetu
 
 
 def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray[Any]]:
-    layout, beams, unknown = returns.layout, returns.beams, np.zeros(turn.ranges.shape)
+    layout, beams, unknown = returns.layout, returns.beams, np.full(turn.ranges.shape, UNKNOWN)
     columns, lasers, kinds = returns.indices(turn)
     at = (kinds, columns, lasers)
     is_only = turn.ranges[0, columns, lasers] == turn.ranges[-1, columns, lasers]
@@ -83,4 +86,8 @@ def write_returns(path: Path, table: RecordedReturns) -> None:
 
 
 def read_returns(path: Path) -> RecordedReturns:
-    return read_return_table(path, RecordedReturns)
+    table = read_return_table(path, RecordedReturns)
+    for name, values in table.columns.items():
+        if not np.isfinite(values).all():
+            raise InputError(f"{path}: column {name} has a value that is not finite")
+    return table
