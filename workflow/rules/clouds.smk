@@ -2,6 +2,7 @@
 rule sample:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
+        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
     output:
         cloud=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.json",
