@@ -3,6 +3,7 @@ rule scan:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
+        made_by=made_by("scans/{dataset}/{cloud}", lambda w: clouds.scan(w.dataset, w.cloud)),
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     log:

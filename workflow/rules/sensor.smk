@@ -2,6 +2,8 @@
 if plan.study is not None:
 
     rule residuals:
+        input:
+            made_by=made_by("residuals/models/{model}", lambda w: study.residuals(w.model)),
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
         log:
@@ -19,7 +21,9 @@ if plan.study is not None:
 
     rule capture_residuals:
         input:
-            capture=lambda w: plan.study.captures[w.capture][0],
+            lambda w: ancient(study.recording(w.capture)[1:]),
+            capture=lambda w: ancient(study.recording(w.capture)[0]),
+            made_by=made_by("residuals/captures/{capture}", lambda w: study.capture_residuals(w.capture)),
         output:
             f"{RESULTS}/residuals/captures/{{capture}}.parquet",
         log:
@@ -37,6 +41,8 @@ if plan.study is not None:
             " > {log:q} 2>&1"
 
     rule wall_points:
+        input:
+            made_by=made_by("wall_points/{model}", lambda w: study.wall_points(w.model)),
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         log:
@@ -56,6 +62,7 @@ if plan.study is not None:
     rule calibration:
         input:
             residuals=[f"{RESULTS}/{file}" for file in study.capture_files()],
+            made_by=made_by("residuals/calibrated", lambda w: study.calibrate()),
         output:
             f"{RESULTS}/residuals/calibrated.yaml",
         log:
@@ -75,6 +82,7 @@ if plan.study is not None:
     rule study_table:
         input:
             rows=lambda w: study.gathered[w.table].files(plan.results),
+            made_by=made_by("tables/{table}", lambda w: study.gathered[w.table].job),
         output:
             f"{RESULTS}/tables/{{table}}.parquet",
         log:

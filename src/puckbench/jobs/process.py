@@ -12,7 +12,7 @@ from contextlib import suppress
 from inspect import signature
 from io import UnsupportedOperation
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from puckbench.core.errors import InputError, error_text
 from puckbench.core.files import read_json
@@ -33,7 +33,7 @@ def main(words: Sequence[str]) -> int:
         faulthandler.dump_traceback_later(limit_s, exit=True)
     name, record, *files = words
     try:
-        run_job(name, read_json(Path(record)), _files(name, files))
+        run_job(name, Path(record), _files(name, files))
     except InputError as error:
         text = ": ".join([*getattr(error, "__notes__", ()), *str(error).splitlines()])
         print(f"puckbench: {' '.join(text.split())}", file=sys.stderr)  # noqa: T201
@@ -50,14 +50,14 @@ def main(words: Sequence[str]) -> int:
     return 0
 
 
-def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None:
-    job = JOBS.get(name).of_record(record, f"job {name}")
+def run_job(name: str, record: Path, files: Mapping[str, Sequence[Path]]) -> None:
+    job = JOBS.get(name).of_record(read_json(record), f"job {name}")
     parameters = signature(job.run).parameters
     lists = {key for key, parameter in parameters.items() if "tuple" in str(parameter.annotation)}
     job.run(
         **{key: tuple(paths) if key in lists else paths[0] for key, paths in files.items() if paths}
     )
-    print(cost_line(name))  # noqa: T201
+    print(cost_line(name, key=record.stem))  # noqa: T201
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:

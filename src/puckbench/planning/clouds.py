@@ -62,12 +62,15 @@ class CloudJobs:
             options=scene_set.options_of(name),
             seed=scene_set.seed,
         )
-        return planned(record, LOADERS.module_of(scene_set.loader))
+        files = scene_set.files(name)
+        return planned(
+            record, LOADERS.module_of(scene_set.loader), also=self.plan.digest_of(files)
+        )
 
     def sample(self, dataset: str, cloud: str) -> PlannedJob:
         data = self.dataset(dataset)
         _, seed = data.source_of(cloud)
-        return planned(Sample(points=data.settings.points, seed=seed))
+        return planned(Sample(points=data.settings.points, seed=seed), also=data.scenes)
 
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Plan a scan; its fingerprint includes the sensor, the sweep and the error model."""
@@ -80,16 +83,20 @@ class CloudJobs:
         settings = self.dataset(dataset).settings
         model = open_error_model(settings.errors, settings.error_options)
         sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
-        return module_of_model(model), f"{model} {load_sensor(settings.sensor)} {sweep}"
+        also = f"{model} {load_sensor(settings.sensor)} {sweep} {settings.scenes}"
+        return module_of_model(model), also
 
     def prepare(self, dataset: str) -> PlannedJob:
         settings = self.dataset(dataset).settings
+        source = f"{settings.make} {settings.scenes}"
         if self.dataset(dataset).has_returns:
             model = settings.errors if settings.is_scan else ""
-            return planned(PrepareReturns(neighbours=settings.neighbours, error_model=model))
+            returns = PrepareReturns(neighbours=settings.neighbours, error_model=model)
+            return planned(returns, also=source)
         crop = settings.crop if self.is_cropped(dataset) else "none"
         size = 0 if settings.size == "metric" else settings.size
-        return planned(Prepare(crop=crop, size=size, neighbours=settings.neighbours))
+        record = Prepare(crop=crop, size=size, neighbours=settings.neighbours)
+        return planned(record, also=source)
 
     def memory_mb(self, dataset: str) -> int:
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000

@@ -99,7 +99,7 @@ class DriveJobs:
             settings = entry.settings
             record = VirtualDrive(**settings.scan_settings(*entry.scans[drive]))
             model = open_error_model(settings.errors, settings.error_options)
-            also = f"{model} {load_sensor(settings.sensor)}"
+            also = f"{model} {load_sensor(settings.sensor)} {settings.scenes}"
             return planned(record, module_of_model(model), also=also)
         scenes = entry.scenes
         record_of_clouds = DriveOfClouds(
@@ -109,7 +109,9 @@ class DriveJobs:
             poses=entry.settings.poses,
             seed=scenes.seed,
         )
-        return planned(record_of_clouds, LOADERS.module_of(scenes.loader))
+        files = (file for inputs in self.files(name, drive).values() for file in inputs)
+        digest = self.plan.digest_of(files)
+        return planned(record_of_clouds, LOADERS.module_of(scenes.loader), also=digest)
 
     def encode(self, name: str, codec: str) -> PlannedJob:
         changes = self._changes(name, codec)

@@ -23,10 +23,15 @@ class PlannedJob(NamedTuple):
     record: str
     code: str
 
+    @property
+    def key(self) -> str:
+        """The job's name and a digest of settings and code, for its log and the file of settings."""
+        digest = hashlib.sha256(f"{self.record}\n{self.code}".encode()).hexdigest()[:16]
+        return f"{self.name}-{digest}"
+
     def file(self) -> str:
-        """Write the settings to a file named after their digest, and return its path."""
-        digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
-        path, content = RECORDS / f"{self.name}-{digest}.json", self.record.encode()
+        """Write the settings to a file named after the job's key, and return its path."""
+        path, content = RECORDS / f"{self.key}.json", self.record.encode()
         if not path.exists() or path.read_bytes() != content:
             write_bytes(path, content)
         return str(path)

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+from puckbench.datasets.recordings import recording_files
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.jobs.registry import JOBS, Job
@@ -40,7 +42,12 @@ class StudyJobs:
         return self._scan("wall_points", model, distances=self.study.shown_m, keep=WALL_POINTS)
 
     def capture_residuals(self, capture: str) -> PlannedJob:
-        return planned(CaptureResiduals(options=self.study.captures[capture][1]))
+        record = CaptureResiduals(options=self.study.captures[capture][1])
+        return planned(record, also=self.plan.digest_of(self.recording(capture)))
+
+    def recording(self, capture: str) -> list[Path]:
+        """Return the files of a capture: the recording itself and those beside it."""
+        return recording_files(Path(self.study.captures[capture][0]))
 
     def capture_files(self) -> tuple[str, ...]:
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)

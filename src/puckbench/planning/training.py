@@ -31,7 +31,14 @@ class TrainingJobs:
             validate_every=training.validate_every,
             code=code_version(module_of(training_class(training.codec, training.entry))),
         )
-        return planned(record)
+        start = self.plan.digest_of(self.given_start(name))
+        return planned(record, also=[*training.clouds, *training.validate, start])
+
+    def given_start(self, name: str) -> list[str]:
+        """Return the weights from which a training starts, unless another training makes them."""
+        start = self.plan.trainings[name].start
+        made = self.plan.config.train[name].start in self.plan.trainings
+        return [] if start is None or made else [start]
 
     def memory_mb(self, name: str) -> int:
         datasets = self.plan.datasets
