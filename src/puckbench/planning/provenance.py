@@ -1,0 +1,62 @@
+"""Provenance of results: the log of each job names the settings and code that made its files.
+
+Snakemake remembers them in the working folder only. The logs lie beside the results, also beside
+results that were copied, moved or replaced.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import write_bytes
+from puckbench.jobs.cost import read_cost
+from puckbench.planning.planned_job import RECORDS, PlannedJob
+
+OTHERWISE = RECORDS / "made_otherwise"
+"""An input of each job, newer than all results: results that were made otherwise are older."""
+_RESULTS = ("scenes", "clouds", "coded", "metrics", "drives", "residuals", "tables", "figures")
+
+
+def time_of_planning(folder: Path) -> float:
+    """Return the present time (s) by the clock of a folder's file system."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with TemporaryFile(dir=folder) as probe:
+        return os.fstat(probe.fileno()).st_mtime
+
+
+def write_otherwise(planned_at: float) -> None:
+    """Write the file `OTHERWISE` with a time (s) at which no result of this run had been made."""
+    # Other content each time, since Snakemake ignores newer times of files with equal content.
+    write_bytes(OTHERWISE, repr(planned_at).encode())
+    os.utime(OTHERWISE, (planned_at, planned_at))
+
+
+class Provenance:
+    """Keys of the jobs that made the results, by log; see `PlannedJob.key`."""
+
+    def __init__(self, results: Path) -> None:
+        self._results = results
+        self._keys = {str(log): _key(log) for log in (results / "logs").rglob("*.log")}
+
+    def is_made_by(self, log: str, job: PlannedJob) -> bool:
+        return self._keys.get(log) == job.key
+
+    def notes(self) -> Iterator[str]:
+        """Yield lines about results that do not say how they were made."""
+        if not self._keys and any((self._results / name).exists() for name in _RESULTS):
+            yield f"{self._results}: no logs, which say how results were made: all are made again"
+        if count := list(self._keys.values()).count(""):
+            yield f"{self._results}: {count} results of an earlier version are made again"
+
+
+def _key(log: Path) -> str | None:
+    """Return the key in a log; empty if an earlier version ran the job, None if it failed."""
+    with suppress(InputError, OSError):
+        if cost := read_cost(log):
+            return str(cost.get("key", ""))
+    return None
