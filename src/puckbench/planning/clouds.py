@@ -63,9 +63,7 @@ class CloudJobs:
             seed=scene_set.seed,
         )
         files = scene_set.files(name)
-        return planned(
-            record, LOADERS.module_of(scene_set.loader), also=self.plan.digest_of(files)
-        )
+        return planned(record, LOADERS.module_of(scene_set.loader), also=self.plan.digest_of(files))
 
     def sample(self, dataset: str, cloud: str) -> PlannedJob:
         data = self.dataset(dataset)

@@ -167,9 +167,7 @@ class CodingJobs:
         return self.plan.entry_with(codec, {rate: table[rate] for rate in rates})
 
 
-def codec_job(
-    plan: Plan, record: Job, codec: str, *modules: str, also: object = ""
-) -> PlannedJob:
+def codec_job(plan: Plan, record: Job, codec: str, *modules: str, also: object = "") -> PlannedJob:
     """Plan a job that uses a codec, whose code and weights affect the result."""
     module, weights = module_of(plan.codecs[codec]["class"]), plan.weights_digest(codec)
     is_timed = "repeats" in type(record).model_fields

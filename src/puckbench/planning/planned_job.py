@@ -25,7 +25,7 @@ class PlannedJob(NamedTuple):
 
     @property
     def key(self) -> str:
-        """The job's name and a digest of settings and code, for its log and the file of settings."""
+        """The job's name, and a digest of its settings and code."""
         digest = hashlib.sha256(f"{self.record}\n{self.code}".encode()).hexdigest()[:16]
         return f"{self.name}-{digest}"
 

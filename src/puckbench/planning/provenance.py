@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import write_bytes
+from puckbench.core.files import unwritable, write_bytes
 from puckbench.jobs.cost import read_cost
 from puckbench.planning.planned_job import RECORDS, PlannedJob
 
@@ -24,9 +24,12 @@ _RESULTS = ("scenes", "clouds", "coded", "metrics", "drives", "residuals", "tabl
 
 def time_of_planning(folder: Path) -> float:
     """Return the present time (s) by the clock of a folder's file system."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with TemporaryFile(dir=folder) as probe:
-        return os.fstat(probe.fileno()).st_mtime
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder) as probe:
+            return os.fstat(probe.fileno()).st_mtime
+    except OSError as error:
+        raise unwritable(folder, error) from error
 
 
 def write_otherwise(planned_at: float) -> None:
