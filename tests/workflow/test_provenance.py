@@ -68,6 +68,20 @@ def test_results_that_were_moved_to_another_folder_are_up_to_date(copied: Bench)
     assert copied.planned(*rows) == {}
 
 
+def test_a_copy_without_its_times_is_up_to_date_once_they_are_in_order(copied: Bench) -> None:
+    """As the page says; this does not take results of another seed for current."""
+    for age, folder in enumerate(("coded", "scenes", "metrics", "clouds")):
+        for path in (copied.results / folder).rglob("*.*"):
+            os.utime(path, (1e9 - age, 1e9 - age))
+    assert copied.planned(*ROWS) != {}
+    done = copied.snakemake("--touch", *ROWS)
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert copied.planned(*ROWS) == {}
+    copied.configure({**deepcopy(SMALL), "seed": 7})
+    assert copied.snakemake("--touch", *ROWS).returncode == 0
+    assert copied.planned(*ROWS) == ALL
+
+
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
