@@ -86,6 +86,11 @@ def made_by(log, job):
     return otherwise
 
 
+def by_content(files):
+    """Return inputs whose times do not count, since fingerprints of jobs include their content."""
+    return {name: ancient(paths) for name, paths in files.items()}
+
+
 def priority_of(wildcards):
     """Prefer curves of the first codec, which the rule `first_look` shows."""
     return 1 if wildcards.codec == outputs.first_codec else 0
@@ -119,8 +124,9 @@ if workflow.is_main_process:  # each job on a cluster reads this file again
     # Logs in a remote store cannot be read while planning.
     if workflow.storage_settings.default_storage_provider is None:
         provenance = Provenance(plan.results)
-        for line in provenance.notes():
-            print(f"puckbench: {line}", file=sys.stderr, flush=True)
+        if provenance.is_lost():
+            line = f"puckbench: {RESULTS}: no log says how results were made: all are made again"
+            print(line, file=sys.stderr, flush=True)
 if workflow.is_main_process or not OTHERWISE.exists():
     write_otherwise(PLANNED_AT)
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it

@@ -21,9 +21,10 @@ if plan.study is not None:
 
     rule capture_residuals:
         input:
-            lambda w: ancient(study.recording(w.capture)[1:]),
-            capture=lambda w: ancient(study.recording(w.capture)[0]),
-            made_by=made_by("residuals/captures/{capture}", lambda w: study.capture_residuals(w.capture)),
+            unpack(lambda w: by_content(study.recording(w.capture))),
+            made_by=made_by(
+                "residuals/captures/{capture}", lambda w: study.capture_residuals(w.capture)
+            ),
         output:
             f"{RESULTS}/residuals/captures/{{capture}}.parquet",
         log:

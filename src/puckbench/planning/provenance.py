@@ -7,7 +7,6 @@ results that were copied, moved or replaced.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -49,17 +48,17 @@ class Provenance:
     def is_made_by(self, log: str, job: PlannedJob) -> bool:
         return self._keys.get(log) == job.key
 
-    def notes(self) -> Iterator[str]:
-        """Yield lines about results that do not say how they were made."""
-        if not self._keys and any((self._results / name).exists() for name in _RESULTS):
-            yield f"{self._results}: no logs, which say how results were made: all are made again"
-        if count := list(self._keys.values()).count(""):
-            yield f"{self._results}: {count} results of an earlier version are made again"
+    def is_lost(self) -> bool:
+        """Return whether there are results, but no log says how they were made."""
+        folders = (self._results / name for name in _RESULTS)
+        return not any(self._keys.values()) and any(
+            path.is_file() for folder in folders for path in folder.rglob("*")
+        )
 
 
-def _key(log: Path) -> str | None:
-    """Return the key in a log; empty if an earlier version ran the job, None if it failed."""
+def _key(log: Path) -> str:
+    """Return the key in a log; empty if an earlier version ran the job, or the job failed."""
     with suppress(InputError, OSError):
         if cost := read_cost(log):
             return str(cost.get("key", ""))
-    return None
+    return ""

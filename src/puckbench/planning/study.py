@@ -43,17 +43,19 @@ class StudyJobs:
 
     def capture_residuals(self, capture: str) -> PlannedJob:
         record = CaptureResiduals(options=self.study.captures[capture][1])
-        return planned(record, also=self.plan.digest_of(self.recording(capture)))
+        files = (file for inputs in self.recording(capture).values() for file in inputs)
+        return planned(record, also=self.plan.digest_of(files))
 
-    def recording(self, capture: str) -> list[Path]:
-        """Return the files of a capture: the recording itself and those beside it."""
-        return recording_files(Path(self.study.captures[capture][0]))
+    def recording(self, capture: str) -> dict[str, list[str]]:
+        """Return the file of a capture, and the files beside it."""
+        path, *beside = map(str, recording_files(Path(self.study.captures[capture][0])))
+        return {"capture": [path], "beside": beside}
 
     def capture_files(self) -> tuple[str, ...]:
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
-        return planned(Calibrate())
+        return planned(Calibrate(), also=self.capture_files())
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
