@@ -30,16 +30,16 @@ if plan.datasets or plan.drives:
             made_by=made_by("reference", lambda w: outputs.reference),
         output:
             f"{RESULTS}/reference.parquet",
-        log:
-            f"{RESULTS}/logs/reference.log",
-        conda:
-            "../../envs/puckbench.yaml"
-        resources:
-            mem_mb=1500,
-            runtime=10,
         params:
             record=record_of(lambda w: outputs.reference),
             code=outputs.reference.code,
             files=lambda w, input: files_of(input, outputs.reference_inputs),
+        resources:
+            mem_mb=1500,
+            runtime=10,
+        log:
+            f"{RESULTS}/logs/reference.log",
+        conda:
+            "../../envs/puckbench.yaml"
         shell:
             "python -m puckbench.jobs reference {params.record} {params.files} out={output:q} > {log:q} 2>&1"
