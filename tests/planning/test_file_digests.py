@@ -84,6 +84,16 @@ def test_a_file_is_read_once(tmp_path: Path, memory: Path) -> None:
     assert digest(cloud, memory) == before
 
 
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"a.xyz": {"state": "new"}}'])
+def test_a_damaged_memory_is_made_anew(tmp_path: Path, memory: Path, damage: str) -> None:
+    cloud = tmp_path / "a.xyz"
+    cloud.write_text("0 0 0\n")
+    before = digest(cloud, memory)
+    memory.write_text(damage)
+    assert digest(cloud, memory) == before
+    assert str(cloud) in json.loads(memory.read_text())
+
+
 def test_of_a_huge_file_size_time_and_parts_count(tmp_path: Path, memory: Path) -> None:
     huge = tmp_path / "drive.bag"
     with huge.open("wb") as stream:

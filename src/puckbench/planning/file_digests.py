@@ -66,10 +66,10 @@ def _size(state: _State) -> int:
 
 
 def _read(memory: Path) -> dict[str, _Remembered]:
-    entries = read_object(memory) if memory.exists() else {}
-    return {
-        name: parsed(_Remembered, entry, f"{memory}: {name}") for name, entry in entries.items()
-    }
+    with suppress(InputError):  # missing or damaged
+        entries = read_object(memory)
+        return {name: parsed(_Remembered, entry, name) for name, entry in entries.items()}
+    return {}
 
 
 def _is_new(known: _Remembered | None, state: _State) -> bool:

@@ -47,9 +47,8 @@ class Item:
     stand_ins: str = ""
 
     def line(self) -> str:
-        return f"{self.state:10}  {self.note}" + (
-            f"  # of {self.stand_ins}" if self.stand_ins else ""
-        )
+        remark = f"  # of {self.stand_ins}" if self.stand_ins else ""
+        return f"{self.state:10}  {self.note}{remark}"
 
 
 @dataclass(frozen=True)
@@ -98,10 +97,8 @@ class Reproduction:
 
     def _item(self, title: str, name: str) -> Item:
         scenes_of = dict.fromkeys(data.scenes for data in self._datasets_of(name))
-        absent, stand_ins = (
-            [each for each in scenes_of if each in self.absent],
-            self._stand_ins(name),
-        )
+        absent = [scenes for scenes in scenes_of if scenes in self.absent]
+        stand_ins = self._stand_ins(name)
         if not self.absent and name not in self._planned:
             return Item(title, name, "unplanned", "not in this configuration")
         roots = [self.results, *([_CHAPTER_5_RESULTS] if self.absent and not absent else [])]
