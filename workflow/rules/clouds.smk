@@ -3,6 +3,7 @@ rule sample:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
+        made_by=made_by("samples/{dataset}/{cloud}", lambda w: clouds.sample(w.dataset, w.cloud)),
     output:
         cloud=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.json",
@@ -25,6 +26,7 @@ rule prepare:
     input:
         unpack(lambda w: clouds.sources(w.dataset, w.cloud)),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
+        made_by=made_by("clouds/{dataset}/{cloud}", lambda w: clouds.prepare(w.dataset)),
     output:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
@@ -54,6 +56,7 @@ rule prepare_returns:
     input:
         source=lambda w: clouds.source(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
+        made_by=made_by("clouds/{dataset}/{cloud}", lambda w: clouds.prepare(w.dataset)),
     output:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",

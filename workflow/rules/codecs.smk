@@ -3,6 +3,7 @@
 rule encode:
     input:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
+        made_by=made_by("coded/{dataset}/{cloud}/{codec}", lambda w: coding.encode(*curve_of(w))),
     output:
         f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
@@ -27,6 +28,10 @@ rule encode:
 rule decode:
     input:
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        made_by=made_by(
+            "decoded/{dataset}/{cloud}/{codec}/{rate}",
+            lambda w: coding.decode(w.dataset, w.codec, w.rate),
+        ),
     output:
         cloud=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.ply",
         about=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.json",
@@ -49,6 +54,10 @@ rule decode:
 rule decode_shown:
     input:
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        made_by=made_by(
+            "decoded/{dataset}/{cloud}/{codec}",
+            lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec),
+        ),
     output:
         f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:

@@ -20,6 +20,7 @@ from puckbench.metrics.table_registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
 from puckbench.planning.launch import CALLER_GOES_ON, command_for_the_rest
+from puckbench.planning.provenance import OTHERWISE, Provenance, time_of_planning, write_otherwise
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
@@ -73,6 +74,23 @@ def code_of(job):
     return lambda wildcards: job(wildcards).code
 
 
+def made_by(log, job):
+    """Return an input, newer than the results if their log does not name the job's settings and code."""
+
+    def otherwise(wildcards):
+        path = f"{RESULTS}/logs/{log}.log".format(**wildcards)
+        if provenance is None or provenance.is_made_by(path, job(wildcards)):
+            return local(ancient(str(OTHERWISE)))
+        return local(str(OTHERWISE))
+
+    return otherwise
+
+
+def by_content(files):
+    """Return inputs whose times do not count, since fingerprints of jobs include their content."""
+    return {name: ancient(paths) for name, paths in files.items()}
+
+
 def priority_of(wildcards):
     """Prefer curves of the first codec, which the rule `first_look` shows."""
     return 1 if wildcards.codec == outputs.first_codec else 0
@@ -83,6 +101,7 @@ def curve_of(wildcards):
     return wildcards.dataset, wildcards.cloud, wildcards.codec
 
 
+PLANNED_AT = or_stop(time_of_planning, Path(".snakemake"))
 if workflow.is_main_process:
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
@@ -98,9 +117,18 @@ CORES = workflow.resource_settings.cores
 os.environ[TIMEOUT] = str(bench.config.timing.timeout_s or "")
 
 
+provenance = None  # if Snakemake alone knows it
 if workflow.is_main_process:  # each job on a cluster reads this file again
     # Without space for its records Snakemake would end with a traceback.
     or_stop(check_room, Path(".snakemake"))
+    # Logs in a remote store cannot be read while planning.
+    if workflow.storage_settings.default_storage_provider is None:
+        provenance = Provenance(plan.results)
+        if provenance.is_lost():
+            line = f"puckbench: {RESULTS}: no log says how results were made: all are made again"
+            print(line, file=sys.stderr, flush=True)
+if workflow.is_main_process or not OTHERWISE.exists():
+    write_otherwise(PLANNED_AT)
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     bar.expect(
         job_s=job_seconds(bench),

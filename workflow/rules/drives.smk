@@ -2,6 +2,7 @@
 rule drive:
     input:
         unpack(lambda w: drives.source(w.drives, w.drive)),
+        made_by=made_by("drives/{drives}/{drive}", lambda w: drives.drive(w.drives, w.drive)),
     output:
         f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
     log:
@@ -24,7 +25,8 @@ rule drive:
 # Consecutive clouds of a data set.
 rule drive_of_clouds:
     input:
-        unpack(lambda w: drives.files(w.drives, w.drive)),
+        unpack(lambda w: by_content(drives.files(w.drives, w.drive))),
+        made_by=made_by("drives/{drives}/{drive}", lambda w: drives.drive(w.drives, w.drive)),
     output:
         f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
     log:
@@ -46,6 +48,9 @@ rule drive_of_clouds:
 rule encode_drive:
     input:
         drive=f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
+        made_by=made_by(
+            "coded_drives/{drives}/{drive}/{codec}", lambda w: drives.encode(w.drives, w.codec)
+        ),
     output:
         f"{RESULTS}/coded_drives/{{drives}}/{{drive}}/{{codec}}.zip",
     log:
@@ -69,6 +74,9 @@ rule measure_drive:
     input:
         drive=f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
         curve=f"{RESULTS}/coded_drives/{{drives}}/{{drive}}/{{codec}}.zip",
+        made_by=made_by(
+            "drive_tasks/{drives}/{drive}/{codec}", lambda w: drives.measure(w.drives, w.codec)
+        ),
     output:
         f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/{{codec}}.parquet",
     log:
@@ -91,6 +99,10 @@ rule measure_drive:
 rule measure_undecoded:
     input:
         drive=f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
+        made_by=made_by(
+            "drive_tasks/{drives}/{drive}/undecoded",
+            lambda w: drives.measure(w.drives, "undecoded"),
+        ),
     output:
         f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/undecoded.parquet",
     log:

@@ -2,6 +2,7 @@
 rule figure:
     input:
         unpack(lambda w: coding.described(outputs.figures[w.figure])),
+        made_by=made_by("figures/{figure}", lambda w: outputs.figure(w.figure)),
     output:
         pdf=f"{RESULTS}/figures/{{figure}}.pdf",
         svg=f"{RESULTS}/figures/{{figure}}.svg",
@@ -36,6 +37,7 @@ if FIRST_FIGURES:
     rule first_look:
         input:
             rows=outputs.first_look.files(plan.results),
+            made_by=made_by("first_look", lambda w: outputs.first_look.job),
         output:
             parquet=f"{RESULTS}/first_look/metrics.parquet",
             images=FIRST_FIGURES,

@@ -4,6 +4,9 @@ rule evaluate:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
         unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        made_by=made_by(
+            "metrics/{dataset}/{cloud}/{codec}", lambda w: coding.evaluate(*curve_of(w))
+        ),
     output:
         f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
@@ -30,6 +33,9 @@ rule recovery:
     input:
         unpack(lambda w: coding.described(coding.labels(w.dataset, w.cloud))),
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
+        made_by=made_by(
+            "recovery/{dataset}/{cloud}/{codec}", lambda w: coding.recovery(w.dataset, w.codec)
+        ),
     output:
         f"{RESULTS}/recovery/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
@@ -53,6 +59,7 @@ rule scan_error:
         unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
+        made_by=made_by("scan_errors/{dataset}/{cloud}", lambda w: coding.scan_error(w.dataset)),
     output:
         f"{RESULTS}/scan_errors/{{dataset}}/{{cloud}}.json",
     log:

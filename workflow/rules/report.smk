@@ -2,6 +2,7 @@
 rule report_page:
     input:
         *outputs.report_contents.files(),
+        made_by=made_by("report", lambda w: outputs.report),
     output:
         f"{RESULTS}/report.html",
     log:
@@ -26,6 +27,7 @@ if outputs.reference_inputs:
     rule reference:
         input:
             **outputs.reference_inputs,
+            made_by=made_by("reference", lambda w: outputs.reference),
         output:
             f"{RESULTS}/reference.parquet",
         params:

@@ -3,7 +3,8 @@ rule scan:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
         about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        files=lambda w: clouds.sensing_files(w.dataset),
+        files=lambda w: ancient(clouds.sensing_files(w.dataset)),
+        made_by=made_by("scans/{dataset}/{cloud}", lambda w: clouds.scan(w.dataset, w.cloud)),
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     log:

@@ -3,7 +3,8 @@ if plan.study is not None:
 
     rule residuals:
         input:
-            lambda w: study.model_files(w.model),
+            files=lambda w: study.model_files(w.model),
+            made_by=made_by("residuals/models/{model}", lambda w: study.residuals(w.model)),
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
         log:
@@ -21,7 +22,10 @@ if plan.study is not None:
 
     rule capture_residuals:
         input:
-            capture=lambda w: plan.study.captures[w.capture][0],
+            unpack(lambda w: by_content(study.recording(w.capture))),
+            made_by=made_by(
+                "residuals/captures/{capture}", lambda w: study.capture_residuals(w.capture)
+            ),
         output:
             f"{RESULTS}/residuals/captures/{{capture}}.parquet",
         log:
@@ -40,7 +44,8 @@ if plan.study is not None:
 
     rule wall_points:
         input:
-            lambda w: study.model_files(w.model),
+            files=lambda w: study.model_files(w.model),
+            made_by=made_by("wall_points/{model}", lambda w: study.wall_points(w.model)),
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         log:
@@ -60,6 +65,7 @@ if plan.study is not None:
     rule calibration:
         input:
             residuals=[f"{RESULTS}/{file}" for file in study.capture_files()],
+            made_by=made_by("residuals/calibrated", lambda w: study.calibrate()),
         output:
             f"{RESULTS}/residuals/calibrated.yaml",
         log:
@@ -79,6 +85,7 @@ if plan.study is not None:
     rule study_table:
         input:
             rows=lambda w: study.gathered[w.table].files(plan.results),
+            made_by=made_by("tables/{table}", lambda w: study.gathered[w.table].job),
         output:
             f"{RESULTS}/tables/{{table}}.parquet",
         log:

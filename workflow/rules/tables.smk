@@ -2,6 +2,7 @@
 rule results_table:
     input:
         rows=lambda w: outputs.gathered[w.table].files(plan.results),
+        made_by=made_by("tables/{table}", lambda w: outputs.gathered[w.table].job),
     output:
         csv=report(f"{RESULTS}/tables/{{table}}.csv", category="Tables", labels={"table": "{table}"}),
         parquet=f"{RESULTS}/tables/{{table}}.parquet",
@@ -28,6 +29,7 @@ rule results_table:
 rule table:
     input:
         unpack(lambda w: outputs.tables[w.table]),
+        made_by=made_by("tables/{table}", lambda w: outputs.table(w.table)),
     output:
         csv=report(
             f"{RESULTS}/tables/{{table}}.csv",

@@ -5,7 +5,10 @@ rule weights:
         clouds=lambda w: training.cloud_files(plan.trainings[w.trained].clouds),
         validate=lambda w: training.cloud_files(plan.trainings[w.trained].validate),
         about=lambda w: training.descriptions(w.trained),
-        start=lambda w: plan.trainings[w.trained].start or [],
+        start=lambda w: ancient(training.given_start(w.trained))
+        or plan.trainings[w.trained].start
+        or [],
+        made_by=made_by("weights/{trained}", lambda w: training.train(w.trained)),
     output:
         weights=f"{RESULTS}/weights/{{trained}}.safetensors",
         curve=f"{RESULTS}/weights/{{trained}}.csv",

@@ -135,6 +135,8 @@ def json_of(data: bytes, what: str) -> Any:
 def _is_deep(value: Any) -> bool:
     level = [value] if isinstance(value, (dict, list)) else []
     for _ in range(_MOST_LEVELS):
+        if not level:
+            break
         inner = [each.values() if isinstance(each, dict) else each for each in level]
         level = [each for part in inner for each in part if isinstance(each, (dict, list))]
     return bool(level)

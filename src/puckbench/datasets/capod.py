@@ -32,9 +32,16 @@ class Capod(MeshFolderSet):
     classes: tuple[str, ...] | None = None
     """Names of classes to keep (Human, ..., Car); all by default."""
 
+    def files(self, name: str) -> list[Path]:
+        return [self._file(name), self._classes_file]
+
+    @property
+    def _classes_file(self) -> Path:
+        return Path(self.path) / "CAPOD.cla"
+
     @cached_property
     def _objects_of(self) -> dict[str, list[int]]:
-        return _read_classes(Path(self.path) / "CAPOD.cla")
+        return _read_classes(self._classes_file)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
         kept = select_names("classes", self.classes, list(self._objects_of))

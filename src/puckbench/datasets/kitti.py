@@ -73,6 +73,10 @@ class Kitti(FrameSet):
     parts: tuple[str, ...] | None = None
     """Names of parts to keep (training, 00, 2011_09_26_drive_0001_sync); all by default."""
 
+    def files(self, name: str) -> list[Path]:
+        frame = self._file(name)
+        return [frame, *filter(Path.is_file, _motion_files(frame.parent.parent))]
+
     def load(self, name: str) -> Scene:
         path = self._file(name)
         data = read_bytes(path)
@@ -142,12 +146,17 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
 
 
 def _sequence_motion(sequence: Path) -> tuple[Floats | None, Floats | None]:
-    poses, times = sequence.parents[1] / "poses" / f"{sequence.name}.txt", sequence / "times.txt"
+    poses, times, calibration = _motion_files(sequence)
     seconds = read_times(times) if times.is_file() else None
     if sequence.parent.name != "sequences" or not poses.is_file():
         return None, seconds
-    camera = read_kitti_calibration(sequence / "calib.txt")
+    camera = read_kitti_calibration(calibration)
     return np.linalg.inv(camera) @ read_poses(poses)[1] @ camera, seconds
+
+
+def _motion_files(sequence: Path) -> tuple[Path, Path, Path]:
+    poses = sequence.parents[1] / "poses" / f"{sequence.name}.txt"
+    return poses, sequence / "times.txt", sequence / "calib.txt"
 
 
 def _part(folder: Path) -> str:

@@ -135,7 +135,7 @@ class Recordings(RecordingSet):
         return True
 
     def files(self, name: str) -> list[Path]:
-        return _files(self._place(name)[0])
+        return recording_files(self._place(name)[0])
 
     def load(self, name: str) -> Scene:
         path, first = self._place(name)
@@ -247,7 +247,8 @@ def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> 
     return _kept[key]
 
 
-def _files(path: Path) -> list[Path]:
+def recording_files(path: Path) -> list[Path]:
+    """Return a recording's path, and the files beside it with its sensor's metadata."""
     from puckbench.lidar.recordings.ouster import metadata_beside
     from puckbench.lidar.unit_calibration import calibration_beside
 
@@ -256,6 +257,6 @@ def _files(path: Path) -> list[Path]:
 
 
 def _state(path: Path) -> _State:
-    files = sorted(path.iterdir()) if path.is_dir() else _files(path)
+    files = sorted(path.iterdir()) if path.is_dir() else recording_files(path)
     stats = ((file.name, file.stat()) for file in files if file.exists())
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

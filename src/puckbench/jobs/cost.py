@@ -17,10 +17,11 @@ BEGIN = '{"job": '
 _TAIL_BYTES = 2048
 
 
-def cost_line(name: str) -> str:
+def cost_line(name: str, key: str) -> str:
     """Return a line of JSON with the time and memory of this process, which runs a job.
 
-    Child processes are included; imports by the server that forked this process are not.
+    Child processes are included; imports by the server that forked this process are not. `key`
+    identifies the job's settings and code (`puckbench.planning.provenance`).
     """
     import resource
 
@@ -29,6 +30,7 @@ def cost_line(name: str) -> str:
     usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     cost = {
         "job": name,
+        "key": key,
         "processor_s": round(sum(use.ru_utime + use.ru_stime for use in usages), 3),
         "wall_s": round(_age_s(), 3),
         "peak_mib": max(use.ru_maxrss for use in usages) // 1024,
@@ -57,6 +59,7 @@ def _age_s() -> float:
 
 class _Cost(Model, extra="ignore"):
     job: str
+    key: str = ""
     processor_s: float
     wall_s: float
     peak_mib: int = 0

@@ -12,7 +12,7 @@ from contextlib import suppress
 from inspect import signature
 from io import UnsupportedOperation
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from puckbench.core.errors import InputError, error_text
 from puckbench.core.files import read_json
@@ -34,7 +34,7 @@ def main(words: Sequence[str]) -> int:
     name, record, *files = words
     folder = f"{Path.cwd()}{os.sep}"
     try:
-        run_job(name, read_json(Path(record)), _files(name, files))
+        run_job(name, Path(record), _files(name, files))
     except InputError as error:
         text = ": ".join([*getattr(error, "__notes__", ()), *str(error).splitlines()])
         if not any(folder in word for word in words):  # paths are told as they were given
@@ -53,8 +53,8 @@ def main(words: Sequence[str]) -> int:
     return 0
 
 
-def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None:
-    job = JOBS.get(name).of_record(record, f"job {name}")
+def run_job(name: str, record: Path, files: Mapping[str, Sequence[Path]]) -> None:
+    job = JOBS.get(name).of_record(read_json(record), f"job {name}")
     parameters = signature(job.run).parameters
     lists = {key for key, parameter in parameters.items() if "tuple" in str(parameter.annotation)}
     job.run(
@@ -63,7 +63,7 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
     for path in (path for paths in files.values() for path in paths):
         if not path.exists():
             raise InputError(f"{path}: the job ended without this file")
-    print(cost_line(name))  # noqa: T201
+    print(cost_line(name, key=record.stem))  # noqa: T201
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:

@@ -73,12 +73,14 @@ class CloudJobs:
             options=scene_set.options_of(name),
             seed=scene_set.seed,
         )
-        return planned(record, *loader_modules(scene_set.loader, scene_set.scenes.files(name)))
+        files = scene_set.files(name)
+        modules = loader_modules(scene_set.loader, files)
+        return planned(record, *modules, also=self.plan.digest_of(files))
 
     def sample(self, dataset: str, cloud: str) -> PlannedJob:
         data = self.dataset(dataset)
         _, seed = data.source_of(cloud)
-        return planned(Sample(points=data.settings.points, seed=seed))
+        return planned(Sample(points=data.settings.points, seed=seed), also=data.scenes)
 
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Plan a scan; its fingerprint includes the sensor, the sweep and the error model."""
@@ -88,32 +90,38 @@ class CloudJobs:
 
     @cache  # noqa: B019 (one plan lives as long as the process)
     def _sensing(self, dataset: str) -> Code:
-        return code_of_scan(self.dataset(dataset).settings)
+        settings = self.dataset(dataset).settings
+        modules, also = code_of_scan(settings)
+        files = self.plan.digest_of(files_of_scan(settings))
+        return modules, f"{also} {settings.scenes} {files}"
 
     def sensing_files(self, dataset: str) -> list[str]:
         return files_of_scan(self.dataset(dataset).settings)
 
     def prepare(self, dataset: str) -> PlannedJob:
         settings = self.dataset(dataset).settings
+        source = f"{settings.make} {settings.scenes}"
         if self.dataset(dataset).has_returns:
             model = settings.errors if settings.is_scan else ""
-            return planned(PrepareReturns(neighbours=settings.neighbours, error_model=model))
+            returns = PrepareReturns(neighbours=settings.neighbours, error_model=model)
+            return planned(returns, also=source)
         crop = settings.crop if self.is_cropped(dataset) else "none"
         size = 0 if settings.size == "metric" else settings.size
-        return planned(Prepare(crop=crop, size=size, neighbours=settings.neighbours))
+        record = Prepare(crop=crop, size=size, neighbours=settings.neighbours)
+        return planned(record, also=source)
 
     def memory_mb(self, dataset: str) -> int:
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000
 
 
-def loader_modules(loader: str, files: Iterable[Path]) -> list[str]:
+def loader_modules(loader: str, files: Iterable[str | Path]) -> list[str]:
     """Return the modules that read a scene: its loader's, and those of its files' formats."""
     return [LOADERS.module_of(loader), *reader_modules(files)]
 
 
-def reader_modules(files: Iterable[Path]) -> list[str]:
+def reader_modules(files: Iterable[str | Path]) -> list[str]:
     """Return the modules that read the formats of files; of all formats if one has no suffix."""
     readers = {**clouds.READERS, **meshes.READERS, **recordings.READERS}
-    suffixes = set(map(plain_suffix, files)) - {".ply", *recordings.CAPTURE_SUFFIXES}
+    suffixes = {plain_suffix(Path(file)) for file in files} - {".ply", *recordings.CAPTURE_SUFFIXES}
     used = suffixes if suffixes <= readers.keys() else readers.keys()
     return sorted({readers[suffix].partition(":")[0] for suffix in used})

@@ -89,7 +89,8 @@ class CodingJobs:
             metrics=self.plan.config.metrics,
             **timed(self.plan),
         )
-        return codec_job(self.plan, record, codec, *map(METRICS.module_of, record.metrics))
+        modules = map(METRICS.module_of, record.metrics)
+        return codec_job(self.plan, record, codec, *modules, also=self.truth_kinds(dataset))
 
     def recovery(self, dataset: str, codec: str) -> PlannedJob:
         changes = self._entry(dataset, codec, self.plan.rates(codec, self._frame(dataset)))
@@ -97,7 +98,7 @@ class CodingJobs:
         return codec_job(self.plan, record, codec)
 
     def scan_error(self, dataset: str) -> PlannedJob:
-        return planned(Evaluate(dataset=dataset))
+        return planned(Evaluate(dataset=dataset), also=self.truth_kinds(dataset))
 
     def cloud(self, dataset: str, cloud: str) -> dict[str, str]:
         return self.described({"cloud": f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"})
@@ -126,6 +127,9 @@ class CodingJobs:
         if not data.has_true_surface:
             return points
         return {"truth": self.clouds.scene_file(dataset, cloud), **points}
+
+    def truth_kinds(self, dataset: str) -> str:
+        return " ".join(self.truth(dataset, self.clouds.dataset(dataset).clouds[0]))
 
     def labels(self, dataset: str, cloud: str) -> dict[str, str]:
         return {
@@ -164,10 +168,12 @@ class CodingJobs:
         return self.plan.entry_with(codec, {rate: table[rate] for rate in rates})
 
 
-def codec_job(plan: Plan, record: Job, codec: str, *modules: str) -> PlannedJob:
+def codec_job(plan: Plan, record: Job, codec: str, *modules: str, also: object = "") -> PlannedJob:
     """Plan a job that uses a codec, whose code and weights affect the result."""
     module, weights = module_of(plan.codecs[codec]["class"]), plan.weights_digest(codec)
-    return planned(record, module, *modules, also=weights)
+    is_timed = "repeats" in type(record).model_fields
+    threads = plan.config.timing.threads if is_timed else ""
+    return planned(record, module, *modules, also=f"{weights} {also} {threads}".strip())
 
 
 def timed(plan: Plan) -> dict[str, Any]:

@@ -102,7 +102,8 @@ class DriveJobs:
         if drive in entry.scans:
             modules, also = code_of_scan(entry.settings)
             record = VirtualDrive(**entry.settings.scan_settings(*entry.scans[drive]))
-            return planned(record, *modules, also=also)
+            files = self.plan.digest_of(files_of_scan(entry.settings))
+            return planned(record, *modules, also=f"{also} {entry.settings.scenes} {files}")
         scenes = entry.scenes
         record_of_clouds = DriveOfClouds(
             loader=scenes.loader,
@@ -111,8 +112,9 @@ class DriveJobs:
             poses=entry.settings.poses,
             seed=scenes.seed,
         )
-        files = (file for cloud in entry.clouds[drive] for file in scenes.scenes.files(cloud))
-        return planned(record_of_clouds, *loader_modules(scenes.loader, files))
+        modules = loader_modules(scenes.loader, self.files(name, drive)["clouds"])
+        files = (file for inputs in self.files(name, drive).values() for file in inputs)
+        return planned(record_of_clouds, *modules, also=self.plan.digest_of(files))
 
     def encode(self, name: str, codec: str) -> PlannedJob:
         changes = self._changes(name, codec)

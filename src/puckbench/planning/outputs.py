@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import cached_property
+from pathlib import Path
 from typing import Any, get_args
 
 from puckbench.codecs.registry import LOOKS, codec_class, is_codec
@@ -124,7 +125,8 @@ class OutputJobs:
         record = Table(table=TABLES.place_of(name), options=self.table_options(name))
         models = map(open_error_model, table_entry(name).error_models)
         modules, parameters = code_of_models(models)
-        return planned(record, TABLES.module_of(name), *modules, also=parameters)
+        inputs = " ".join(self.tables[name]) if table_entry(name).optional else ""
+        return planned(record, TABLES.module_of(name), *modules, also=f"{parameters} {inputs}")
 
     def table_options(self, table: str) -> Options:
         if not table.startswith("bd_rate"):
@@ -170,7 +172,9 @@ class OutputJobs:
     def figure(self, name: str) -> PlannedJob:
         record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
         also = self._codec_styles if self._shows_codecs(name) else ""
-        return planned(record, FIGURES.module_of(name), also=also)
+        examples = [file for file in self.figures[name].values() if file.endswith(".ply")]
+        clouds = " ".join(str(Path(file).relative_to(self.plan.results)) for file in examples)
+        return planned(record, FIGURES.module_of(name), also=f"{also} {clouds}".strip())
 
     def _shows_codecs(self, figure: str) -> bool:
         return bool({*figure_entry(figure).inputs} & {*_OF_CURVES, "drives", *self.result_tables})

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -12,6 +13,7 @@ from puckbench.codecs.registry import open_training
 from puckbench.core.errors import NARROWER, InputError, among, closest, naming
 from puckbench.core.files import sha256
 from puckbench.datasets.base import DataSet
+from puckbench.datasets.recordings import recording_files
 from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.cloud import CoordinateFrame
@@ -30,6 +32,7 @@ from puckbench.planning.config import (
     TrainingConfig,
 )
 from puckbench.planning.failures import described
+from puckbench.planning.file_digests import file_digests
 from puckbench.planning.scene_checks import SceneCheck, read_checks, scene_faults
 from puckbench.scenes.calibration import CALIBRATIONS
 
@@ -507,6 +510,33 @@ class Plan:
             else:
                 yield from ((f"{scene}-{seed}", (scene, seed)) for seed in value.seeds)
 
+    @cached_property
+    def digests(self) -> dict[Path, str]:
+        """Digests of the input files of all jobs."""
+        return file_digests(self._input_files(), self._digests_file)
+
+    @property
+    def _digests_file(self) -> Path:
+        return self.results / ".digests.json"
+
+    def digest_of(self, paths: Iterable[str | Path]) -> str:
+        """Return a digest of some input files; an empty string for no files."""
+        files = [Path(path) for path in paths]
+        if unplanned := [file for file in files if file not in self.digests]:
+            self.digests.update(file_digests(unplanned, self._digests_file))
+        digests = [self.digests[file] for file in files]
+        return hashlib.sha256(" ".join(digests).encode()).hexdigest()[:16] if digests else ""
+
+    def _input_files(self) -> Iterator[Path]:
+        config = self.config
+        used = {entry.scenes for entry in (*config.datasets.values(), *config.drives.values())}
+        for scenes in self.scenes.values():
+            if scenes.name in used:
+                yield from (file for name in scenes.chosen for file in scenes.scenes.files(name))
+        yield from (Path(drive.poses) for drive in config.drives.values() if drive.poses)
+        for capture in config.sensor_study.captures.values() if config.sensor_study else ():
+            yield from recording_files(Path(capture.path))
+
     def _checks_file(self, dataset: str) -> Path:
         return self.results / "checks" / f"{dataset}.json"
 
@@ -518,7 +548,7 @@ class Plan:
         if not self._check_scenes:
             return scenes.chosen
         settings, file = self.config.datasets[name], self._checks_file(name)
-        faults = scene_faults(scenes.scenes, scenes.chosen, settings, file)
+        faults = scene_faults(scenes.scenes, scenes.chosen, settings, file, self.digest_of)
         usable = tuple(scene for scene in scenes.chosen if scene not in faults)
         if faults and self.config.strict:
             raise _unusable(name, faults)

@@ -30,10 +30,15 @@ class PlannedJob(NamedTuple):
         return f"{code_version(*self.modules)} {self.also}".rstrip()
 
     @property
+    def key(self) -> str:
+        """The job's name, and a digest of its settings and code."""
+        digest = hashlib.sha256(f"{self.record}\n{self.code}".encode()).hexdigest()[:16]
+        return f"{self.name}-{digest}"
+
+    @property
     def path(self) -> Path:
-        """Path of the file with the settings, named after their digest."""
-        digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
-        return RECORDS / f"{self.name}-{digest}.json"
+        """Path of the file with the settings, named after the job's key."""
+        return RECORDS / f"{self.key}.json"
 
     def file(self) -> str:
         """Write the settings to their file, and return its path."""

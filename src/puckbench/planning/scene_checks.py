@@ -6,7 +6,7 @@ Results are cached in the results folder until files or settings change.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +30,20 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 
 
 def scene_faults(
-    scenes: DataSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
+    scenes: DataSet,
+    names: Iterable[str],
+    settings: DataSetConfig,
+    results_file: Path,
+    digest_of: Callable[[Iterable[Path]], str],
 ) -> dict[str, str]:
-    """Return the scenes that a data set cannot use, with reasons; `results_file` is the cache."""
+    """Return the scenes that a data set cannot use, with reasons.
+
+    `results_file` is the cache, and `digest_of` returns a digest of files.
+    """
     if settings.make == "cloud" and not scenes.read_first:
         return {}
     states = {
-        name: _state(scenes, files, settings, name)
+        name: _state(scenes, digest_of(files), settings, name)
         for name in names
         if (files := scenes.files(name))
     }
@@ -83,23 +90,13 @@ def read_checks(results_file: Path) -> dict[str, SceneCheck]:
     }
 
 
-def _state(scenes: DataSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
+def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> str:
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
         scan = planned(scan_record(settings, name, seed=0))
         job += (scan.record, scan.code)
-    stats = [stat for path in files for stat in _stats(path)]
-    return hashlib.sha256(repr((job, stats)).encode()).hexdigest()[:16]
-
-
-def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
-    try:
-        for each in sorted(path.iterdir()) if path.is_dir() else [path]:
-            stat = each.stat()
-            yield str(each), stat.st_size, stat.st_mtime_ns
-    except OSError:
-        yield str(path), 0, 0
+    return hashlib.sha256(repr((job, digest)).encode()).hexdigest()[:16]
 
 
 def _check_scene(

@@ -4,6 +4,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from puckbench.datasets.recordings import recording_files
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.jobs.registry import JOBS, Job
@@ -42,14 +43,21 @@ class StudyJobs:
         return self._scan("wall_points", model, distances=self.study.shown_m, keep=WALL_POINTS)
 
     def capture_residuals(self, capture: str) -> PlannedJob:
-        path, options = self.study.captures[capture]
-        return planned(CaptureResiduals(options=options), *reader_modules([Path(path)]))
+        record = CaptureResiduals(options=self.study.captures[capture][1])
+        files = [file for inputs in self.recording(capture).values() for file in inputs]
+        modules = reader_modules(self.recording(capture)["capture"])
+        return planned(record, *modules, also=self.plan.digest_of(files))
+
+    def recording(self, capture: str) -> dict[str, list[str]]:
+        """Return the file of a capture, and the files beside it."""
+        path, *beside = map(str, recording_files(Path(self.study.captures[capture][0])))
+        return {"capture": [path], "beside": beside}
 
     def capture_files(self) -> tuple[str, ...]:
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
-        return planned(Calibrate())
+        return planned(Calibrate(), also=self.capture_files())
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:

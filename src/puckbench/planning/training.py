@@ -39,7 +39,15 @@ class TrainingJobs:
             code=code_version(module),
         )
         codec = module_of(place_of(training.codec, training.entry))
-        return planned(record, module, codec)
+        start = self.plan.digest_of(self.given_start(name))
+        also = [*training.clouds, *training.validate, start]
+        return planned(record, module, codec, also=also)
+
+    def given_start(self, name: str) -> list[str]:
+        """Return the weights from which a training starts, unless another training makes them."""
+        start = self.plan.trainings[name].start
+        made = self.plan.config.train[name].start in self.plan.trainings
+        return [] if start is None or made else [start]
 
     def memory_mb(self, name: str) -> int:
         datasets = self.plan.datasets

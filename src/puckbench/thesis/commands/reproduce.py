@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     help="list the thesis's figures and tables, and how to make those that are missing",
 )
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.thesis.checklist import Reproduction
+    from puckbench.thesis.checklist import UNPUBLISHED, Reproduction
 
     changes = {"stand_in": True} if options.stand_in else {}
     reproduction = Reproduction(options.config, changes, options.cores)
@@ -30,6 +30,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.json:
         return {"items": [vars(item) for item in items], "absent": absent}
     answer = {item.title: item.line() for item in items}
+    if any(item.stand_ins for item in items):
+        answer["stand-ins"] = f"after #: data that replace the thesis's ({UNPUBLISHED})"
     if absent:
         answer |= {f"data of {name}": fault for name, fault in absent.items()}
         answer["without them"] = "puckbench reproduce --stand-in"
