@@ -3,6 +3,11 @@
 Only geometry is encoded, as float32, within the cloud's bounding cube. With the kd-tree, DracoPy
 merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them), but not points
 that become equal by quantisation.
+
+For a length, single precision adds up to 1/8 step to the error of half a step, if neither extent
+nor coordinates exceed `_FINE` steps. Wider clouds are rounded to the grid in double precision; then
+their grid positions are encoded, after headers with the step (`puckbench.coding.unit`) and the
+lowest position (`puckbench.coding.shift`).
 """
 
 from __future__ import annotations
@@ -18,16 +23,19 @@ from pydantic import Field
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.coding.most_points import most_points
+from puckbench.coding.shift import moved, shifted, unshifted
+from puckbench.coding.unit import multiplied, with_unit, without_unit
 from puckbench.core.errors import NARROWER, InputError
 from puckbench.core.models import Model
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, bounds
 
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""
 _POINT_CLOUD = 0
-_MOST_BITS = {"kd_tree": 30, "sequential": 26}
-"""Maximum bits per coordinate: 26 limit the memory of the sequential encoder (4 bytes per grid
-step), and exceed the 24 bits of single precision."""
+_MOST_BITS = 23
+"""Maximum bits per coordinate at a length: Draco rounds by adding 0.5 in single precision."""
+_FINE = 1 << 19
+"""Up to this many steps, single precision resolves 1/32 step."""
 
 DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 12)}
 """Rates of PCC Arena, which the thesis used."""
@@ -49,7 +57,12 @@ class DracoOptions(Model):
     )
 
 
-def _quantisation(points: Floats, parameters: Parameters, most_bits: int) -> dict[str, Any]:
+def _is_wide(points: Floats, step: float) -> bool:
+    low, high = bounds(points)
+    return float(max(-low.min(), high.max(), (high - low).max())) > _FINE * step
+
+
+def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
     """Return the encoder's quantisation arguments for a rate.
 
     A rate is the number of bits per coordinate of the bounding cube, or a grid step in m.
@@ -59,8 +72,8 @@ def _quantisation(points: Floats, parameters: Parameters, most_bits: int) -> dic
     step = float(parameters["step_m"])
     least = np.floor(points.min(axis=0) / step)
     bits = max(1, math.ceil(math.log2(float((points.max(axis=0) / step - least).max()) + 2)))
-    if bits > most_bits:
-        raise InputError(f"the cloud is wider than 2^{most_bits} steps of {step:g} m{NARROWER}")
+    if bits > _MOST_BITS:
+        raise InputError(f"the cloud is wider than 2^{_MOST_BITS} steps{NARROWER}")
     width = step * ((1 << bits) - 1)
     origin = (least * step).tolist()
     return {
@@ -86,26 +99,31 @@ class Draco(Codec):
     Options: type[DracoOptions] = DracoOptions
     options: DracoOptions
     is_single_precision = True
+    most_steps = float(2**_MOST_BITS - 3)
     pace = Pace(0.02, 1.1)
     magic = b"DRACO"
     version = f"DracoPy {version('dracopy')}"
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self._most_bits = _MOST_BITS[self.options.method]
-        self.most_steps = float(2**self._most_bits - 3)
 
     def load(self) -> None:
         import DracoPy  # noqa: F401
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        import DracoPy
-
         if np.abs(points).max() > np.finfo(np.float32).max / 2:
             raise InputError("coordinates exceed Draco's single precision")
+        if "step_m" not in parameters or not _is_wide(points, float(parameters["step_m"])):
+            return self._encode_single(points, parameters)
+        step = float(parameters["step_m"])
+        positions = np.rint(points / step)
+        least = positions.min(axis=0)
+        stream = self._encode_single(positions - least, {"step_m": 1.0})
+        return with_unit(shifted(stream, least), step)
+
+    def _encode_single(self, points: Floats, parameters: Parameters) -> bytes:
+        import DracoPy
+
         stream: bytes = DracoPy.encode(
             points.astype(np.float32),
-            **_quantisation(points, parameters, self._most_bits),
+            **_quantisation(points, parameters),
             compression_level=self.options.compression_level,
             preserve_order=self.options.method == "sequential",
         )
@@ -114,6 +132,14 @@ class Draco(Codec):
         return stream
 
     def _decode(self, stream: bytes) -> Floats:
+        content, unit = without_unit(stream)
+        if unit is None:
+            return self._decode_single(stream)
+        content, least = unshifted(content)
+        positions = self._decode_single(content)
+        return multiplied(positions if least is None else moved(positions, least), unit)
+
+    def _decode_single(self, stream: bytes) -> Floats:
         import DracoPy
 
         self._check_header(stream)
