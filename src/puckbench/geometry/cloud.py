@@ -40,6 +40,7 @@ class _Description(Model, extra="ignore"):
     diameter: NonNegativeFloat = 0.0
     turns: NonNegativeInt = 0
     seconds: NonNegativeFloat | None = None
+    metres_per_unit: PositiveFloat = 1.0
     grid: _VoxelGrid | None = None
 
 
@@ -98,6 +99,11 @@ class PointCloud:
             return float(self.about["size"]) - 1
         peak = self.about.get("peak")
         return None if peak is None else float(peak)
+
+    @property
+    def metres_per_unit(self) -> float:
+        """Factor by which the coordinates of the source file were multiplied, by default 1."""
+        return float(self.about.get("metres_per_unit", 1.0))
 
     def finite(self) -> PointCloud:
         return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.content import plain_suffix, read_content, unpacked
+from puckbench.core.content import COMPRESSED, plain_suffix, read_content, unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import written_whole
 from puckbench.geometry.cloud import PointCloud, check_points
@@ -25,7 +25,13 @@ from puckbench.io.las import read_las_points
 from puckbench.io.npy import read_npy
 from puckbench.io.pcd import is_organised, read_pcd
 from puckbench.io.ply import has_faces, read_ply, write_vertices
-from puckbench.io.point_columns import Columns, cloud_from_columns, coarse_step, ply_columns
+from puckbench.io.point_columns import (
+    Columns,
+    cloud_from_columns,
+    coarse_step,
+    colours_of,
+    ply_columns,
+)
 from puckbench.io.text import read_text
 
 __all__ = ["IN_METRES", "SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
@@ -65,10 +71,10 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
 
     Both files appear only when both are complete.
     """
-    if path.suffix.lower() in SUFFIXES[1:]:
-        raise InputError(f"{path}: only PLY files are written; name it .ply")
+    if path.suffix.lower() in (*SUFFIXES[1:], *COMPRESSED):
+        raise InputError(f"{path}: only uncompressed PLY files are written; name it .ply")
     columns = {
-        axis: column.astype(kind)
+        axis: column.astype("<u2" if column.dtype == np.uint16 else kind)
         for name, (axes, kind) in _PLY_COLUMNS.items()
         if (values := getattr(cloud, name)) is not None
         for axis, column in zip(axes, np.atleast_2d(values.T), strict=True)
@@ -196,6 +202,15 @@ def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns
         with unpacked(path) as plain:
             return read_e57(plain) if suffix == ".e57" else read_las_points(plain, convert)
     return _READERS.get(suffix, _read_ply_points)(path)
+
+
+def wide_colours(path: Path) -> NDArray[np.uint16] | None:
+    """Return a cloud file's colours (n, 3) as they are if some exceed 8 bits, else None."""
+    colours = colours_of(_read_columns(path, None, convert=False))
+    if colours is None or colours.dtype.kind not in "iu":
+        return None
+    is_wide = 0xFF < colours.max(initial=0) <= 0xFFFF and colours.min(initial=0) >= 0
+    return colours.astype(np.uint16) if is_wide else None
 
 
 def _check_kind(path: Path, suffix: str) -> None:
