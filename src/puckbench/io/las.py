@@ -23,7 +23,7 @@ from puckbench.core.files import write_bytes
 from puckbench.io.damage import PARSER_FAULTS, reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.las_header import check_las_header
-from puckbench.io.las_units import METRE, Units, las_units, unit_name
+from puckbench.io.las_units import METRE, Units, has_system, las_units, unit_name
 
 _LOG = logging.getLogger(__name__)
 _STEP_M = 1e-4
@@ -86,8 +86,15 @@ def parse_las(path: Path, convert: bool = True) -> ParsedFile:
         with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
             metres = _metres_per_unit(reader.header, path) if convert else None
             points = reader.read_points(-1)
-        names = [name for name in points.point_format.dimension_names if name.lower() not in _AXES]
-        columns = {name: np.asarray(points[name]) for name in names}
+        names = [
+            name for name in points.point_format.dimension_names if name not in ("X", "Y", "Z")
+        ]
+        columns = {
+            f"{name}_" if name in _AXES else name: np.asarray(
+                points.array[name] if name in _AXES else points[name]
+            )
+            for name in names
+        }
         return ParsedFile({**_coordinates(points, metres), **columns})
 
 
@@ -105,6 +112,8 @@ def _metres_per_unit(header: Any, path: Path) -> tuple[float, float, float] | No
     if (units := units_of(header)) is None:
         _LOG.warning("%s: its coordinate reference system is not readable: metres assumed", path)
         return None
+    if units.is_unknown and has_system(header):
+        _LOG.warning("%s: its coordinate reference system states no unit: metres assumed", path)
     if units.is_degrees:
         raise InputError(f"{path}: its coordinates are degrees: project it first (pdal, las2las)")
     horizontal, vertical = units.horizontal or METRE, units.vertical or METRE
