@@ -238,5 +238,5 @@ def test_compressed_names_are_refused(name: str, capsys: pytest.CaptureFixture[s
     stream = _coded(Path("site.las"), "laz", "1mm")
     capsys.readouterr()
     assert main(["decode", str(stream), name, "--like", "site.las"]) == 2
-    assert "only uncompressed PLY files are written" in capsys.readouterr().err
+    assert "only PLY files are written" in capsys.readouterr().err
     assert not Path(name).exists()

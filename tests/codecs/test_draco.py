@@ -73,7 +73,7 @@ def test_coordinates_beyond_single_precision_are_refused() -> None:
 @pytest.mark.parametrize("far", [0.0, 1e6])
 @pytest.mark.parametrize(
     ("rate", "width", "most"),
-    [("1mm", 500, 0.625), ("1mm", 1000, 0.5), ("1mm", 8000, 0.5), ("10mm", 60_000, 0.5)],
+    [("1mm", 500, 0.625), ("1mm", 1000, 0.5), ("1mm", 60_000, 0.5), ("10mm", 200_000, 0.5)],
 )
 def test_errors_at_a_length_do_not_grow_with_the_width(
     name: str, rate: str, width: float, most: float, far: float
@@ -81,6 +81,7 @@ def test_errors_at_a_length_do_not_grow_with_the_width(
     codec = open_codec(name)
     points = np.random.default_rng(0).random((3000, 3)) * [width, width, 100] + far
     stream = codec.encode(points, rate)
+    assert stream == codec.encode(points, rate)
     assert codec_of(stream) == "draco"
     decoded = codec.decode(stream)
     if name == "draco":  # its order is the tree's

@@ -72,7 +72,7 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
     Both files appear only when both are complete.
     """
     if path.suffix.lower() in (*SUFFIXES[1:], *COMPRESSED):
-        raise InputError(f"{path}: only uncompressed PLY files are written; name it .ply")
+        raise InputError(f"{path}: only PLY files are written; name it .ply")
     columns = {
         axis: column.astype("<u2" if column.dtype == np.uint16 else kind)
         for name, (axes, kind) in _PLY_COLUMNS.items()
