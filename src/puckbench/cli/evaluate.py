@@ -9,7 +9,13 @@ from puckbench.cli.codec_options import codec_arguments, timed_options
 from puckbench.cli.types import integer, note, refuse, selected
 from puckbench.jobs.evaluate import Evaluate, is_decoded
 
-_FOR_STREAMS = {"codec": None, "weights": None, "entry": {}, "repeats": 1, "rate": None}
+_FOR_STREAMS: dict[str, Any] = {
+    "codec": None,
+    "weights": None,
+    "entry": {},
+    "repeats": 1,
+    "rate": None,
+}
 """Options without effect on decoded clouds, with their defaults."""
 _UNRELATED_DB = 10.0
 """CD-PSNR below which two clouds are probably unrelated; every codec exceeds it."""

@@ -72,8 +72,7 @@ def _prepared(options: argparse.Namespace) -> dict[str, Any]:
     is_of_sensor = options.turns or options.stream or options.topic or is_recording(options.cloud)
     is_scan = options.cloud.suffix == ".parquet"
     if is_of_sensor or is_scan:
-        why = "is for clouds, not for scans, recordings"
-        refuse(options, _FOR_CLOUDS, f"{why} ({options.cloud})")
+        _check_options_of_clouds(options)
     if not is_scan:
         refuse(options, {"clean": False}, f"is for scans ({options.cloud})")
     if is_of_sensor:
@@ -122,6 +121,13 @@ def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
     why = f"not with clouds of a ROS bag ({options.cloud})"
     refuse(options, {"clean": False, "bin_columns": None}, why)
     return _cloud(options, size=0, message=first, topic=options.topic)
+
+
+def _check_options_of_clouds(options: argparse.Namespace) -> None:
+    for name, default in _FOR_CLOUDS.items():
+        if getattr(options, name) != default:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(f"{options.cloud}: {option} is for clouds, not for scans, recordings")
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:

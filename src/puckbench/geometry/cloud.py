@@ -55,7 +55,7 @@ class PointCloud:
     normals
         Unit vectors, (n, 3) float64.
     colours
-        RGB, (n, 3) uint8.
+        RGB, (n, 3) uint8; a cloud that is only written may have uint16.
     labels
         (n,) int32.
     about

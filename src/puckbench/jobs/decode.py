@@ -154,25 +154,30 @@ def _match(decoded: Floats, prepared: Model | None, original: Model, reach: floa
 
 
 def _with_attributes(decoded: PointCloud, original: Model, rows: NDArray[np.int64]) -> PointCloud:
-    at = np.maximum(rows, 0)
-    picked = original.cloud.select(at)
-    wide = None if picked.colours is None else wide_colours(original.path)
-    if wide is not None:
+    picked = original.cloud.select(np.maximum(rows, 0))
+    colours: NDArray[Any] | None = picked.colours
+    if picked.colours is not None and (wide := wide_colours(original.path)) is not None:
         fields = {name: part for name, part in picked.fields.items() if name not in WIDE_COLOURS}
-        picked = replace(picked, fields=fields)
-    colours = picked.colours if wide is None else wide[at]
-    for values in (picked.normals, colours, picked.labels, *picked.fields.values()):
+        picked, colours = replace(picked, fields=fields), wide[np.maximum(rows, 0)]
+    attributes = (picked.normals, picked.colours, colours, picked.labels, *picked.fields.values())
+    for values in attributes:
         if values is not None:
             values[rows < 0] = 0
-    if decoded.colours is not None and wide is None:
-        colours = decoded.colours
-    elif decoded.colours is not None:  # 16 bits of those whose 8 bits were kept
-        wider = decoded.colours.astype(np.uint16) * 257
-        colours = np.where(decoded.colours == picked.colours, colours, wider)
+    if decoded.colours is not None:
+        colours = _as_wide(decoded.colours, picked.colours, colours)
     if (reflectances := attributes_of(decoded).get(REFLECTANCE)) is not None:
         name = reflectance_field(original.cloud) or REFLECTANCE
         picked = replace(picked, fields={**picked.fields, name: reflectances})
     return replace(picked, xyz=decoded.xyz, colours=colours, about=decoded.about)
+
+
+def _as_wide(
+    decoded: NDArray[np.uint8], narrow: NDArray[np.uint8] | None, wide: NDArray[Any] | None
+) -> NDArray[Any]:
+    """Return decoded colours in 16 bits, exact where the original's 8 bits came back, if it has 16."""
+    if wide is None or narrow is None or wide.dtype == np.uint8:
+        return decoded
+    return np.where(decoded == narrow, wide, decoded.astype(np.uint16) * 257)
 
 
 def _loss(match: Match, points: int) -> str:
