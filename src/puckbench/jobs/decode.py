@@ -174,7 +174,7 @@ def _with_attributes(decoded: PointCloud, original: Model, rows: NDArray[np.int6
 def _as_wide(
     decoded: NDArray[np.uint8], narrow: NDArray[np.uint8] | None, wide: NDArray[Any] | None
 ) -> NDArray[Any]:
-    """Return decoded colours in 16 bits, exact where the original's 8 bits came back, if it has 16."""
+    """Return decoded colours, in 16 bits if the original has these: its own where 8 bits agree."""
     if wide is None or narrow is None or wide.dtype == np.uint8:
         return decoded
     return np.where(decoded == narrow, wide, decoded.astype(np.uint16) * 257)
