@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.facts import find_rate
+from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.core.content import plain_suffix
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import InputError, naming, noting
@@ -114,7 +115,8 @@ class Decode(Decoding):
         """
         name, codec = coded.record.get("rate"), self.loaded(self.codec_of(coded))
         named_rate = find_rate(codec, name) if name else None
-        estimates = getattr(codec, "estimates", False)
+        encoder = str(coded.record.get("codec"))  # another one may decode its streams
+        estimates = is_codec(encoder) and getattr(codec_class(encoder), "estimates", False)
         if estimates or named_rate is None or {*named_rate[1]} != {"step_m"}:
             return None
         return float(named_rate[1]["step_m"]) * 3**0.5
