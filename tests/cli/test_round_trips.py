@@ -165,6 +165,14 @@ def test_points_are_matched_by_order_only_if_all_agree() -> None:
     assert np.array_equal(match.rows, mixed)
 
 
+def test_points_within_the_reach_in_another_order_are_matched_by_position() -> None:
+    original = np.random.default_rng(3).random((50, 3))
+    mixed = np.random.default_rng(5).permutation(50)
+    match = match_points(original, original[mixed], 2.0)
+    assert match.by == "position"
+    assert np.array_equal(match.rows, mixed)
+
+
 def test_points_at_one_place_each_have_an_original() -> None:
     original = np.array([[0, 0, 0], [0, 0, 0], [0.1, 0, 0], [5, 0, 0], [9, 0, 0.0]])
     decoded = np.array([[5, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [20, 0, 0], [5, 0, 0.0]])

@@ -2,8 +2,9 @@ import struct
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from puckbench.codecs.registry import open_codec
+from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.core.errors import InputError
 
 
@@ -66,3 +67,33 @@ def test_foreign_streams_are_refused(stream: bytes, fault: str) -> None:
 def test_coordinates_beyond_single_precision_are_refused() -> None:
     with pytest.raises(InputError, match="single precision"):
         open_codec("draco").encode(np.array([[1e39, 0, 0], [0, 0, 0]]), "r1")
+
+
+@pytest.mark.parametrize("name", ["draco", "draco_sequential"])
+@pytest.mark.parametrize("far", [0.0, 1e6])
+@pytest.mark.parametrize(
+    ("rate", "width", "most"),
+    [("1mm", 500, 0.625), ("1mm", 1000, 0.5), ("1mm", 60_000, 0.5), ("10mm", 200_000, 0.5)],
+)
+def test_errors_at_a_length_do_not_grow_with_the_width(
+    name: str, rate: str, width: float, most: float, far: float
+) -> None:
+    codec = open_codec(name)
+    points = np.random.default_rng(0).random((3000, 3)) * [width, width, 100] + far
+    stream = codec.encode(points, rate)
+    assert stream == codec.encode(points, rate)
+    assert codec_of(stream) == "draco"
+    decoded = codec.decode(stream)
+    if name == "draco":  # its order is the tree's
+        decoded = decoded[cKDTree(decoded).query(points)[1]]
+    assert np.abs(decoded - points).max() <= most * int(rate[:-2]) / 1000 + 1e-9
+
+
+def test_only_the_sequential_method_keeps_equal_positions_of_a_wide_cloud() -> None:
+    points = np.repeat(np.random.default_rng(0).random((50, 3)) * 5000, 2, axis=0)
+    points[1::2] += 1e-5
+    counts = [
+        len(codec.decode(codec.encode(points, "1mm")))
+        for codec in map(open_codec, ("draco", "draco_sequential"))
+    ]
+    assert counts == [50, 100]

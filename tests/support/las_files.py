@@ -40,6 +40,35 @@ def las_bytes(
     return head + before + points + b"".join(_record(record, "<Q") for record in extended)
 
 
+def patched(data: bytes, at: int, layout: str, *values: float) -> bytes:
+    """Return the content with other numbers from a byte on."""
+    changed = bytearray(data)
+    struct.pack_into(layout, changed, at, *values)
+    return bytes(changed)
+
+
+def with_bytes(data: bytes, at: int, more: bytes) -> bytes:
+    """Return a file of LAS 1.0 to 1.2 with more bytes before its points, which begin at `at`."""
+    return patched(data[:at] + more + data[at:], 96, "<I", at + len(more))
+
+
+def with_extra_bytes(data: bytes, extra: Sequence[bytes]) -> bytes:
+    """Return a file whose points (of `las_bytes`) each have these bytes more."""
+    (begin,) = struct.unpack_from("<I", data, 96)
+    starts = [begin + RECORD_BYTES * number for number in range(len(extra))]
+    points = (data[at : at + RECORD_BYTES] + more for at, more in zip(starts, extra, strict=True))
+    return patched(data[:begin] + b"".join(points), 105, "<H", RECORD_BYTES + len(extra[0]))
+
+
+def extra_bytes(
+    name: bytes, kind: int, options: int = 0, scale: float = 1.0, offset: float = 0.0
+) -> Record:
+    """A description of one extra dimension of a kind (1: uint8, 3: uint16, ...)."""
+    head = struct.pack("<2xBB32s4x", kind, options, name)
+    scaling = struct.pack("<d16xd16x", scale, offset)
+    return "LASF_Spec", 4, head + bytes(72) + scaling + bytes(32)
+
+
 def geo_keys(*keys: tuple[int, int] | tuple[int, int, int]) -> Record:
     """A GeoTIFF directory of keys and values, or of keys, places of doubles and their offsets."""
     entries = [key if len(key) == 3 else (key[0], 0, key[1]) for key in keys]

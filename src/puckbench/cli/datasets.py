@@ -3,7 +3,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from puckbench.cli.types import json_object
+from puckbench.cli.types import json_object, refuse
 from puckbench.core.registry import trust
 from puckbench.datasets.registry import LOADERS, loader_class, open_scene_set
 
@@ -19,6 +19,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.check:
         trust([options.check])
         return _checked(options.check, options.options)
+    refuse(options, {"options": {}}, "only with --check")
     table = {name: _options(name) for name in LOADERS.names()}
     return table if options.json else {name: _line(defaults) for name, defaults in table.items()}
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, timed_options
+from puckbench.cli.types import refuse
 from puckbench.jobs.decode import Decode
 
 
@@ -25,5 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    if options.as_mesh:
+        refuse(options, {"repeats": 1}, "not with --as-mesh, which is not timed")
     job = Decode.create(as_mesh=options.as_mesh, rate=options.rate, **timed_options(options))
     return job.run(options.stream, options.out, tuple(options.like))

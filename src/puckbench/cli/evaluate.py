@@ -6,9 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, timed_options
-from puckbench.cli.types import integer, note, selected
-from puckbench.jobs.evaluate import Evaluate
+from puckbench.cli.types import integer, note, refuse, selected
+from puckbench.jobs.evaluate import Evaluate, is_decoded
 
+_FOR_STREAMS: dict[str, Any] = {
+    "codec": None,
+    "weights": None,
+    "entry": {},
+    "repeats": 1,
+    "rate": None,
+}
+"""Options without effect on decoded clouds, with their defaults."""
 _UNRELATED_DB = 10.0
 """CD-PSNR below which two clouds are probably unrelated; every codec exceeds it."""
 
@@ -36,6 +44,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    if is_decoded(options.decoded):
+        why = f"is for streams, and {options.decoded} is a decoded cloud"
+        refuse(options, _FOR_STREAMS, why)
+    if options.clean:
+        refuse(options, {"visible": None}, "not with --clean, which replaces it")
     settings = selected(options, "dataset", "peak", "views", "rate")
     job = Evaluate.create(**settings, **timed_options(options))
     files = selected(options, "row", "truth", "visible", "clean")

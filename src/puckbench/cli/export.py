@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.capture import STREAM, TOPIC, add_time_unit
-from puckbench.cli.types import turns
+from puckbench.cli.types import refuse, turns
 from puckbench.core.errors import InputError
 
 
@@ -39,6 +39,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     source, out, selection = options.source, options.out, turns(options.turns)
     if is_recording(source) and has_clouds(source, options.topic):
         refuse_stream(options.stream)
+        refuse(options, {"clean": False}, f"is for scans ({source})")
         first, last = selection or (0, 0)
         unit = options.time_unit
         columns = read_message_columns(source, options.topic, (first, last), unit)

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.capture import STREAM, TOPIC
-from puckbench.cli.types import add_cloud_options, add_unit, integer, selected, turns
+from puckbench.cli.types import add_cloud_options, add_unit, integer, refuse, selected, turns
+from puckbench.core.content import plain_suffix
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.io.parquet_files import parquet_metadata
@@ -23,6 +24,7 @@ _FOR_CLOUDS = {
     "bin_columns": None,
 }
 """Options that scans and recordings refuse, with their defaults."""
+_CUBE = 1024
 _SHOWN = (
     *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
     *("size", "size_m", "scale", "offset", "peak", *LEFT_OUT, "neighbours", "diameter"),
@@ -42,7 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "x0 y0 z0 x1 y1 z1 in metres, or a JSON file with a 'box'"
     add("--crop", nargs="+", metavar="BOX", help=text)
     text = "size of the cube (default: 1024); 0: stay in metres; grid: keep the voxels"
-    add("--scale", type=_size, default=1024, help=text)
+    add("--scale", type=_size, help=text)
     add("--peak", type=float, help="peak of the PSNRs of a cloud in metres, in m (default: 30)")
     add("--neighbours", type=integer(3), default=30, help="neighbours for normals (default: 30)")
     add_unit(parser, "cloud")
@@ -70,12 +72,27 @@ def _prepared(options: argparse.Namespace) -> dict[str, Any]:
     if is_recording(options.cloud) and _has_clouds(options):
         return _cloud_of_bag(options)
     is_of_sensor = options.turns or options.stream or options.topic or is_recording(options.cloud)
-    if is_of_sensor or options.cloud.suffix == ".parquet":
+    is_scan = options.cloud.suffix == ".parquet"
+    if is_of_sensor or is_scan:
         _check_options_of_clouds(options)
+    if not is_scan:
+        refuse(options, {"clean": False}, f"is for scans ({options.cloud})")
     if is_of_sensor:
         return _returns(options)
     _refuse_returns(options.cloud)
-    return _cloud(options, size=options.scale, clean=options.clean)
+    _check_bin_columns(options)
+    size = _CUBE if options.scale is None else options.scale
+    return _cloud(options, size=size, clean=options.clean)
+
+
+def _check_bin_columns(options: argparse.Namespace) -> None:
+    if plain_suffix(options.cloud) != ".bin":
+        refuse(options, {"bin_columns": None}, f"is for .bin files ({options.cloud})")
+
+
+def _check_in_metres(options: argparse.Namespace, what: str) -> None:
+    if options.scale:
+        raise InputError(f"--scale: not with {what}, which stay in metres ({options.cloud})")
 
 
 def _cloud(
@@ -113,6 +130,9 @@ def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
     first, last = turns(options.turns) or (0, 0)
     if first != last:
         raise InputError(f"--turns: one cloud of a ROS bag is written, not {options.turns}")
+    _check_in_metres(options, "clouds of a ROS bag")
+    why = f"not with clouds of a ROS bag ({options.cloud})"
+    refuse(options, {"clean": False, "bin_columns": None}, why)
     return _cloud(options, PrepareMessage, size=0, message=first, topic=options.topic)
 
 
@@ -124,6 +144,8 @@ def _check_options_of_clouds(options: argparse.Namespace) -> None:
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
+    _check_in_metres(options, "turns")
+    refuse(options, {"crop": None}, f"not with turns, which are whole ({options.cloud})")
     job = PrepareRecording.create(
         neighbours=options.neighbours,
         clean=options.clean,

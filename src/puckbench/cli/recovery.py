@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, codec_options
+from puckbench.cli.types import refuse
 from puckbench.jobs.recovery import Recovery
 
 
@@ -20,6 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    refuse(options, {"repeats": 1}, "recovery is not timed")
     job = Recovery.create(dataset=options.dataset, rate=options.rate, **codec_options(options))
     row = job.run(options.stream, options.points, options.scene, options.row)
     if row["kinds"] or options.json:

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import add_unit, integer, json_object, selected
-from puckbench.jobs.scan import Scan
+from puckbench.cli.types import add_unit, integer, json_object, refuse, selected
+from puckbench.jobs.scan import Scan, described_origin
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "position of the sensor, in metres"
     add("--origin", nargs=3, type=float, metavar=("X", "Y", "Z"), help=text)
     text = "height above the floor in metres, without --origin (default: 1.3)"
-    add("--height", type=float, default=1.3, help=text)
+    add("--height", type=float, help=text)
     text = "allow positions outside the scene and inside objects, and paths through walls"
     add("--anywhere", action="store_true", help=text)
     add_unit(parser, "mesh")
@@ -29,12 +29,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    if options.origin:
+        refuse(options, {"height": None}, "not with --origin")
+    height = {} if options.height is None else {"height_m": options.height}
     job = Scan.create(
         **selected(options, "sensor", "errors", "error_options", "sweep", "anywhere", "seed"),
-        height_m=options.height,
+        **height,
         metres_per_unit=options.metres_per_unit,
         origin=tuple(options.origin) if options.origin else None,
     )
+    if options.height is not None and described_origin(options.mesh):
+        why = f"the description of {options.mesh} places the sensor; so does --origin"
+        refuse(options, {"height": None}, why)
     return job.run(options.mesh, options.out)
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import add_entry, entry_of
-from puckbench.cli.types import integer, json_object, selected
+from puckbench.cli.types import integer, json_object, refuse, selected
+from puckbench.core.errors import InputError
 from puckbench.jobs.train import Train
 
 
@@ -34,6 +35,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         for name, value in selected(options, "steps", "seed").items()
         if value is not None
     }
+    for name in settings.keys() & options.options.keys():
+        raise InputError(f"--{name}: --options has it, too")
+    if not options.validate:
+        refuse(options, {"validate_every": 0, "peak": None}, "only with --validate")
     job = Train.create(
         codec=options.codec,
         changes=entry_of(options),

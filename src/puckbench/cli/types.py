@@ -4,7 +4,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +98,13 @@ def add_cloud_options(parser: argparse.ArgumentParser) -> None:
         "x,y,z,intensity,ring (default: from the values)"
     )
     add("--bin-columns", metavar="COLUMNS", help=text)
+
+
+def refuse(options: argparse.Namespace, defaults: Mapping[str, Any], why: str) -> None:
+    """Raise InputError if an option, which would have no effect, differs from its default."""
+    for name, default in defaults.items():
+        if getattr(options, name) != default:
+            raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 
 def selected(options: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -3,6 +3,11 @@
 Only geometry is encoded, as float32, within the cloud's bounding cube. With the kd-tree, DracoPy
 merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them), but not points
 that become equal by quantisation.
+
+For a length, single precision adds up to 1/8 step to the error of half a step, if neither extent
+nor coordinates exceed `_FINE` steps. Wider clouds are rounded to the grid in double precision; then
+their grid positions are encoded as a generic attribute of integers (beside coordinates of 0), after
+headers with the step (`puckbench.coding.unit`) and the lowest position (`puckbench.coding.shift`).
 """
 
 from __future__ import annotations
@@ -13,21 +18,28 @@ from importlib.metadata import version
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.coding.most_points import most_points
+from puckbench.coding.shift import moved, shifted, unshifted
+from puckbench.coding.unit import multiplied, with_unit, without_unit
 from puckbench.core.errors import NARROWER, InputError
 from puckbench.core.models import Model
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, bounds
 
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""
 _POINT_CLOUD = 0
 _MOST_BITS = {"kd_tree": 30, "sequential": 26}
-"""Maximum bits per coordinate: 26 limit the memory of the sequential encoder (4 bytes per grid
-step), and exceed the 24 bits of single precision."""
+"""Maximum bits per coordinate at a length: 26 limit the memory of the sequential encoder (4 bytes
+per grid step)."""
+_GENERIC = 4
+"""Draco's type of generic attributes."""
+_FINE = 1 << 19
+"""Up to this many steps, single precision resolves 1/32 step."""
 
 DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 12)}
 """Rates of PCC Arena, which the thesis used."""
@@ -49,7 +61,12 @@ class DracoOptions(Model):
     )
 
 
-def _quantisation(points: Floats, parameters: Parameters, most_bits: int) -> dict[str, Any]:
+def _is_wide(points: Floats, step: float) -> bool:
+    low, high = bounds(points)
+    return float(max(-low.min(), high.max(), (high - low).max())) > _FINE * step
+
+
+def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
     """Return the encoder's quantisation arguments for a rate.
 
     A rate is the number of bits per coordinate of the bounding cube, or a grid step in m.
@@ -59,8 +76,6 @@ def _quantisation(points: Floats, parameters: Parameters, most_bits: int) -> dic
     step = float(parameters["step_m"])
     least = np.floor(points.min(axis=0) / step)
     bits = max(1, math.ceil(math.log2(float((points.max(axis=0) / step - least).max()) + 2)))
-    if bits > most_bits:
-        raise InputError(f"the cloud is wider than 2^{most_bits} steps of {step:g} m{NARROWER}")
     width = step * ((1 << bits) - 1)
     origin = (least * step).tolist()
     return {
@@ -92,38 +107,73 @@ class Draco(Codec):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._most_bits = _MOST_BITS[self.options.method]
-        self.most_steps = float(2**self._most_bits - 3)
+        self.most_steps = float(2 ** _MOST_BITS[self.options.method] - 3)
 
     def load(self) -> None:
         import DracoPy  # noqa: F401
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        import DracoPy
-
         if np.abs(points).max() > np.finfo(np.float32).max / 2:
             raise InputError("coordinates exceed Draco's single precision")
+        step = float(parameters.get("step_m", math.inf))
+        if _is_wide(points, step):
+            return self._encode_wide(points, step)
+        return self._written(points.astype(np.float32), **_quantisation(points, parameters))
+
+    def _encode_wide(self, points: Floats, step: float) -> bytes:
+        positions = np.rint(points / step)
+        least = positions.min(axis=0)
+        positions -= least
+        if positions.max() > self.most_steps + 1:  # the extent, rounded at both ends
+            bits = _MOST_BITS[self.options.method]
+            raise InputError(f"the cloud is wider than 2^{bits} steps of {step:g} m{NARROWER}")
+        stream = self._written(
+            np.zeros((len(points), 3), np.float32),
+            quantization_bits=1,
+            quantization_range=1.0,
+            generic_attributes={0: positions.astype(np.uint32)},
+        )
+        return with_unit(shifted(stream, least), step)
+
+    def _written(self, coordinates: NDArray[np.float32], **options: Any) -> bytes:
+        import DracoPy
+
         stream: bytes = DracoPy.encode(
-            points.astype(np.float32),
-            **_quantisation(points, parameters, self._most_bits),
+            coordinates,
+            **options,
             compression_level=self.options.compression_level,
             preserve_order=self.options.method == "sequential",
         )
-        if len(points) > _most_points(stream):
-            raise InputError(f"{len(points)} points fall on too few positions")
+        if len(coordinates) > _most_points(stream):
+            raise InputError(f"{len(coordinates)} points fall on too few positions")
         return stream
 
     def _decode(self, stream: bytes) -> Floats:
+        content, step = without_unit(stream)
+        if step is None:
+            return np.asarray(self._read(stream).points, dtype=np.float64)
+        content, least = unshifted(content)
+        generic = [
+            attribute["data"]
+            for attribute in self._read(content).attributes
+            if attribute["attribute_type"] == _GENERIC
+        ]
+        if least is None or len(generic) != 1 or generic[0].shape[1:] != (3,):
+            raise InputError("the stream is damaged (its grid)")
+        return multiplied(moved(generic[0].astype(np.float64), least), step)
+
+    def _read(self, stream: bytes) -> Any:
         import DracoPy
 
         self._check_header(stream)
         try:
-            points = DracoPy.decode(stream).points
+            cloud = DracoPy.decode(stream)
         except (DracoPy.FileTypeException, ValueError, MemoryError) as error:
             raise InputError("the stream is damaged") from error
+        points = cloud.points
         if points is None or len(points) == 0 or not np.isfinite(points).all():
             raise InputError("the stream is damaged (no finite points)")
-        return np.asarray(points, dtype=np.float64)
+        return cloud
 
     def _check_header(self, stream: bytes) -> None:
         if len(stream) < _HEADER.size:

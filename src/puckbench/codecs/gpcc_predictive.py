@@ -33,7 +33,8 @@ class GpccPredictive(SensorCodec):
     """G-PCC's predictive geometry, in spherical coordinates if the cloud has a sensor's returns.
 
     For clouds in metres, a rate of 4 mm or more is the step of the radius or, without a sensor, of
-    x, y and z; rates of 2 mm and 1 mm are steps of a grid that is coded losslessly.
+    x, y and z, after these are rounded to 1 mm; rates of 2 mm and 1 mm are steps of a grid that is
+    coded losslessly.
     """
 
     title = "G-PCC (predictive)"

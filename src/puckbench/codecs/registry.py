@@ -236,7 +236,7 @@ def codec_of(stream: bytes) -> str:
 
     If several match, return the one with the lowest rank; if none matches, raise InputError.
     """
-    stream = without_unit(unshifted(stream).stream).stream
+    stream = unshifted(without_unit(unshifted(stream).stream).stream).stream
     for name, codec in codecs().items():
         if codec.magic and stream.startswith(codec.magic):
             return name

@@ -40,6 +40,7 @@ class _Description(Model, extra="ignore"):
     diameter: NonNegativeFloat = 0.0
     turns: NonNegativeInt = 0
     seconds: NonNegativeFloat | None = None
+    metres_per_unit: PositiveFloat = 1.0
     grid: _VoxelGrid | None = None
 
 
@@ -54,7 +55,7 @@ class PointCloud:
     normals
         Unit vectors, (n, 3) float64.
     colours
-        RGB, (n, 3) uint8.
+        RGB, (n, 3) uint8; a cloud that is only written may have uint16.
     labels
         (n,) int32.
     about
@@ -124,6 +125,11 @@ class PointCloud:
             return float(self.about["size"]) - 1
         peak = self.about.get("peak")
         return None if peak is None else float(peak)
+
+    @property
+    def metres_per_unit(self) -> float:
+        """Factor by which the coordinates of the source file were multiplied, by default 1."""
+        return float(self.about.get("metres_per_unit", 1.0))
 
     def select(self, rows: NDArray[Any]) -> Self:
         """Return the points that a mask or indices select, without `returns`."""

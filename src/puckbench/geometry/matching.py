@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from puckbench.geometry.cloud import Floats
 
 _SLACK = 1 + 1e-6
+_ORDER_SLACK = 0.25
+"""Share of the reach by which, through rounding, another decoded point may be nearer."""
 
 
 class Match(NamedTuple):
@@ -39,10 +41,11 @@ class Match(NamedTuple):
 def match_points(original: Floats, decoded: Floats, reach: float | None = None) -> Match:
     """Find the original point from which each decoded point takes its attributes.
 
-    If both clouds have equally many points, and all pairs with equal index lie within `reach`,
-    points match by index. Otherwise each original point belongs to the nearest decoded position.
-    The k decoded points at a position match the (up to k) nearest of its original points; remaining
-    decoded points match the nearest original point within `reach`.
+    If both clouds have equally many points, and all pairs with equal index lie within `reach` and
+    about as near as the nearest decoded point, points match by index. Otherwise each original point
+    belongs to the nearest decoded position. The k decoded points at a position match the (up to k)
+    nearest of its original points; remaining decoded points match the nearest original point within
+    `reach`.
 
     Parameters
     ----------
@@ -61,7 +64,7 @@ def match_points(original: Floats, decoded: Floats, reach: float | None = None) 
     reach = float(distances.max() if reach is None else reach) * _SLACK
     if len(original) == len(decoded):
         errors = np.linalg.norm(decoded - original, axis=1)
-        if errors.max() <= reach:
+        if (errors <= np.minimum(reach, distances + _ORDER_SLACK * reach)).all():
             return Match(np.arange(len(decoded)), "order", 0, reach)
     rows = np.full(len(decoded), -1)
     near = np.flatnonzero(distances <= reach)
@@ -78,3 +81,21 @@ def match_points(original: Floats, decoded: Floats, reach: float | None = None) 
         rows[left] = np.where(distances <= reach, nearest.astype(np.int64), -1)
     used = len(np.unique(rows[rows >= 0]))
     return Match(rows, "position", len(original) - used, reach)
+
+
+def farthest(points: Floats, decoded: Floats) -> float:
+    """Return the largest distance of points (n, 3) from the nearest of decoded points (m, 3)."""
+    return float(_distances(points, decoded).max())
+
+
+def share_beyond(points: Floats, others: Floats, distance: float) -> float:
+    """Return the share of points (n, 3) with none of the other points (m, 3) within a distance."""
+    return float(np.mean(_distances(points, others) > distance))
+
+
+def _distances(points: Floats, others: Floats) -> Floats:
+    from pykdtree.kdtree import KDTree
+
+    corner = others.min(axis=0)
+    distances: Floats = KDTree(others - corner).query(points - corner)[0]
+    return distances

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.content import plain_suffix, read_content, unpacked
+from puckbench.core.content import COMPRESSED, plain_suffix, read_content, unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import written_whole
 from puckbench.core.lazy import imported
@@ -21,7 +21,13 @@ from puckbench.geometry.missing_returns import missing_firings, missing_returns
 from puckbench.io.archives import read_archive
 from puckbench.io.descriptions import read_description, sidecar, write_description
 from puckbench.io.ply import has_faces, read_ply, write_vertices
-from puckbench.io.point_columns import Columns, cloud_from_columns, coarse_step, ply_columns
+from puckbench.io.point_columns import (
+    Columns,
+    cloud_from_columns,
+    coarse_step,
+    colours_of,
+    ply_columns,
+)
 
 __all__ = ["IN_METRES", "SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
 
@@ -60,10 +66,10 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
 
     Both files appear only when both are complete.
     """
-    if path.suffix.lower() in SUFFIXES[1:]:
+    if path.suffix.lower() in (*SUFFIXES[1:], *COMPRESSED):
         raise InputError(f"{path}: only PLY files are written; name it .ply")
     columns = {
-        axis: column.astype(kind)
+        axis: column.astype("<u2" if column.dtype == np.uint16 else kind)
         for name, (axes, kind) in _PLY_COLUMNS.items()
         if (values := getattr(cloud, name)) is not None
         for axis, column in zip(axes, np.atleast_2d(values.T), strict=True)
@@ -198,6 +204,15 @@ def _read_columns(
             more = (keep_missing,) if suffix == ".e57" else (convert,)
             return cast(Columns, read(plain, *more))
     return cast(Columns, read(path, bin_columns) if suffix == ".bin" else read(path))
+
+
+def wide_colours(path: Path) -> NDArray[np.uint16] | None:
+    """Return a cloud file's colours (n, 3) as they are if some exceed 8 bits, else None."""
+    colours = colours_of(_read_columns(path, None, convert=False))
+    if colours is None or colours.dtype.kind not in "iu":
+        return None
+    is_wide = 0xFF < colours.max(initial=0) <= 0xFFFF and colours.min(initial=0) >= 0
+    return colours.astype(np.uint16) if is_wide else None
 
 
 def _check_kind(path: Path, suffix: str) -> None:

@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench import __version__
-from puckbench.core.content import unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import write_bytes
 from puckbench.io.damage import PARSER_FAULTS, reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.las_header import check_las_header
-from puckbench.io.las_units import METRE, Units, las_units, unit_name
+from puckbench.io.las_units import METRE, Units, has_system, las_units, unit_name
 
 _LOG = logging.getLogger(__name__)
 _STEP_M = 1e-4
@@ -70,54 +69,8 @@ def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
 
 
-def rewrite_las(
-    path: Path, source: Path, points: NDArray[np.float64], rows: NDArray[np.int64]
-) -> None:
-    """Write points with the header and the attributes of a LAS or LAZ file.
-
-    Parameters
-    ----------
-    path
-        The file to write, LAZ by its suffix.
-    source
-        The file whose header (version, point format, scale, offset, records) is kept.
-    points
-        (m, 3), in m.
-    rows
-        (m,) index of the point in `source` from which attributes are copied; -1: attributes are 0.
-
-    Raises
-    ------
-    InputError
-        `source` is unreadable, or its scale and offset cannot represent a point.
-    """
-    import laspy
-
-    with unpacked(source) as plain:
-        data = parse_isolated(parse_las_file, plain, "LAS file").columns["bytes"]
-    las = laspy.read(BytesIO(data.tobytes()))
-    header, units = las.header, _units(las.header) or Units()
-    lengths = np.array([units.horizontal or METRE] * 2 + [units.vertical or METRE])
-    steps = np.rint((points / lengths - header.offsets) / header.scales)
-    if np.abs(steps).max() > np.iinfo(np.int32).max:
-        raise InputError(f"{path}: points outside the range of the scale and offset of {source}")
-    las.points = las.points[np.maximum(rows, 0)]
-    las.points.array[rows < 0] = 0
-    las.X, las.Y, las.Z = steps.astype(np.int32).T
-    write_bytes(path, las_bytes(las, path.suffix.lower() == ".laz"))
-
-
-def parse_las_file(path: Path) -> ParsedFile:
-    """Return a LAS or LAZ file as the bytes of an uncompressed LAS file."""
-    import laspy
-
-    with _reading(path):
-        content = las_bytes(laspy.read(path), is_compressed=False)
-    return ParsedFile({"bytes": np.frombuffer(content, np.uint8)})
-
-
 @contextmanager
-def _reading(path: Path) -> Iterator[None]:
+def reading_las(path: Path) -> Iterator[None]:
     import laspy
     from lazrs import LazrsError
 
@@ -129,16 +82,24 @@ def _reading(path: Path) -> Iterator[None]:
 def parse_las(path: Path, convert: bool = True) -> ParsedFile:
     import laspy
 
-    with _reading(path):
+    with reading_las(path):
         with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
             metres = _metres_per_unit(reader.header, path) if convert else None
             points = reader.read_points(-1)
-        names = [name for name in points.point_format.dimension_names if name.lower() not in _AXES]
-        columns = {name: np.asarray(points[name]) for name in names}
+        names = [
+            name for name in points.point_format.dimension_names if name not in ("X", "Y", "Z")
+        ]
+        columns = {
+            f"{name}_" if name in _AXES else name: np.asarray(
+                points.array[name] if name in _AXES else points[name]
+            )
+            for name in names
+        }
         return ParsedFile({**_coordinates(points, metres), **columns})
 
 
-def _units(header: Any) -> Units | None:
+def units_of(header: Any) -> Units | None:
+    """Return the units of a laspy header's coordinates, or None if their system is not readable."""
     from pyproj.exceptions import CRSError
 
     try:
@@ -148,9 +109,11 @@ def _units(header: Any) -> Units | None:
 
 
 def _metres_per_unit(header: Any, path: Path) -> tuple[float, float, float] | None:
-    if (units := _units(header)) is None:
+    if (units := units_of(header)) is None:
         _LOG.warning("%s: its coordinate reference system is not readable: metres assumed", path)
         return None
+    if units.is_unknown and has_system(header):
+        _LOG.warning("%s: its coordinate reference system states no unit: metres assumed", path)
     if units.is_degrees:
         raise InputError(f"{path}: its coordinates are degrees: project it first (pdal, las2las)")
     horizontal, vertical = units.horizontal or METRE, units.vertical or METRE

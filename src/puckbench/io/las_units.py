@@ -11,6 +11,8 @@ _PROJECTED, _LINEAR_UNIT, _UNIT_SIZE = 3072, 3076, 3077
 _VERTICAL, _VERTICAL_UNIT = 4096, 4099
 _MODEL, _GEOGRAPHIC_MODEL = 1024, 2
 _USER_DEFINED = 32767
+_PROJECTION, _KEYS_RECORD, _WKT_RECORD = "LASF_Projection", 34735, 2112
+_KEYS_HEADER_BYTES = 8
 _DOUBLES = 34736
 """Tag of GeoTIFF's double values; the constants above are GeoTIFF keys and codes."""
 
@@ -23,6 +25,10 @@ class Units:
     vertical: float | None = None
     is_degrees: bool = False
 
+    @property
+    def is_unknown(self) -> bool:
+        return self.horizontal is None and not self.is_degrees
+
 
 def las_units(header: Any) -> Units:
     """Return the units of coordinates from a laspy header.
@@ -30,13 +36,37 @@ def las_units(header: Any) -> Units:
     As in GDAL, units in GeoTIFF keys take precedence over those of the coordinate reference system.
     Raises pyproj's CRSError if the system is not readable.
     """
-    crs = header.parse_crs()
+    crs = header.parse_crs() or _crs_in_latin(header)
     units = Units() if crs is None else _units_of_crs(crs)
     records = header.vlrs.get("GeoKeyDirectoryVlr")
     if records and not header.vlrs.get("WktCoordinateSystemVlr"):
         units = _with_keys(units, *_keys(records[0], header.vlrs.get("GeoDoubleParamsVlr")))
     vertical = units.horizontal if units.vertical is None else units.vertical
     return Units(units.horizontal, vertical, units.is_degrees)
+
+
+def has_system(header: Any) -> bool:
+    """Return whether a laspy header holds a coordinate reference system, readable or not."""
+    contents = {record.record_id: record.record_data_bytes() for record in _system_records(header)}
+    return len(contents.get(_KEYS_RECORD, b"")) > _KEYS_HEADER_BYTES or bool(
+        contents.get(_WKT_RECORD, b"").strip(b"\0 \n")
+    )
+
+
+def _system_records(header: Any) -> list[Any]:
+    records = [*header.vlrs, *(header.evlrs or ())]
+    return [record for record in records if record.user_id == _PROJECTION]
+
+
+def _crs_in_latin(header: Any) -> Any:
+    """Return the system of a text in another encoding than UTF-8, which laspy does not read."""
+    import pyproj
+    from laspy import VLR
+
+    for record in _system_records(header):
+        if record.record_id == _WKT_RECORD and isinstance(record, VLR):
+            return pyproj.CRS.from_wkt(record.record_data.decode("latin-1").rstrip("\0"))
+    return None
 
 
 def _units_of_crs(crs: Any) -> Units:

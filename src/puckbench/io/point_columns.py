@@ -69,6 +69,11 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> UncheckedCloud:
     return UncheckedCloud(xyz, normals, colours, labels, fields=fields)
 
 
+def colours_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[Any] | None:
+    """Return the colours (n, 3) in their own type, or None if three columns are not so named."""
+    return _pop_triple({name: _native(values) for name, values in columns.items()}, _COLOURS)
+
+
 def default_columns(rows: NDArray[Any]) -> Columns:
     """Name the columns of an array (n, 3 or more) without column names, by convention.
 

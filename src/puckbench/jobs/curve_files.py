@@ -76,6 +76,8 @@ def read_coded(path: Path, rate: str | None = None) -> Coded:
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
         record = read_object(beside) if beside.exists() else {}
+        if rate not in (None, record.get("rate")):
+            raise InputError(f"{path}: one stream, not a curve with rates (--rate {rate})")
         return Coded(read_bytes(path), _checked(record, str(beside)))
     curve = read_curve(path)
     if rate is None and len(curve) == 1:

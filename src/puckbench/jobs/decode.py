@@ -9,23 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.codecs.facts import find_rate
+from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
-from puckbench.geometry.cloud import PointCloud, bounds
-from puckbench.geometry.matching import Match, match_points
-from puckbench.io.clouds import read_cloud, write_cloud
-from puckbench.io.las import rewrite_las
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.geometry.matching import Match, farthest, match_points
+from puckbench.io.clouds import wide_colours, write_cloud
+from puckbench.io.las_rewriting import rewrite_las
 from puckbench.io.meshes.writing import write_mesh
+from puckbench.io.point_columns import WIDE_COLOURS
 from puckbench.jobs.curve_files import Coded, read_coded
 from puckbench.jobs.decoding import Decoding
+from puckbench.jobs.like import MOST_UNLIKE, Model, check_place, read_models
 from puckbench.jobs.registry import JOBS
 
 LAS = (".las", ".laz")
 _log = logging.getLogger(__name__)
-_MOST_UNLIKE = 0.5
-"""Largest allowed fraction of decoded points that match no original point."""
-_Model = tuple[Path, PointCloud]
 
 
 @JOBS.register("decode")
@@ -46,8 +46,8 @@ class Decode(Decoding):
             if like:
                 raise InputError("--like: not with --as-mesh")
             return self._mesh(stream, cloud)
-        prepared, original = _models(like)
-        if cloud.suffix.lower() in LAS and (not original or plain_suffix(original[0]) not in LAS):
+        prepared, original = read_models(like)
+        if cloud.suffix.lower() in LAS and not (original and plain_suffix(original.path) in LAS):
             raise InputError(f"{cloud}: name it .ply, or name the original LAS file (--like)")
         with naming(stream):
             coded = read_coded(stream, self.rate)
@@ -55,33 +55,34 @@ class Decode(Decoding):
         about = {"source": stream.name, "codec": result.record["codec"]}
         decoded = replace(result.cloud, about=about)
         if prepared:
-            _check_place(decoded, prepared[1], f"{stream}: not coded from {prepared[0]}")
-            decoded = replace(decoded, xyz=prepared[1].to_metres(decoded.xyz))
+            check_place(
+                decoded.xyz, prepared.cloud.xyz, f"{stream}: not coded from {prepared.path}"
+            )
+            decoded = replace(decoded, xyz=prepared.cloud.to_metres(decoded.xyz))
         if not original:
             write_cloud(cloud, decoded)
             return result.record
-        fault = f"{stream}: not coded from {original[0]}"
-        if not prepared:
-            fault += ", unless from a prepared cloud (--like it too)"
-        _check_place(decoded, original[1], fault)
-        match = match_points(original[1].xyz, decoded.xyz, self._reach(coded))
-        if (share := match.unmatched / len(decoded)) > _MOST_UNLIKE:
-            off = f"{share:.0%} of the decoded points lie more than {match.reach:.3g} m"
-            raise InputError(f"{fault}: {off} off its points")
+        with naming(stream):
+            match = _match(decoded.xyz, prepared, original, self._reach(coded))
         if cloud.suffix.lower() in LAS:
-            rewrite_las(cloud, original[0], decoded.xyz, match.rows)
+            rewrite_las(cloud, original.path, decoded.xyz, match.rows, original.metres_per_unit)
         else:
-            write_cloud(cloud, _with_attributes(decoded, original[1], match.rows))
+            write_cloud(cloud, _with_attributes(decoded, original, match.rows))
         lost = {"attributes_lost": match.unused, "attributes_0": match.unmatched}
         if any(lost.values()):
-            _log.warning("%s: %s", cloud, _loss(match, len(original[1])))
+            _log.warning("%s: %s", cloud, _loss(match, len(original.cloud)))
         return {**result.record, "attributes_by": match.by, **lost}
 
     def _reach(self, coded: Coded) -> float | None:
-        """Return the diagonal of a grid cell, in m, if the rate is a length, else None."""
-        name = coded.record.get("rate")
-        named_rate = find_rate(self.loaded(self.codec_of(coded)), name) if name else None
-        if named_rate is None or {*named_rate[1]} != {"step_m"}:
+        """Return the diagonal of a grid cell, in m, if the rate is a length, else None.
+
+        It is None, too, if decoded points are estimates of the surface.
+        """
+        name, codec = coded.record.get("rate"), self.loaded(self.codec_of(coded))
+        named_rate = find_rate(codec, name) if name else None
+        encoder = str(coded.record.get("codec"))  # another one may decode its streams
+        estimates = is_codec(encoder) and getattr(codec_class(encoder), "estimates", False)
+        if estimates or named_rate is None or {*named_rate[1]} != {"step_m"}:
             return None
         return float(named_rate[1]["step_m"]) * 3**0.5
 
@@ -100,37 +101,50 @@ class Decode(Decoding):
         }
 
 
-def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
-    low, high = bounds(original.xyz)
-    margin = (high - low).max()
-    if (decoded.xyz < low - margin).any() or (decoded.xyz > high + margin).any():
-        raise InputError(f"{fault}: the decoded points lie elsewhere")
+def _match(decoded: Floats, prepared: Model | None, original: Model, reach: float | None) -> Match:
+    """Find the original points of decoded points (m, 3), m; see `match_points`.
+
+    Raises InputError if the decoded points are not those of the original.
+    """
+    fault = f"not coded from {original.path}"
+    if prepared:
+        if reach is None:
+            reach = farthest(prepared.cloud.to_metres(prepared.cloud.xyz), decoded)
+    else:
+        fault += ", unless from a prepared cloud (--like it too)"
+        check_place(decoded, original.cloud.xyz, fault)
+    match = match_points(original.cloud.xyz, decoded, reach)
+    if (share := match.unmatched / len(decoded)) > MOST_UNLIKE:
+        off = f"{share:.0%} of the decoded points lie more than {match.reach:.3g} m"
+        raise InputError(f"{fault}: {off} off its points")
+    return match
 
 
-def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
-    clouds = [(path, read_cloud(path, keep_missing=True)) for path in paths]
-    prepared, original = (
-        [item for item in clouds if (item[1].frame is None) == is_original]
-        for is_original in (False, True)
-    )
-    if max(len(prepared), len(original)) > 1:
-        raise InputError("--like: takes one prepared cloud and one original")
-    return next(iter(prepared), None), next(iter(original), None)
-
-
-def _with_attributes(
-    decoded: PointCloud, original: PointCloud, rows: NDArray[np.int64]
-) -> PointCloud:
-    picked = original.select(np.maximum(rows, 0))
-    for values in (picked.normals, picked.colours, picked.labels, *picked.fields.values()):
+def _with_attributes(decoded: PointCloud, original: Model, rows: NDArray[np.int64]) -> PointCloud:
+    picked = original.cloud.select(np.maximum(rows, 0))
+    colours: NDArray[Any] | None = picked.colours
+    if picked.colours is not None and (wide := wide_colours(original.path)) is not None:
+        fields = {name: part for name, part in picked.fields.items() if name not in WIDE_COLOURS}
+        picked, colours = replace(picked, fields=fields), wide[np.maximum(rows, 0)]
+    attributes = (picked.normals, picked.colours, colours, picked.labels, *picked.fields.values())
+    for values in attributes:
         if values is not None:
             values[rows < 0] = 0
-    decoded_values = decoded.colours, attributes_of(decoded).get(REFLECTANCE)
-    if decoded_values[1] is not None:
-        name = reflectance_field(original) or REFLECTANCE
-        picked = replace(picked, fields={**picked.fields, name: decoded_values[1]})
-    colours = picked.colours if decoded_values[0] is None else decoded_values[0]
+    if decoded.colours is not None:
+        colours = _as_wide(decoded.colours, picked.colours, colours)
+    if (reflectances := attributes_of(decoded).get(REFLECTANCE)) is not None:
+        name = reflectance_field(original.cloud) or REFLECTANCE
+        picked = replace(picked, fields={**picked.fields, name: reflectances})
     return replace(picked, xyz=decoded.xyz, colours=colours, about=decoded.about)
+
+
+def _as_wide(
+    decoded: NDArray[np.uint8], narrow: NDArray[np.uint8] | None, wide: NDArray[Any] | None
+) -> NDArray[Any]:
+    """Return decoded colours, in 16 bits if the original has these: its own where 8 bits agree."""
+    if wide is None or narrow is None or wide.dtype == np.uint8:
+        return decoded
+    return np.where(decoded == narrow, wide, decoded.astype(np.uint16) * 257)
 
 
 def _loss(match: Match, points: int) -> str:

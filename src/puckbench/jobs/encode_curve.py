@@ -9,7 +9,7 @@ from puckbench.codecs.base import Codec, SharedWork
 from puckbench.codecs.registry import open_codec
 from puckbench.core.content import plain_suffix
 from puckbench.core.environment import cpu_model, run_environment
-from puckbench.core.errors import naming, noting
+from puckbench.core.errors import InputError, naming, noting
 from puckbench.core.measurement import Cost, Measured, measured
 from puckbench.core.progress import Progress
 from puckbench.geometry.attributes import not_coded
@@ -31,8 +31,10 @@ def to_code(
     cloud = read_cloud(path)
     if frame is None and plain_suffix(path) in IN_METRES:
         frame = "metric"
-    cloud = _in_frame(cloud, frame)
     with naming(path):
+        if frame and cloud.frame and frame != cloud.frame:
+            raise InputError(f"its description says that it is {cloud.frame}, not {frame}")
+        cloud = _in_frame(cloud, frame)
         codec.check_frame(cloud.frame, rate)
         points_alone = codec.takes == "points" and not codec.attributes
         return cloud if points_alone else with_returns(cloud, path)

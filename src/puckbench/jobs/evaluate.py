@@ -36,6 +36,11 @@ _KEPT = (
 """Entries of the original cloud's description that a result row contains."""
 
 
+def is_decoded(path: Path) -> bool:
+    """Whether a file is a decoded cloud by its name, not a stream."""
+    return plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin"
+
+
 class Originals:
     """Original clouds and surfaces with which decoded clouds are compared, read once.
 
@@ -137,7 +142,7 @@ class Evaluate(Evaluating):
         return result
 
     def _decoded(self, path: Path) -> Decoded:
-        if plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin":
+        if is_decoded(path):
             return Decoded(read_cloud(path), {})
         with naming(path):
             return self.decoded(read_coded(path, self.rate))

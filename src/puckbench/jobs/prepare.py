@@ -105,7 +105,9 @@ class Prepare(Job):
         if cloud.frame is not None and "sensor" not in cloud.about:
             cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
         if self.metres_per_unit != 1:
-            cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
+            unit = {"metres_per_unit": cloud.metres_per_unit * self.metres_per_unit}
+            xyz = cloud.xyz * self.metres_per_unit
+            cloud = replace(cloud, xyz=xyz, about={**cloud.about, **unit})
         return MeasuredPoints(cloud, clean=cloud)
 
     def _cloud(self, path: Path) -> UncheckedCloud:

@@ -63,7 +63,7 @@ class Scanning(Job):
         named = self._named()  # reports unknown names before a large mesh is read
         surface = read_surface(mesh, self.metres_per_unit)
         warn_of_implausible_extent(mesh, surface.bounds())
-        job = self._job(named, surface, _described(mesh))
+        job = self._job(named, surface, described_origin(mesh))
         return job, generator(self.seed, "scan", mesh.stem)
 
     def check(self, surface: Mesh, described: Sequence[float] | None) -> None:
@@ -112,7 +112,8 @@ class _Described(Model):
     origin: tuple[float, float, float] | None
 
 
-def _described(mesh: Path) -> list[float] | None:
+def described_origin(mesh: Path) -> list[float] | None:
+    """Return the sensor's position (3,), m, in the description beside a mesh, or None."""
     origin = (read_description(mesh) or {}).get("origin")
     position = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
     return None if position is None else list(position)

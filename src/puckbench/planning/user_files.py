@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import glob
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -35,6 +35,8 @@ CONFIG = "config.yaml"
 _CUBE = 1024
 _TURNS = 10
 """Default number of turns of a recording, evenly spaced."""
+_POINTS = 100_000
+"""Default number of points sampled on a mesh."""
 _BUDGET_S = 480.0
 """Estimated time (s) of all rates on one core above which a run uses fewer rates."""
 _FEW_RATES = 4
@@ -85,7 +87,7 @@ class UserRun:
     rates
         Names of rates, or ``("all",)``; by default all, or four if all would take long.
     points
-        Number of points sampled on a mesh that is not scanned.
+        Number of points sampled on a mesh that is not scanned, by default 100,000.
     limit
         Maximum number of scenes of each kind.
     strict
@@ -104,7 +106,7 @@ class UserRun:
     metrics: tuple[str, ...] = ()
     scan: bool = False
     errors: str = "vlp16_divergence"
-    points: int = 100_000
+    points: int | None = None
     limit: int | None = None
     strict: bool = False
     peak: float | None = None
@@ -182,9 +184,27 @@ class UserRun:
                     files = recordings.recordings_at(text)
                     paths = [str(path) for path in files if self._kind(path) == kind]
                 paths_by_kind.setdefault(kind, []).extend(paths)
-        if "topic" in self.options and not paths_by_kind.keys() & {*_RECORDED}:
-            raise InputError("--topic: only ROS bags have topics")
+        self._check_options({*paths_by_kind})
         return {kind: paths_by_kind[kind] for kind in _LOADERS if kind in paths_by_kind}
+
+    def _check_options(self, kinds: Set[Kind]) -> None:
+        if "topic" in self.options and not kinds & {*_RECORDED}:
+            raise InputError("--topic: only ROS bags have topics")
+        for name in self.options:
+            takers = [kind for kind, names in _OPTIONS.items() if name in names]
+            if not kinds & {*takers}:
+                what = " and ".join(takers).replace("_", " ")
+                raise InputError(f"--{name.replace('_', '-')}: only for {what}")
+        if "bin_columns" in self.options and not self._has(".bin"):
+            raise InputError("--bin-columns: only for .bin files")
+        if "meshes" not in kinds and (self.scan or self.points is not None):
+            raise InputError(f"--{'scan' if self.scan else 'points'}: only for meshes")
+        if self.scan and self.points is not None:
+            raise InputError("--points: not with --scan")
+
+    def _has(self, suffix: str) -> bool:
+        files = (path for text, _ in self._kinds for path in _files(text))
+        return any(plain_suffix(path) == suffix for path in files)
 
     def _check_results(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
         results = Path(self.results).resolve()
@@ -237,7 +257,7 @@ class UserRun:
         if kind in ("clouds", "recorded_clouds"):
             return {"scenes": kind, "make": "cloud", **size}
         if not self.scan:
-            return {"scenes": kind, "make": "sample", "points": self.points, **size}
+            return {"scenes": kind, "make": "sample", "points": self.points or _POINTS, **size}
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
         return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 

@@ -5,7 +5,19 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.registry import COMMANDS
-from puckbench.cli.types import integer, json_object, selected
+from puckbench.cli.types import integer, json_object, refuse, selected
+
+_DISTANCES_M = [1.0, 2.0, 3.0, 4.0, 5.0]
+_FOR_SCANS = {
+    "model": "vlp16",
+    "model_options": {},
+    "distances": _DISTANCES_M,
+    "seed": 0,
+    "keep": None,
+    "runs": 3,
+    "refit": False,
+}
+"""Options without effect on a real capture, with their defaults."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,8 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "changes to the error model's parameters (JSON)"
     add("--model-options", type=json_object, default={}, help=text)
     text = "distances from the sensor to the wall, in metres: 1 to 5 (default), or 30"
-    default = [1.0, 2.0, 3.0, 4.0, 5.0]
-    add("--distances", nargs="+", type=float, default=default, metavar="M", help=text)
+    add("--distances", nargs="+", type=float, default=_DISTANCES_M, metavar="M", help=text)
     add("--seed", type=integer(0), default=0)
     add("--keep", type=integer(1), help="rows of each scan to keep, chosen at random")
     add("--runs", type=integer(1), default=3, help="scans from each distance (default: 3)")
@@ -37,8 +48,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.thesis.jobs.residuals import Residuals
 
     if options.capture is None:
+        refuse(options, {"capture_options": {}}, "only with --capture")
         names = ("model", "model_options", "runs", "seed", "keep", "refit", "distances")
         return Residuals.create(**selected(options, *names)).run(options.out)
+    refuse(options, _FOR_SCANS, "not with --capture")
     job = CaptureResiduals.create(options=options.capture_options)
     summary = job.run(options.capture, options.out)
     return summary if options.json else _tables(summary)
