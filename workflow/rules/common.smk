@@ -13,6 +13,7 @@ if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
 from puckbench.core.errors import InputError
+from puckbench.core.interrupts import interrupt_with_run
 from puckbench.figures.registry import figure_entry
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.jobs.process import TIMEOUT
@@ -84,6 +85,7 @@ def curve_of(wildcards):
 
 
 if workflow.is_main_process:
+    interrupt_with_run()
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
 bench = or_stop(Workflow, config, True)

@@ -16,6 +16,7 @@ from puckbench.cli.answers import text_of
 from puckbench.cli.registry import Answer, command, help_texts
 from puckbench.core.errors import InputError
 from puckbench.core.files import unwritable
+from puckbench.core.interrupts import interrupted_by_signals
 
 _DESCRIPTION = (
     "A reproducible benchmark of point-cloud compression on virtual and real LiDAR scans."
@@ -26,14 +27,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
 
     The status is 0 after success, 1 if ``failed`` in the answer is not 0, 2 after a message about
-    invalid input, and 130 after an interrupt.
+    invalid input, and 130 after an interrupt (SIGINT, SIGTERM, SIGHUP).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _show_remarks()
     try:
         parser, name = _parser(words)
         options = parser.parse_args(words)
-        answer = _run(name, options, parser)
+        with interrupted_by_signals():
+            answer = _run(name, options, parser)
         if isinstance(answer, str):
             _show(answer)
         elif answer is not None:

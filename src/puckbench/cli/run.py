@@ -12,6 +12,7 @@ from typing import Any
 
 from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
 from puckbench.core.errors import InputError
+from puckbench.core.interrupts import run_environment
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import CALLER_PRINTS_SUMMARY, snakemake_command
 from puckbench.planning.outputs import OutputJobs
@@ -122,12 +123,16 @@ def _without_failures(path: Path) -> Path | None:
 def _run_workflow(command: Sequence[str], as_json: bool, prints_summary: bool) -> int:
     # With --json, standard output has only the answer.
     output = sys.stderr if as_json else None
-    environment = {**os.environ, **({CALLER_PRINTS_SUMMARY: "yes"} if prints_summary else {})}
-    with subprocess.Popen(command, stdout=output, env=environment) as workflow:
+    stdin, held = os.pipe()
+    environment = run_environment(stdin)
+    environment |= {CALLER_PRINTS_SUMMARY: "yes"} if prints_summary else {}
+    with subprocess.Popen(command, stdin=stdin, stdout=output, env=environment) as workflow:
+        os.close(stdin)
         try:
             return workflow.wait()
         except KeyboardInterrupt:
-            workflow.wait()  # it is interrupted too, and ends its jobs
+            os.close(held)  # which interrupts the workflow and its jobs
+            workflow.wait()
             raise
 
 
