@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,16 @@ def test_a_folder_is_sorted_by_what_its_files_hold() -> None:
     examples = config["figures"]["examples"]
     assert examples["object"] == "clouds/a"
     assert examples["spin"].startswith("recordings/drive_")
+
+
+def test_a_pipe_is_left_out() -> None:
+    os.mkfifo("pipe.ply")
+    os.mkfifo("mine/pipe.las")
+    config = made("pipe.ply", "mine")
+    assert config["unused"]["pipe.ply"] == "a pipe, not a file"
+    assert config["scenes"].keys() == made("mine")["scenes"].keys()
+    with pytest.raises(InputError, match=r"^pipe\.ply: a pipe, not a file$"):
+        made("pipe.ply")
 
 
 def test_meshes_are_scanned_where_that_is_asked_for() -> None:

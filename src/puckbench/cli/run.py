@@ -177,7 +177,7 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
     first, *others = options.files
     if Path(first).suffix.lower() in _CONFIGS:
         _refuse(options, _CONFIG_OPTIONS, f"the configuration has a key for this: edit {first}")
-        if not Path(first).is_file():
+        if not Path(first).exists():
             raise InputError(f"{first}: no such file")
         read_config(Path(first))  # for one-line errors, which Snakemake does not have
         return Path(first), others

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from puckbench.core.errors import InputError, naming
-from puckbench.core.files import unreadable, written_whole
+from puckbench.core.files import refuse_special, unreadable, written_whole
 from puckbench.io.damage import reading
 from puckbench.io.parquet_files import check_parquet_memory
 
@@ -38,4 +38,5 @@ def _read(path: Path) -> pd.DataFrame:
     if path.suffix == ".parquet":
         check_parquet_memory(path)
         return pd.read_parquet(path)
+    refuse_special(path)
     return pd.read_csv(path, dtype=dict.fromkeys(_TEXT_COLUMNS, "str"))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.content import plain_suffix, unpacked
 from puckbench.core.errors import InputError
+from puckbench.core.files import refuse_special
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.io.meshes.glb import read_glb
@@ -105,6 +106,7 @@ def _reader(path: Path) -> Callable[[Path], Polygons]:
     reader = _READERS.get(plain_suffix(path))
     if reader is None:
         raise InputError(f"{path}: not a mesh format (known: {', '.join(SUFFIXES)})")
+    refuse_special(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return reader
