@@ -127,6 +127,17 @@ def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["codec"] == name
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("x" * 300, f"{'x' * 300}: file name too long"), ("a\udcff", r"'a\udcff': not in UTF-8")],
+)
+@pytest.mark.parametrize("words", [["prepare", "o.ply"], ["run"], ["decode", "o.ply"]])
+def test_a_name_that_no_file_can_have_is_one_line(
+    words: list[str], name: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _refused(capsys, words[0], name, *words[1:]).startswith(f"puckbench: {said}")
+
+
 def test_a_recording_is_no_scan(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = cloud.with_name("returns.parquet")
     assert main(["capture", str(CAPTURE), str(table)]) == 0

@@ -13,6 +13,7 @@ if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import refusing_paths
 from puckbench.core.interrupts import interrupt_with_run
 from puckbench.figures.registry import figure_entry
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
@@ -43,7 +44,8 @@ gc.set_threshold(100_000, 50, 100)
 def or_stop(step, *arguments):
     """Call a function; on bad input, print one line and exit with status 2."""
     try:
-        return step(*arguments)
+        with refusing_paths():
+            return step(*arguments)
     except InputError as error:
         print(f"puckbench: {error}", file=sys.stderr, flush=True)
         os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback

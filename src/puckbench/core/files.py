@@ -220,5 +220,16 @@ def unwritable(path: Path, error: OSError) -> InputError:
     return InputError(f"{path}: {why.lower()}")
 
 
+@contextmanager
+def refusing_paths() -> Iterator[None]:
+    """Raise InputError for an OSError that names a file, such as a name that is too long."""
+    try:
+        yield
+    except OSError as error:
+        if not isinstance(error.filename, str):
+            raise
+        raise unreadable(Path(error.filename), error) from error
+
+
 def sha256(path: Path) -> str:
     return hashlib.sha256(read_bytes(path)).hexdigest()

@@ -19,6 +19,7 @@ from puckbench.planning.coding import codec_job, timed
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
+from puckbench.planning.scene_checks import refuse_paths
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
 _CODING_S, _TASK_S = 0.25, 0.06
@@ -149,6 +150,8 @@ class DriveJobs:
             for task, options in value.tasks.items():
                 checked_task(task, options)
             _check_sweep(value)
+            refuse_paths(file for scene in scenes.chosen for file in scenes.files(scene))
+            refuse_paths(filter(None, [value.poses]))
             scans, clouds = {}, {}
             if value.is_scan:
                 scans = {f"{s}-{seed}": (s, seed) for s in scenes.chosen for seed in value.seeds}
