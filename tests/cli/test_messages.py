@@ -131,7 +131,7 @@ def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
     ("name", "said"),
     [("x" * 300, f"{'x' * 300}: file name too long"), ("a\udcff", r"'a\udcff': not in UTF-8")],
 )
-@pytest.mark.parametrize("words", [["prepare", "o.ply"], ["run"], ["decode", "o.ply"]])
+@pytest.mark.parametrize("words", [["prepare", "o.ply"], ["run"], ["capture", "o.parquet"]])
 def test_a_name_that_no_file_can_have_is_one_line(
     words: list[str], name: str, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -66,9 +66,19 @@ def files_of(files, names):
     return shlex.join(f"{name}={files[name]}" for name in names)
 
 
+def planned(function):
+    """Return a function of wildcards that stops with one line if the plan has no such result."""
+
+    def checked(wildcards):
+        or_stop(bench.check_names, dict(wildcards.items()))
+        return or_stop(function, wildcards)
+
+    return checked
+
+
 def record_of(job):
     """Return a parameter: the file of a job's settings, whose name is a digest of them."""
-    return lambda wildcards: job(wildcards).file()
+    return planned(lambda wildcards: job(wildcards).file())
 
 
 def code_of(job):

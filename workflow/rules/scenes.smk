@@ -1,7 +1,7 @@
 # Scenes: meshes (some with labels) or captured clouds, in metres, z up.
 rule scene:
     input:
-        lambda w: plan.scenes[w.scenes].files(w.scene),
+        planned(lambda w: plan.scenes[w.scenes].files(w.scene)),
     output:
         scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.ply",
         about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",

@@ -48,6 +48,10 @@ class ScenePlan:
     scenes: DataSet
     chosen: tuple[str, ...]
 
+    @cached_property
+    def names(self) -> frozenset[str]:
+        return frozenset(self.scenes.names())
+
     def files(self, scene: str) -> list[str]:
         return [str(path) for path in self.scenes.files(scene)]
 
