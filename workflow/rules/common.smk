@@ -25,7 +25,7 @@ from puckbench.planning.launch import CALLER_PRINTS_SUMMARY
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
-    check_room,
+    check_records,
     held_since,
     hold_results,
     left_out_lines,
@@ -113,8 +113,7 @@ os.environ[TIMEOUT] = str(bench.config.timing.timeout_s or "")
 
 
 if workflow.is_main_process:  # each job on a cluster reads this file again
-    # Without space for its records Snakemake would end with a traceback.
-    or_stop(check_room, Path(".snakemake"))
+    or_stop(check_records)
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     bar.expect(
         job_s=job_seconds(bench),

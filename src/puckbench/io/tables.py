@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -23,6 +25,23 @@ def read_table(path: Path) -> pd.DataFrame:
     if len(table) == 0:
         raise InputError(f"{path}: the table has no rows")
     return table
+
+
+def check_columns(table: pd.DataFrame, texts: Iterable[str], numbers: Iterable[str] = ()) -> None:
+    """Raise InputError unless a table has columns of text and of numbers with these names."""
+    for name in (*texts, *numbers):
+        if name not in table:
+            raise InputError(f"no column {name!r}")
+    for name in texts:
+        if not all(isinstance(value, str) for value in table[name]):
+            raise InputError(f"column {name!r} is not text")
+    for name in numbers:
+        if not is_number_column(table[name]):
+            raise InputError(f"column {name!r} is not numbers")
+
+
+def is_number_column(values: pd.Series[Any]) -> bool:
+    return bool(pd.api.types.is_numeric_dtype(values) or values.isna().all())
 
 
 def write_table(table: pd.DataFrame, *paths: Path) -> None:

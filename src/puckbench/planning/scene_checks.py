@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,8 @@ def scene_faults(
         progress(done, len(stale))
     if stale:
         checks = {name: check.model_dump(exclude_unset=True) for name, check in results.items()}
-        write_json(results_file, checks)
+        with suppress(InputError):  # without this cache, a dry run reads the scenes again
+            write_json(results_file, checks)
     return unnamed | {name: fault for name in states if (fault := results[name].fault)}
 
 
