@@ -263,3 +263,23 @@ def test_compress_says_that_bags_are_decompressed_first(
     (path,) = (tmp_path / "bag").glob("*.mcap")
     assert main(["compress", str(path), str(tmp_path / "a.puck")]) == 0
     assert "decompress bags first (rosbag decompress, mcap decompress)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["table", "summary", "{folder}/o.csv", "--inputs"],
+        ["figure", "fig_6_6", "{folder}/o.png", "--inputs"],
+        ["report", "{folder}/o.html", "--contents"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_tables_that_do_not_fit_are_one_line(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("a\n1\n")
+    inputs = json.dumps({"metrics": f"{tmp_path}/a.csv"})
+    arguments = [word.replace("{folder}", str(tmp_path)) for word in words]
+    error = _refused(capsys, *arguments, inputs)
+    assert error.count("\n") == 1
+    assert not list(tmp_path.glob("o.*"))

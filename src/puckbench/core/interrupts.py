@@ -49,7 +49,7 @@ def interrupt_with_run(seconds_to_end: int = 0) -> None:
     ignores (as with ``nohup``) is ignored.
     """
     heard = [each for each in _SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
-    pipes = []
+    pipes: list[int] = []
 
     def interrupt(*_: object) -> NoReturn:
         for each in (*heard, signal.SIGIO):
