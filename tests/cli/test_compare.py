@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 from puckbench.cli import main
-from puckbench.report.reference_results import read_reference, write_reference
+from puckbench.core.errors import InputError
+from puckbench.report.reference_results import check_results, read_reference, write_reference
 from tests.support.reference_lookalike import (
     CLOUDS,
     GPCC,
@@ -225,3 +226,52 @@ def test_an_unknown_study_and_other_files_are_refused(
     table = folder / "tables" / "metrics.parquet"
     status, _, err = compare(capsys, folder, "--with", table)
     assert (status, "not a file of reference results" in err) == (2, True)
+
+
+@pytest.mark.parametrize("values", [[[1, 2]], [{"a": 1}], [pd.Timestamp(0)], None], ids=str)
+@pytest.mark.parametrize(
+    "column", ["dataset", "cloud", "codec", "rate", "bytes", "bpp", "d1_psnr", "d1_mse", "encode_s"]
+)
+def test_columns_of_other_kinds_are_named(
+    column: str, values: list[object] | None, mine: pd.DataFrame
+) -> None:
+    check_results(mine)
+    others = mine.drop(columns=column)
+    if values is not None:
+        others = mine.assign(**{column: values * len(mine)})
+    elif column not in ("dataset", "cloud", "codec", "rate", "bytes", "bpp"):
+        check_results(others)
+        return
+    with pytest.raises(InputError, match=f"^(no )?column '{column}'( is not (text|numbers))?$"):
+        check_results(others)
+
+
+@pytest.mark.parametrize("table", ["metrics", "clouds"])
+@pytest.mark.parametrize("rows", [{"dataset": [[1]]}, {}, {"dataset": ["a"]}], ids=str)
+def test_tables_of_other_things_are_one_line(
+    rows: dict[str, list[object]],
+    table: str,
+    study: str,
+    mine: pd.DataFrame,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = write_run(tmp_path, mine)
+    pd.DataFrame(rows, index=[0]).to_parquet(folder / "tables" / f"{table}.parquet")
+    status, _, error = compare(capsys, folder, "--with", study)
+    assert (status, error.count("\n")) == (2, 1)
+    assert error.startswith(f"puckbench: {folder}")
+
+
+@pytest.mark.parametrize("metrics", [["dataset"], ["bpp"], ["peak"], ["codec_version"]])
+def test_what_is_no_metric_is_one_line(
+    metrics: list[str],
+    study: str,
+    mine: pd.DataFrame,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = write_run(tmp_path, mine)
+    status, _, error = compare(capsys, folder, "--with", study, "--metrics", *metrics)
+    assert (status, error.count("\n")) == (2, 1)
+    assert f"the run has no metric '{metrics[0]}' on these clouds" in error

@@ -127,6 +127,17 @@ def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["codec"] == name
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("x" * 300, f"{'x' * 300}: file name too long"), ("a\udcff", r"'a\udcff': not in UTF-8")],
+)
+@pytest.mark.parametrize("words", [["prepare", "o.ply"], ["run"], ["capture", "o.parquet"]])
+def test_a_name_that_no_file_can_have_is_one_line(
+    words: list[str], name: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _refused(capsys, words[0], name, *words[1:]).startswith(f"puckbench: {said}")
+
+
 def test_a_recording_is_no_scan(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = cloud.with_name("returns.parquet")
     assert main(["capture", str(CAPTURE), str(table)]) == 0
@@ -252,3 +263,23 @@ def test_compress_says_that_bags_are_decompressed_first(
     (path,) = (tmp_path / "bag").glob("*.mcap")
     assert main(["compress", str(path), str(tmp_path / "a.puck")]) == 0
     assert "decompress bags first (rosbag decompress, mcap decompress)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["table", "summary", "{folder}/o.csv", "--inputs"],
+        ["figure", "fig_6_6", "{folder}/o.png", "--inputs"],
+        ["report", "{folder}/o.html", "--contents"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_tables_that_do_not_fit_are_one_line(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("a\n1\n")
+    inputs = json.dumps({"metrics": f"{tmp_path}/a.csv"})
+    arguments = [word.replace("{folder}", str(tmp_path)) for word in words]
+    error = _refused(capsys, *arguments, inputs)
+    assert error.count("\n") == 1
+    assert not list(tmp_path.glob("o.*"))

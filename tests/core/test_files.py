@@ -9,6 +9,8 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import (
+    open_file,
+    read_bytes,
     read_json,
     remove_leftovers,
     sha256,
@@ -102,3 +104,9 @@ def test_what_killed_writers_left_is_removed_and_nothing_else(tmp_path: Path) ->
     os.utime(forgotten, (0, 0))
     assert remove_leftovers(tmp_path) == 2
     assert {path for path in tmp_path.rglob("*") if path.is_file()} == kept
+
+
+def test_a_device_is_not_read(tmp_path: Path) -> None:
+    for read in (read_bytes, read_json, open_file):
+        with pytest.raises(InputError, match=r"^/dev/zero: a device, not a file$"):
+            read(Path("/dev/zero"))

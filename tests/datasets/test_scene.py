@@ -20,6 +20,16 @@ def test_names_are_file_name_safe() -> None:
     assert safe_name("../..") == "unnamed"
 
 
+def test_names_are_short_and_end_without_many_repetitions() -> None:
+    """Snakemake refuses wildcards whose end repeats 20 times; a file's name has 255 bytes."""
+    assert safe_name("ab1c" * 60 + "d") == "ab1c"
+    assert safe_name("scan_" + "0" * 19) == "scan_" + "0" * 19
+    assert safe_name("scan_" + "0" * 20) == "scan_0"
+    numbers = "".join(map(str, range(999)))
+    assert safe_name(numbers) == numbers[:128]
+    assert unique_names([numbers, f"{numbers}2"]) == [numbers[:128], f"{numbers[:128]}_2"]
+
+
 def test_names_are_unique_even_where_case_does_not_count() -> None:
     assert unique_names(["a b", "a_b", "A_B", "a_b_2"]) == ["a_b", "a_b_2", "A_B_3", "a_b_2_2"]
 

@@ -10,11 +10,12 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.codecs.registry import codec_class
+from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.spatial_order import Rows, distinct_points
-from puckbench.io.archives import read_archive
+from puckbench.io.archives import read_archive, write_archive
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.curve_files import Coded, read_curve, read_rows, write_curve, write_rows
@@ -144,6 +145,13 @@ def test_a_curve_has_the_same_bytes_whenever_it_is_written(folder: Path) -> None
     assert Path("a.parquet").read_bytes() == Path("b.parquet").read_bytes()
     assert read_curve(Path("a.zip")) == coded
     assert read_rows([Path("a.parquet")]) == [{"a": 1, "b": 0.1}, {"a": 2, "c": "x"}]
+
+
+@pytest.mark.parametrize("name", ["folder/r1.bin", "/r1.bin", ".bin"])
+def test_an_archive_with_folders_is_no_curve(name: str, tmp_path: Path) -> None:
+    write_archive(tmp_path / "odd.zip", {"r1.bin": b"a", "r1.json": b"{}", name: b"b"})
+    with pytest.raises(InputError, match=rf"odd\.zip: not a curve: its member '{name}' is not"):
+        read_curve(tmp_path / "odd.zip")
 
 
 def test_a_decoded_cloud_is_made_ready_once_for_all_that_it_is_compared_with(

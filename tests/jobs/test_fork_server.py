@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import stat
 import subprocess
 import sys
 import time
@@ -63,10 +62,30 @@ print(os.environ[VARIABLE], flush=True)
 sys.stdin.read()
 """
 
+OTHER_USER = """
+import os, socket, sys
+role, name = sys.argv[1:]
+os.setuid(65534)
+with socket.socket(socket.AF_UNIX) as other:
+    (other.connect if role == "client" else other.bind)(f"\\0{name}")
+    if role == "client":
+        socket.send_fds(other, [b"+"], [1, 2])
+    else:
+        other.listen()
+    print("another user", flush=True)
+    if role == "server":
+        other = other.accept()[0]
+    try:
+        received = other.recv(1)
+    except ConnectionResetError:
+        received = b""
+    print("something" if received else "nothing received")
+"""
+
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
-    """A process that has started a server, whose folder is in the environment from now on."""
+    """A process that has started a server, whose name is in the environment from now on."""
     monkeypatch.delenv(fork_server.VARIABLE, raising=False)
     starter = subprocess.Popen(
         [sys.executable, "-c", STARTER],
@@ -77,10 +96,9 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
     )
     assert starter.stdout is not None
     with starter:
-        folder = Path(starter.stdout.readline().strip())
-        monkeypatch.setenv(fork_server.VARIABLE, str(folder))
+        monkeypatch.setenv(fork_server.VARIABLE, starter.stdout.readline().strip())
         monkeypatch.setenv("OMP_NUM_THREADS", "1")
-        while not list(folder.iterdir()):
+        while not fork_server.is_serving():
             time.sleep(0.05)
         yield starter
         starter.kill()
@@ -157,9 +175,19 @@ def test_a_job_with_other_threads_is_an_ordinary_process(job: list[str], tmp_pat
 
 
 @pytest.mark.usefixtures("server")
-def test_only_the_user_can_enter_the_folder_of_the_server() -> None:
-    folder = Path(os.environ[fork_server.VARIABLE])
-    assert stat.S_IMODE(folder.stat().st_mode) == stat.S_IRWXU
+@pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
+@pytest.mark.parametrize("role", ["client", "server"])
+def test_another_user_can_neither_use_nor_replace_the_server(
+    role: str, job: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if role == "server":
+        monkeypatch.setenv(fork_server.VARIABLE, "one of another user")
+    words = [sys.executable, "-c", OTHER_USER, role, fork_server.address()[1:]]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "another user\n"
+        assert _run(job, tmp_path)[1]["forked"] is (role == "client")
+        assert other.stdout.read() == "nothing received\n"
 
 
 @pytest.mark.usefixtures("server")
@@ -168,10 +196,10 @@ def test_no_server_is_started_where_one_serves(monkeypatch: pytest.MonkeyPatch) 
         words = [sys.executable, "-c", STARTER]
         return subprocess.run(words, input="", capture_output=True, text=True, check=True).stdout
 
-    folder = os.environ[fork_server.VARIABLE]
-    assert place() == f"{folder}\n"
+    name = os.environ[fork_server.VARIABLE]
+    assert place() == f"{name}\n"
     monkeypatch.setenv("PYTHONPATH", f"/elsewhere{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
-    assert place() != f"{folder}\n"
+    assert place() != f"{name}\n"
 
 
 def test_no_server_is_started_where_it_is_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,9 +298,8 @@ def test_without_its_server_a_job_is_a_process_of_its_own(
     server: subprocess.Popen[str], job: list[str], tmp_path: Path
 ) -> None:
     assert _run(job, tmp_path)[1]["forked"]
-    folder = Path(os.environ[fork_server.VARIABLE])
     server.kill()  # the server sees it by the end of its standard input
-    while folder.exists():
+    while fork_server.is_serving():
         time.sleep(0.05)
     done, result = _run(job, tmp_path)
     assert (done.returncode, result["forked"]) == (0, False)

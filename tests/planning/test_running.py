@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.planning.running import check_room, left_out_lines
+from puckbench.planning.running import check_records, check_room, left_out_lines
 
 
 def test_a_folder_without_room_is_named(tmp_path: Path) -> None:
@@ -31,6 +31,16 @@ def test_a_place_that_cannot_be_a_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="file/records: not a directory"):
         check_room(tmp_path / "file" / "records")
+
+
+def test_a_folder_without_room_for_snakemake_s_records_is_named_with_advice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(".snakemake").write_bytes(b"")
+    said = r"^\.snakemake: file exists; Snakemake writes there, .*: start it in another folder$"
+    with pytest.raises(InputError, match=said):
+        check_records()
 
 
 def test_a_long_list_of_what_was_left_out_is_cut() -> None:

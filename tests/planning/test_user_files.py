@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,49 @@ def test_a_folder_is_sorted_by_what_its_files_hold() -> None:
     examples = config["figures"]["examples"]
     assert examples["object"] == "clouds/a"
     assert examples["spin"].startswith("recordings/drive_")
+
+
+def test_a_pipe_is_left_out() -> None:
+    os.mkfifo("pipe.ply")
+    os.mkfifo("mine/pipe.las")
+    config = made("pipe.ply", "mine")
+    assert config["unused"]["pipe.ply"] == "a pipe, not a file"
+    assert config["scenes"].keys() == made("mine")["scenes"].keys()
+    with pytest.raises(InputError, match=r"^pipe\.ply: a pipe, not a file$"):
+        made("pipe.ply")
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("{x}", "Snakemake takes '{x}' in its path for a wildcard"),
+        ("a{ b.1 ,[0-9]+}c", "Snakemake takes '{ b.1 ,[0-9]+}' in its path for a wildcard"),
+        ("<x>", "Snakemake takes '<x>' in its path for a wildcard"),
+        ("a\nb", "its path has a line break, or is not in UTF-8"),
+        ("bad\udcff", "its path has a line break, or is not in UTF-8"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".npy", ".obj"])
+def test_a_file_that_snakemake_cannot_name_is_left_out(name: str, why: str, suffix: str) -> None:
+    path = Path("mine", f"{name}{suffix}")
+    path.write_bytes(Path("mine/a.npy").read_bytes())
+    if suffix == ".obj":
+        path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    plan = Plan(checked(made("mine")), check_scenes=True)
+    (row,) = [row for row in plan.left_out_rows() if row["scene"]]
+    assert row["reason"] == f"rename it: {why}"
+    assert row["file"] == str(path).replace("\n", r"\n").replace("\udcff", r"\udcff")
+    assert [cloud for _, cloud in plan.clouds] == ["a", "b", "box"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["a'b", 'a"b', "a*b", "a?b", "a[b]", "$HOME", "a  b", "a%b", "a:b", "-a", "{}", "<A B>", "a{b"],
+)
+def test_other_letters_of_names_are_no_hindrance(name: str) -> None:
+    np.save(f"{name}.npy", POINTS)
+    plan = Plan(checked(made(f"{name}.npy")), check_scenes=True)
+    assert not [row for row in plan.left_out_rows() if row["scene"]]
 
 
 def test_meshes_are_scanned_where_that_is_asked_for() -> None:

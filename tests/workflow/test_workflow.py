@@ -56,6 +56,22 @@ def test_one_command_makes_every_table_and_figure(finished: Bench) -> None:
     assert all(path.stat().st_size > 1000 for path in (finished.results / "figures").iterdir())
 
 
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ("decoded/objects/chair_01/draco/r99.ply", "codec draco has no rate 'r99'"),
+        ("metrics/noisy/chair_01/draco.parquet", "rooms has no scene 'chair_01'"),
+        ("scenes/rooms/nowhere.ply", "rooms has no scene 'nowhere'"),
+    ],
+)
+def test_a_target_that_the_plan_lacks_is_one_line(fresh: Bench, target: str, said: str) -> None:
+    done = fresh.snakemake(f"results/{target}")
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if "puckbench: " in line]
+    assert line.startswith(f"puckbench: {said}")
+    assert "Error" not in done.stderr
+
+
 def test_bits_count_every_byte_of_the_stream_over_the_input_points(finished: Bench) -> None:
     table = pd.read_parquet(finished.results / "tables" / "metrics.parquet")
     for row in table.itertuples():

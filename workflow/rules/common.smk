@@ -13,6 +13,8 @@ if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import refusing_paths
+from puckbench.core.interrupts import interrupt_with_run
 from puckbench.figures.registry import figure_entry
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.jobs.process import TIMEOUT
@@ -24,7 +26,7 @@ from puckbench.planning.provenance import OTHERWISE, Provenance, time_of_plannin
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
-    check_room,
+    check_records,
     held_since,
     hold_results,
     left_out_lines,
@@ -43,7 +45,8 @@ gc.set_threshold(100_000, 50, 100)
 def or_stop(step, *arguments):
     """Call a function; on bad input, print one line and exit with status 2."""
     try:
-        return step(*arguments)
+        with refusing_paths():
+            return step(*arguments)
     except InputError as error:
         print(f"puckbench: {error}", file=sys.stderr, flush=True)
         os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
@@ -64,9 +67,19 @@ def files_of(files, names):
     return shlex.join(f"{name}={files[name]}" for name in names)
 
 
+def planned(function):
+    """Return a function of wildcards that stops with one line if the plan has no such result."""
+
+    def checked(wildcards):
+        or_stop(bench.check_names, dict(wildcards.items()))
+        return or_stop(function, wildcards)
+
+    return checked
+
+
 def record_of(job):
     """Return a parameter: the file of a job's settings, whose name is a digest of them."""
-    return lambda wildcards: job(wildcards).file()
+    return planned(lambda wildcards: job(wildcards).file())
 
 
 def code_of(job):
@@ -83,7 +96,7 @@ def made_by(log, job):
             return local(ancient(str(OTHERWISE)))
         return local(str(OTHERWISE))
 
-    return otherwise
+    return planned(otherwise)
 
 
 def by_content(files):
@@ -101,10 +114,12 @@ def curve_of(wildcards):
     return wildcards.dataset, wildcards.cloud, wildcards.codec
 
 
-PLANNED_AT = or_stop(time_of_planning, Path(".snakemake"))
 if workflow.is_main_process:
+    interrupt_with_run()
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
+    or_stop(check_records)
+PLANNED_AT = or_stop(time_of_planning, Path(".snakemake"))
 bench = or_stop(Workflow, config, True)
 plan, clouds, coding, drives = bench.plan, bench.clouds, bench.coding, bench.drives
 study, training, outputs = bench.study, bench.training, bench.outputs
@@ -119,8 +134,6 @@ os.environ[TIMEOUT] = str(bench.config.timing.timeout_s or "")
 
 provenance = None  # if Snakemake alone knows it
 if workflow.is_main_process:  # each job on a cluster reads this file again
-    # Without space for its records Snakemake would end with a traceback.
-    or_stop(check_room, Path(".snakemake"))
     # Logs in a remote store cannot be read while planning.
     if workflow.storage_settings.default_storage_provider is None:
         provenance = Provenance(plan.results)

@@ -1,7 +1,7 @@
 # Drives of a moving sensor with their poses, coded turn by turn, and tasks on the decoded turns.
 rule drive:
     input:
-        unpack(lambda w: drives.source(w.drives, w.drive)),
+        unpack(planned(lambda w: drives.source(w.drives, w.drive))),
         made_by=made_by("drives/{drives}/{drive}", lambda w: drives.drive(w.drives, w.drive)),
     output:
         f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
@@ -25,7 +25,7 @@ rule drive:
 # Consecutive clouds of a data set.
 rule drive_of_clouds:
     input:
-        unpack(lambda w: by_content(drives.files(w.drives, w.drive))),
+        unpack(planned(lambda w: by_content(drives.files(w.drives, w.drive)))),
         made_by=made_by("drives/{drives}/{drive}", lambda w: drives.drive(w.drives, w.drive)),
     output:
         f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",

@@ -1,7 +1,7 @@
 # Scenes: meshes (some with labels) or captured clouds, in metres, z up.
 rule scene:
     input:
-        lambda w: ancient(plan.scenes[w.scenes].files(w.scene)),
+        planned(lambda w: ancient(plan.scenes[w.scenes].files(w.scene))),
         made_by=made_by("scenes/{scenes}/{scene}", lambda w: clouds.scene(w.scenes, w.scene)),
     output:
         scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.ply",

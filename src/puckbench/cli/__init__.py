@@ -15,7 +15,8 @@ import puckbench
 from puckbench.cli.answers import text_of
 from puckbench.cli.registry import Answer, command, help_texts
 from puckbench.core.errors import InputError
-from puckbench.core.files import unwritable
+from puckbench.core.files import refusing_paths, unwritable
+from puckbench.core.interrupts import interrupted_by_signals
 
 _DESCRIPTION = (
     "A reproducible benchmark of point-cloud compression on virtual and real LiDAR scans."
@@ -26,14 +27,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
 
     The status is 0 after success, 1 if ``failed`` in the answer is not 0, 2 after a message about
-    invalid input, and 130 after an interrupt.
+    invalid input, and 130 after an interrupt (SIGINT, SIGTERM, SIGHUP).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _show_remarks()
     try:
+        for word in words:
+            _check_utf8(word)
         parser, name = _parser(words)
         options = parser.parse_args(words)
-        answer = _run(name, options, parser)
+        with interrupted_by_signals(), refusing_paths():
+            answer = _run(name, options, parser)
         if isinstance(answer, str):
             _show(answer)
         elif answer is not None:
@@ -43,6 +47,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _fail("interrupted", status=130)
     return int(isinstance(answer, dict) and bool(answer.get("failed")))
+
+
+def _check_utf8(word: str) -> None:
+    try:
+        word.encode()
+    except UnicodeEncodeError as error:
+        raise InputError(f"{word!a}: not in UTF-8: rename the file") from error
 
 
 class _Remarks(logging.Handler):

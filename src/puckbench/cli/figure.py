@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import files_by_name, json_object
+from puckbench.cli.types import files_by_name, json_object, made_of_tables
 from puckbench.core.yaml_files import read_yaml
 from puckbench.figures.plot_styles import read_looks
 from puckbench.figures.registry import figure_entries
@@ -43,4 +43,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         codecs=tuple(options.codecs),
         datasets=tuple(options.datasets),
     )
-    return job.run(tuple(options.out), **inputs)
+    with made_of_tables(f"figure {options.figure}"):
+        return job.run(tuple(options.out), **inputs)

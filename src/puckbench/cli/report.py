@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import json_object
+from puckbench.cli.types import json_object, made_of_tables
 from puckbench.jobs.report import Report
 
 
@@ -18,4 +18,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    return Report.create(contents=options.contents, code=tuple(options.code)).run(options.out)
+    job = Report.create(contents=options.contents, code=tuple(options.code))
+    with made_of_tables("report"):
+        return job.run(options.out)

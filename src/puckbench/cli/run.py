@@ -12,6 +12,7 @@ from typing import Any
 
 from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
 from puckbench.core.errors import InputError
+from puckbench.core.interrupts import run_environment
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import CALLER_GOES_ON, snakemake_command
 from puckbench.planning.outputs import OutputJobs
@@ -129,12 +130,16 @@ def _time_of(path: Path) -> int | None:
 def _run_workflow(command: Sequence[str], as_json: bool, goes_on: bool) -> int:
     # With --json, standard output has only the answer.
     output = sys.stderr if as_json else None
-    environment = {**os.environ, **({CALLER_GOES_ON: "yes"} if goes_on else {})}
-    with subprocess.Popen(command, stdout=output, env=environment) as workflow:
+    stdin, held = os.pipe()
+    environment = run_environment(stdin)
+    environment |= {CALLER_GOES_ON: "yes"} if goes_on else {}
+    with subprocess.Popen(command, stdin=stdin, stdout=output, env=environment) as workflow:
+        os.close(stdin)
         try:
             return workflow.wait()
         except KeyboardInterrupt:
-            workflow.wait()  # it is interrupted too, and ends its jobs
+            os.close(held)  # which interrupts the workflow and its jobs
+            workflow.wait()
             raise
 
 
@@ -179,7 +184,7 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
     first, *others = options.files
     if Path(first).suffix.lower() in _CONFIGS:
         _refuse(options, _CONFIG_OPTIONS, f"the configuration has a key for this: edit {first}")
-        if not Path(first).is_file():
+        if not Path(first).exists():
             raise InputError(f"{first}: no such file")
         read_config(Path(first))  # for one-line errors, which Snakemake does not have
         return Path(first), others

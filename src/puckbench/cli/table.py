@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import files_by_name, json_object, selected
+from puckbench.cli.types import files_by_name, json_object, made_of_tables, selected
 from puckbench.jobs.table import Table
 from puckbench.metrics.table_registry import TABLES
 
@@ -20,4 +20,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     job = Table.create(**selected(options, "table", "options"))
-    return job.run(tuple(options.out), **files_by_name(options.inputs, "--inputs"))
+    inputs = files_by_name(options.inputs, "--inputs")
+    with made_of_tables(f"table {options.table}"):
+        return job.run(tuple(options.out), **inputs)

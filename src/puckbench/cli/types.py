@@ -4,11 +4,12 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, error_text
 from puckbench.core.files import unique_keys
 
 
@@ -28,6 +29,15 @@ def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
         if not isinstance(value, str):
             raise InputError(f"{option}: {name}: '{value}' is not a file name")
     return {name: Path(value) for name, value in values.items()}
+
+
+@contextmanager
+def made_of_tables(what: str) -> Iterator[None]:
+    """Raise InputError for other errors in the `with` block, which makes `what` of given tables."""
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise InputError(f"{what}: the tables do not fit: {error_text(error)}") from error
 
 
 def metres_per_unit(words: Sequence[str]) -> float | dict[str, float]:

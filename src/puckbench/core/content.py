@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes, refuse_pointer, unreadable
+from puckbench.core.files import open_file, read_bytes, refuse_pointer, unreadable
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -85,7 +85,7 @@ def unpacked(path: Path) -> Iterator[Path]:
 def _reading(path: Path) -> Iterator[BinaryIO]:
     opener = _OPENERS.get(path.suffix.lower(), partial(Path.open, mode="rb"))
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             refuse_pointer(path, stream.read(_HEAD))
         with opener(path) as stream:
             yield stream

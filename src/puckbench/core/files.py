@@ -6,18 +6,25 @@ import json
 import os
 import platform
 import re
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
-from typing import Any
+from typing import Any, BinaryIO
 
 from puckbench.core.errors import InputError
 
 _TEMPORARY = re.compile(r"^\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]{8}\.tmp(\.|$)")
 _POINTER = b"version https://git-lfs.github.com/spec/"
 _DAY = 24 * 3600.0
+_SPECIAL = {
+    stat.S_ISFIFO: "a pipe",
+    stat.S_ISSOCK: "a socket",
+    stat.S_ISCHR: "a device",
+    stat.S_ISBLK: "a device",
+}
 _MOST_LEVELS = 100
 """Maximum nesting depth of a JSON file; puckbench's files have fewer than ten levels."""
 
@@ -166,11 +173,36 @@ def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def read_bytes(path: Path) -> bytes:
     """Read a file; raise InputError if that fails."""
     try:
-        data = path.read_bytes()
+        with open_file(path) as stream:
+            data = stream.read()
     except OSError as error:
         raise unreadable(path, error) from error
     refuse_pointer(path, data)
     return data
+
+
+def open_file(path: Path) -> BinaryIO:
+    """Open a file to read; raise InputError if that fails, or the path is a pipe or device."""
+    refuse_special(path)
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
+def refuse_special(path: Path) -> None:
+    """Raise InputError if the path is a pipe, socket or device, whose reader may wait for ever."""
+    if kind := special_kind(path):
+        raise InputError(f"{path}: {kind}, not a file")
+
+
+def special_kind(path: Path) -> str | None:
+    """Return ``a pipe``, ``a socket`` or ``a device``, or None for other paths."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return None
+    return next((kind for is_kind, kind in _SPECIAL.items() if is_kind(mode)), None)
 
 
 def refuse_pointer(path: Path, data: bytes) -> None:
@@ -188,6 +220,17 @@ def unwritable(path: Path, error: OSError) -> InputError:
     # On a full disk some writers report only that fewer bytes were written.
     why = os.strerror(error.errno) if error.errno else "not all of it was written; is the disk full"
     return InputError(f"{path}: {why.lower()}")
+
+
+@contextmanager
+def refusing_paths() -> Iterator[None]:
+    """Raise InputError for an OSError that names a file, such as a name that is too long."""
+    try:
+        yield
+    except OSError as error:
+        if not isinstance(error.filename, str):
+            raise
+        raise unreadable(Path(error.filename), error) from error
 
 
 def sha256(path: Path) -> str:

@@ -4,12 +4,15 @@
 
 The kernel counts the memory of the starting process as the command's; if the benchmark started the
 command, the peak would include the benchmark's clouds. Seconds, peak memory in KiB and exit status
-(negative: a signal) are printed as JSON; the command's output goes to standard error.
+(negative: a signal) are printed as JSON; the command's output goes to standard error. The command
+is killed when standard input, a pipe, closes.
 """
 
+import fcntl
 import json
 import os
 import resource
+import select
 import signal
 import sys
 import time
@@ -21,8 +24,13 @@ def main() -> None:
     start = time.perf_counter()
     actions = [(os.POSIX_SPAWN_DUP2, 2, 1)]
     child = os.posix_spawnp(command[0], command, os.environ, file_actions=actions)
-    signal.signal(signal.SIGALRM, lambda *_: os.kill(child, signal.SIGKILL))
+    for number in (signal.SIGALRM, signal.SIGIO):
+        signal.signal(number, lambda *_: os.kill(child, signal.SIGKILL))
     signal.alarm(int(seconds))
+    fcntl.fcntl(0, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(0, fcntl.F_SETFL, os.O_ASYNC)  # SIGIO when it closes
+    if select.select([0], [], [], 0)[0]:
+        signal.raise_signal(signal.SIGIO)
     _, status, usage = os.wait4(child, 0)
     cost = {
         "seconds": time.perf_counter() - start,

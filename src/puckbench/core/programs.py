@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from subprocess import PIPE
 from typing import Any
 
 from puckbench.core import launch
@@ -18,7 +20,7 @@ _MAX_WORDS = 80
 def run_program(
     command: Sequence[str | Path], memory_bytes: float, seconds: float
 ) -> tuple[Cost, str]:
-    """Run a program until it ends.
+    """Run a program until it, or this process, ends.
 
     Parameters
     ----------
@@ -39,11 +41,15 @@ def run_program(
     """
     limits = (str(int(memory_bytes)), str(int(seconds)))
     words = [sys.executable, "-I", "-S", launch.__file__, *limits, *map(str, command)]
-    process = subprocess.run(words, capture_output=True, check=False)
-    output = process.stderr.decode(errors="replace").strip()
-    end: dict[str, Any] = (
-        json.loads(process.stdout) if process.returncode == 0 else {"status": "not started"}
-    )
+    pipe, held = os.pipe()
+    with (
+        subprocess.Popen(words, stdin=pipe, stdout=PIPE, stderr=PIPE) as process,
+        os.fdopen(held, "wb"),
+    ):
+        os.close(pipe)
+        cost, lines = process.communicate()
+    output = lines.decode(errors="replace").strip()
+    end: dict[str, Any] = json.loads(cost) if process.returncode == 0 else {"status": "not started"}
     if end["status"] != 0:
         last_line = output.rpartition("\n")[2][:_MAX_WORDS]
         raise InputError(f"{Path(command[0]).name} failed ({end['status']}: {last_line})")

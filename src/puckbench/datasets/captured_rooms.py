@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
+from puckbench.core.files import open_file, read_json
 from puckbench.datasets.base import FolderSet, freeform_labels, numbered_objects
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
@@ -101,9 +101,9 @@ class _PlacedEntity:
 
 def is_captured_room(path: Path) -> bool:
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             return b'"spatialEntities"' in stream.read(1 << 16)
-    except OSError:
+    except InputError:
         return False
 
 

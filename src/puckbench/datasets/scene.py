@@ -53,11 +53,20 @@ class Scene:
             raise ValueError(f"scene {self.name}: needs one of a mesh, a cloud and returns")
 
 
+_MOST_LETTERS = 128
+"""With which the names of temporary files have at most 255 bytes."""
+
+
 def safe_name(text: str) -> str:
-    """Convert a text to an ASCII file name; remove accents, replace unsuitable characters by _."""
+    """Convert a text to an ASCII file name; remove accents, replace unsuitable characters by _.
+
+    The name is shortened to 128 characters. An end that repeats 20 times, which Snakemake refuses
+    as a wildcard, is kept once.
+    """
     letters = unicodedata.normalize("NFKD", text).replace("ß", "ss")
     plain = "".join(letter for letter in letters if not unicodedata.combining(letter))
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._") or "unnamed"
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain)[:_MOST_LETTERS]
+    return re.sub(r"(.+?)\1{19,}$", r"\1", name).strip("._") or "unnamed"
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 from puckbench.core.content import plain_name, plain_suffix
 from puckbench.core.errors import InputError, naming
+from puckbench.core.files import refuse_special
 from puckbench.datasets.base import DataSet, look_up
 from puckbench.datasets.scene import safe_name, unique_names
 from puckbench.datasets.units import Units, check_units, metres_per_unit_of
@@ -91,6 +92,7 @@ class FileSet(DataSet):
         if safe_name(name) != name:
             raise InputError(f"path: {name!r} is not a valid file name; use {safe_name(name)!r}")
         path = Path(text)
+        refuse_special(path)
         if not path.is_file():
             raise InputError(f"{text}: no such file")
         return path

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import unreadable
+from puckbench.core.files import refuse_special, unreadable
 
 MIN_BYTES, BYTES_PER_BYTE = 2 << 30, 40
 """Memory limit: the larger of 2 GiB and 40 times the file's size."""
@@ -90,6 +90,7 @@ def parser_limits(size: int) -> tuple[int, int]:
 
 
 def _size(path: Path) -> int:
+    refuse_special(path)
     files = [path, *path.rglob("*")] if path.is_dir() else [path]
     try:
         return sum(file.stat().st_size for file in files)

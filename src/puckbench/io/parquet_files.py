@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from puckbench.core.errors import InputError
+from puckbench.core.files import refuse_special
 from puckbench.io.isolated import parser_limits
 
 _VALUE_BYTES = 8
@@ -12,6 +13,7 @@ def check_parquet_memory(path: Path) -> None:
     """Raise InputError if the decoded table exceeds the memory limit of `parser_limits`."""
     from pyarrow import ArrowException, parquet
 
+    refuse_special(path)
     try:
         metadata = parquet.read_metadata(path)
     except (OSError, UnicodeDecodeError, ArrowException):
@@ -27,6 +29,7 @@ def parquet_metadata(path: Path) -> dict[bytes, bytes]:
     """Return a Parquet file's schema metadata, or an empty dictionary for other formats."""
     from pyarrow import ArrowException, parquet
 
+    refuse_special(path)
     try:
         metadata: dict[bytes, bytes] = parquet.read_schema(path).metadata or {}
     except (OSError, UnicodeDecodeError, ArrowException):

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from puckbench.core.errors import InputError, naming
-from puckbench.core.files import unreadable, written_whole
+from puckbench.core.files import refuse_special, unreadable, written_whole
 from puckbench.io.damage import reading
 from puckbench.io.parquet_files import check_parquet_memory
 
@@ -25,6 +27,23 @@ def read_table(path: Path) -> pd.DataFrame:
     return table
 
 
+def check_columns(table: pd.DataFrame, texts: Iterable[str], numbers: Iterable[str] = ()) -> None:
+    """Raise InputError unless a table has columns of text and of numbers with these names."""
+    for name in (*texts, *numbers):
+        if name not in table:
+            raise InputError(f"no column {name!r}")
+    for name in texts:
+        if not all(isinstance(value, str) for value in table[name]):
+            raise InputError(f"column {name!r} is not text")
+    for name in numbers:
+        if not is_number_column(table[name]):
+            raise InputError(f"column {name!r} is not numbers")
+
+
+def is_number_column(values: pd.Series[Any]) -> bool:
+    return bool(pd.api.types.is_numeric_dtype(values) or values.isna().all())
+
+
 def write_table(table: pd.DataFrame, *paths: Path) -> None:
     for path in paths:
         with written_whole(path) as temporary:
@@ -38,4 +57,5 @@ def _read(path: Path) -> pd.DataFrame:
     if path.suffix == ".parquet":
         check_parquet_memory(path)
         return pd.read_parquet(path)
+    refuse_special(path)
     return pd.read_csv(path, dtype=dict.fromkeys(_TEXT_COLUMNS, "str"))

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import NonNegativeFloat, NonNegativeInt
@@ -44,7 +44,9 @@ def read_curve(path: str | Path) -> dict[str, Coded]:
     """Read streams and records by rate; raise InputError if the file is not a curve."""
     path = Path(path)
     members = read_archive(path)
-    rates = [PurePosixPath(name).stem for name in members if name.endswith(STREAM)]
+    rates = [name.removesuffix(STREAM) for name in members if name.endswith(STREAM)]
+    if odd := [rate for rate in rates if "/" in rate or not rate]:
+        raise InputError(f"{path}: not a curve: its member {odd[0] + STREAM!r} is not RATE{STREAM}")
     if not rates:
         raise InputError(f"{path}: an archive without streams (r1{STREAM}, ...)")
     return {rate: _coded(path, members, rate) for rate in rates}

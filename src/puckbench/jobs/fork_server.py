@@ -4,7 +4,7 @@ Imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s. A *client*, starte
 job, sends arguments, environment, folder and output streams to the *server*, and waits for the exit
 status of the forked *job*. Without a server (on another node, in a container, with another number
 of threads, or with ``PUCKBENCH_FORK_SERVER=off``), or after a forked job was killed, the client
-runs the job. Only the user can open the socket.
+runs the job. The socket has no file (an abstract address), so a killed server leaves nothing.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import os
 import pkgutil
 import signal
 import socket
+import struct
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -21,8 +22,10 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from puckbench.core.interrupts import signal_end
+
 VARIABLE = "PUCKBENCH_FORK_SERVER"
-"""Environment variable: the folder of a run's server, or ``off``."""
+"""Environment variable: the name of a run's server, or ``off``."""
 MODULES = (
     *("pandas", "pyarrow.parquet", "matplotlib.figure", "matplotlib.backends.backend_agg", "numba"),
     *("scipy.spatial", "pykdtree.kdtree", "open3d", "puckbench.geometry", "puckbench.io"),
@@ -53,17 +56,15 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     of the imported libraries.
     """
     import subprocess
-    import tempfile
     from pathlib import Path
+    from secrets import token_hex
 
     from puckbench.core.environment import thread_environment
 
     is_off = os.environ.get(VARIABLE) == "off"
-    if is_off or sys.platform != "linux" or Path(_GPU).exists():
+    if is_off or sys.platform != "linux" or Path(_GPU).exists() or is_serving(threads):
         return
-    if VARIABLE in os.environ and Path(_address(threads)).exists():
-        return
-    os.environ[VARIABLE] = tempfile.mkdtemp(prefix="puckbench-")
+    os.environ[VARIABLE] = f"puckbench-{token_hex(8)}"
     program = f"from puckbench.jobs.fork_server import serve; serve({tuple(modules)!r})"
     server = subprocess.Popen(
         [sys.executable, "-c", program],
@@ -75,24 +76,38 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     _servers.append(server)
 
 
-def _address(threads: int | None = None) -> str:
+def is_serving(threads: int | None = None) -> bool:
+    """Return whether a server for this environment, or this number of threads, accepts jobs."""
+    with socket.socket(socket.AF_UNIX) as client:
+        return VARIABLE in os.environ and client.connect_ex(address(threads)) == 0
+
+
+def address(threads: int | None = None) -> str:
+    """Return the address of the server for this environment, or for a number of threads."""
     import hashlib
 
     number = os.environ.get("OMP_NUM_THREADS") if threads is None else str(threads)
     names = [number, os.environ.get("PYTHONPATH")]
     digest = hashlib.sha256(repr((names, sys.prefix, sys.version)).encode()).hexdigest()
-    return f"{os.environ[VARIABLE]}/{digest[:16]}"
+    return f"\0{os.environ[VARIABLE]}/{digest[:16]}"
+
+
+def _is_of_this_user(peer: socket.socket) -> bool:
+    """Return whether the other process is of the same user: any user can use the address."""
+    _, user, _ = struct.unpack("3i", peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+    return bool(user == os.getuid())
 
 
 def run_forked(words: Sequence[str]) -> int | None:
     """Run a job in the server and return its exit status, or None if this process must run it."""
     if VARIABLE not in os.environ:
         return None
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     job = 0
     try:
         with socket.socket(socket.AF_UNIX) as client:
-            client.connect(_address())
+            client.connect(address())
+            if not _is_of_this_user(client):
+                return None
             socket.send_fds(client, [b"+"], [1, 2])
             connection = Connection(client.detach())
         connection.send((words, os.getcwd(), dict(os.environ)))  # noqa: PTH109 (a light start)
@@ -119,23 +134,23 @@ def run_forked(words: Sequence[str]) -> int | None:
 def serve(modules: Iterable[str]) -> None:
     """Fork jobs on request until standard input is closed."""
     import gc
-    import shutil
 
     for name in modules:
         _import(name)
     gc.freeze()
     run_ends = sys.stdin.fileno()
     with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(_address())
+        listener.bind(address())
         listener.listen()
         while run_ends not in wait([listener, run_ends]):
             client, _ = listener.accept()
             with client, suppress(OSError):
+                if not _is_of_this_user(client):
+                    continue
                 _, streams, _, _ = socket.recv_fds(client, 1, 2)
                 _FORK.Process(target=_watch, args=(client, streams, listener)).start()
                 for stream in streams:
                     os.close(stream)
-    shutil.rmtree(os.environ[VARIABLE], ignore_errors=True)
 
 
 def _import(name: str) -> None:
@@ -169,15 +184,9 @@ def _run(
     folder: str,
     environment: dict[str, str],
 ) -> None:
-    import fcntl
-
     from puckbench.jobs.process import leave, main
 
-    # The kernel ends this process (SIGIO) when the client ends.
-    fcntl.fcntl(connection.fileno(), fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(connection.fileno(), fcntl.F_SETFL, os.O_ASYNC)
-    if connection.poll():  # it had ended before
-        return
+    signal_end(connection.fileno())  # of the client, with which SIGIO ends this process
     for number, stream in enumerate(streams, start=1):
         os.dup2(stream, number)
         os.close(stream)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.core.errors import InputError, among
-from puckbench.core.files import unreadable
+from puckbench.core.files import refuse_special, unreadable
 from puckbench.core.models import Model
 
 SUFFIX = ".safetensors"
@@ -39,6 +39,7 @@ class WeightsHeader(Model):
 
 def header_of(path: Path) -> WeightsHeader:
     """Return the header of a set of weights; raise InputError if the file is not a valid set."""
+    refuse_special(path)
     try:
         state = path.stat()
         return _header(path, state.st_mtime_ns, state.st_size)

@@ -18,6 +18,7 @@ from puckbench.planning.coding import codec_job, timed
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
+from puckbench.planning.scene_checks import refuse_paths
 from puckbench.planning.sensing import code_of_scan, files_of_scan
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
@@ -154,6 +155,8 @@ class DriveJobs:
             for task, options in value.tasks.items():
                 checked_task(task, options)
             _check_sweep(value)
+            refuse_paths(file for scene in scenes.chosen for file in scenes.files(scene))
+            refuse_paths(filter(None, [value.poses]))
             scans, clouds = {}, {}
             if value.is_scan:
                 scans = {f"{s}-{seed}": (s, seed) for s in scenes.chosen for seed in value.seeds}

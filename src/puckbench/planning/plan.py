@@ -33,7 +33,13 @@ from puckbench.planning.config import (
 )
 from puckbench.planning.failures import described
 from puckbench.planning.file_digests import file_digests
-from puckbench.planning.scene_checks import SceneCheck, read_checks, scene_faults
+from puckbench.planning.scene_checks import (
+    SceneCheck,
+    printable,
+    read_checks,
+    refuse_paths,
+    scene_faults,
+)
 from puckbench.scenes.calibration import CALIBRATIONS
 
 _MAKING = ("samples", "scans", "clouds")
@@ -49,6 +55,10 @@ class ScenePlan:
     options: dict[str, Any]
     scenes: DataSet
     chosen: tuple[str, ...]
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        return frozenset(self.scenes.names())
 
     def files(self, scene: str) -> list[str]:
         return [str(path) for path in self.scenes.files(scene)]
@@ -431,6 +441,7 @@ class Plan:
     def _start(self, start: str | None) -> str | None:
         if start in self.trainings:
             return str(self.results / "weights" / f"{start}.safetensors")
+        refuse_paths(filter(None, [start]))
         return None if start is None else str(weights_file(start))
 
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
@@ -586,7 +597,7 @@ def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
 
 
 def _file_of(dataset: str, scenes: DataSet, scene: str) -> str:
-    return str(next(iter(scenes.files(scene)), f"{dataset}/{scene}"))
+    return printable(next(iter(scenes.files(scene)), f"{dataset}/{scene}"))
 
 
 def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
@@ -646,6 +657,8 @@ def _study(value: StudyConfig, seed: int) -> StudyPlan:
     for name, capture in value.captures.items():
         if not Path(capture.path).exists():
             raise InputError(f"sensor_study.captures.{name}: {capture.path}: no such file")
+        with naming(f"sensor_study.captures.{name}"):
+            refuse_paths([capture.path])
     captures = {name: (item.path, item.options) for name, item in value.captures.items()}
     study = StudyPlan(value, models, captures, seed)
     distances = sorted(CALIBRATIONS.values())

@@ -47,6 +47,15 @@ def check_room(folder: Path) -> None:
         raise unwritable(folder, error) from error
 
 
+def check_records() -> None:
+    """Raise InputError if Snakemake cannot write its records, and would end with a traceback."""
+    try:
+        check_room(Path(".snakemake"))
+    except InputError as error:
+        advice = "Snakemake writes there, also in a dry run: start it in another folder"
+        raise InputError(f"{error}; {advice}") from error
+
+
 def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
     for row in rows[:_MOST_LEFT_OUT]:
         yield f"left out: {row['file']}: {row['reason']}"

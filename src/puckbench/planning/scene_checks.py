@@ -6,7 +6,9 @@ Results are cached in the results folder until files or settings change.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,11 @@ from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
 
+_PATTERN = re.compile(r"\{\s*[.\w]+\s*(,[^{}]*)?\}|<[a-z][a-z0-9_]*>")
+"""Wildcards and path variables of Snakemake, which has no way to escape them."""
+
+_UNPRINTABLE = re.compile(r"[\r\n\ud800-\udfff]")
+
 
 def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
     return Scan(**settings.scan_settings(scene, seed))
@@ -40,12 +47,18 @@ def scene_faults(
 
     `results_file` is the cache, and `digest_of` returns a digest of files.
     """
+    files_of = {name: files for name in names if (files := scenes.files(name))}
+    unnamed = {
+        name: fault
+        for name, files in files_of.items()
+        for fault in filter(None, map(path_fault, files))
+    }
     if settings.make == "cloud" and not scenes.read_first:
-        return {}
+        return unnamed
     states = {
         name: _state(scenes, digest_of(files), settings, name)
-        for name in names
-        if (files := scenes.files(name))
+        for name, files in files_of.items()
+        if name not in unnamed
     }
     results = read_checks(results_file) if states else {}
     is_cloud = settings.make == "cloud"
@@ -64,8 +77,28 @@ def scene_faults(
         progress(done, len(stale))
     if stale:
         checks = {name: check.model_dump(exclude_unset=True) for name, check in results.items()}
-        write_json(results_file, checks)
-    return {name: fault for name in states if (fault := results[name].fault)}
+        with suppress(InputError):  # without this cache, a dry run reads the scenes again
+            write_json(results_file, checks)
+    return unnamed | {name: fault for name in states if (fault := results[name].fault)}
+
+
+def path_fault(path: str | Path) -> str | None:
+    """Return why a run cannot use a file of this path, or None."""
+    if _UNPRINTABLE.search(str(path)):
+        return f"{printable(path)}: rename it: its path has a line break, or is not in UTF-8"
+    odd = _PATTERN.search(str(path))
+    return odd and f"{path}: rename it: Snakemake takes {odd[0]!r} in its path for a wildcard"
+
+
+def refuse_paths(paths: Iterable[str | Path]) -> None:
+    """Raise InputError if a run cannot use a file of one of these paths."""
+    for fault in filter(None, map(path_fault, paths)):
+        raise InputError(fault)
+
+
+def printable(path: str | Path) -> str:
+    """Return a path with escapes for line breaks and bytes that are not UTF-8."""
+    return _UNPRINTABLE.sub(lambda letter: ascii(letter[0])[1:-1], str(path))
 
 
 class SceneCheck(Model):

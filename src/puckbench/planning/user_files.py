@@ -12,7 +12,7 @@ from puckbench.codecs.facts import check_lengths, find_rate
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError, naming
-from puckbench.core.files import write_bytes
+from puckbench.core.files import special_kind, write_bytes
 from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.registry import open_scene_set
@@ -368,7 +368,7 @@ def _files(text: str) -> Iterator[Path]:
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))
     elif path.exists():
-        yield path
+        yield from () if special_kind(path) else (path,)
     else:
         matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
         yield from (each for each in matches if each.is_file() or recordings.is_bag_folder(each))
@@ -380,6 +380,8 @@ def _why_unused(text: str) -> str:
         return "a link to a file that is gone"
     if not path.exists() and not glob.glob(text, recursive=True):  # noqa: PTH207 (any pattern)
         return "no such file"
+    if kind := special_kind(path):
+        return f"{kind}, not a file"
     suffixes = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
     return f"{NOTHING_THERE} there ({suffixes}, {', '.join(recordings.RECORDING_SUFFIXES)})"
 

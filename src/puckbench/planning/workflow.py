@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.core.environment import COMMIT, source_commit
+from puckbench.core.errors import InputError, among, closest
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.config import trusted
@@ -27,6 +28,41 @@ class Workflow:
         self.drives = DriveJobs(self.plan)
         self.training = TrainingJobs(self.plan)
         self.outputs = OutputJobs(self.plan, self.coding, self.drives)
+
+    def check_names(self, names: Mapping[str, str]) -> None:
+        """Raise InputError if the plan has no result with these values of wildcards."""
+        if "cloud" in names:
+            self._check_cloud(**names)
+        elif "drive" in names:
+            self._check_drive(**names)
+        elif "scene" in names:
+            self._check_scene(**names)
+
+    def _check_cloud(
+        self, dataset: str, cloud: str, codec: str | None = None, rate: str | None = None
+    ) -> None:
+        data = self.plan.datasets[dataset]
+        if cloud not in data.sources:
+            raise InputError(
+                f"data set {dataset} has no cloud '{cloud}'{closest(cloud, list(data.clouds))}"
+            )
+        if codec is not None and not self.plan.codes(codec, dataset):
+            raise InputError(f"codec {codec} does not code the data set {dataset}")
+        rates = () if codec is None else self.plan.rates(codec, data.frame)
+        if rate is not None and rate not in rates:
+            raise InputError(f"codec {codec} has no rate '{rate}'{among(rate, rates)}")
+
+    def _check_drive(self, drives: str, drive: str, codec: str | None = None) -> None:
+        entry = self.drives.entries[drives]
+        if drive not in entry.drives:
+            raise InputError(f"{drives} has no drive '{drive}'{closest(drive, list(entry.drives))}")
+        if codec is not None and codec not in entry.rates:
+            raise InputError(f"codec {codec} does not code {drives}")
+
+    def _check_scene(self, scenes: str, scene: str) -> None:
+        names = self.plan.scenes[scenes].names
+        if scene not in names:
+            raise InputError(f"{scenes} has no scene '{scene}'{closest(scene, list(names))}")
 
 
 def run_jobs_with(source: str) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError, naming
-from puckbench.core.files import unreadable, written_whole
+from puckbench.core.files import open_file, refuse_special, unreadable, written_whole
 from puckbench.lidar.recordings.packet_turns import Payloads
 from puckbench.puck.gaps import (
     Bytes,
@@ -157,11 +157,8 @@ def decompress(
     stream's size.
     """
     _check_different(path, out)
-    try:
-        size = path.stat().st_size
-        source = path.open("rb")
-    except OSError as error:
-        raise unreadable(path, error) from error
+    source = open_file(path)
+    size = path.stat().st_size
     with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
         return _restore(source, stream, _Limits(size, trusted), report or (lambda done, size: None))
 
@@ -172,6 +169,7 @@ def _check_different(source: Path, out: Path) -> None:
 
 
 def _mapped(path: Path) -> Bytes:
+    refuse_special(path)
     try:
         if path.stat().st_size == 0:
             return np.zeros(0, np.uint8)

@@ -5,17 +5,18 @@ from dataclasses import dataclass
 from math import nan
 from typing import TYPE_CHECKING
 
-from puckbench.core.errors import InputError, among
+from puckbench.core.errors import InputError, among, naming
 from puckbench.metrics.bjontegaard import MIN_POINTS
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks
 from puckbench.metrics.tables.rate_deltas import bd_rate
-from puckbench.report.reference_results import DIGEST, ReferenceResults
+from puckbench.report.reference_results import DIGEST, ReferenceResults, check_results
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _CLOUD = ["dataset", "cloud"]
+_NO_QUALITIES = ("bpp", LOSSLESS, PEAK)
 _NAMED = 5
 """Largest number of clouds named in a message."""
 Key = tuple[str, str]
@@ -65,7 +66,8 @@ def compare_with_reference(
         No cloud is common, a cloud is not in the reference and `common` is false, or a codec, rate
         or metric is missing.
     """
-    qualities = tuple(qualities or reference.bd_rate["qualities"])
+    qualities = tuple(dict.fromkeys(qualities or reference.bd_rate["qualities"]))
+    check_results(metrics)
     reference_names, left_out = _matched(clouds, reference)
     if not reference_names or (left_out and not common):
         raise InputError(_refused(len(reference_names), left_out, reference.name))
@@ -87,8 +89,12 @@ def compare_with_reference(
 
 
 def _matched(clouds: pd.DataFrame, reference: ReferenceResults) -> tuple[dict[Key, Key], list[str]]:
+    from puckbench.io.tables import check_columns
+
     if DIGEST not in clouds or clouds[DIGEST].isna().any():
         raise InputError("the table of clouds has no digests: it is of an older run; run it again")
+    with naming("the table of clouds"):
+        check_columns(clouds, [*_CLOUD, DIGEST])
     published = reference.clouds
     rows = reference.metrics[[*_CLOUD, DIGEST]].drop_duplicates()
     digests = {(str(s), str(c)): str(d) for s, c, d in rows.itertuples(index=False)}
@@ -134,9 +140,16 @@ def _renamed(metrics: pd.DataFrame, reference_names: Mapping[Key, Key]) -> pd.Da
 def _check_qualities(
     run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str], study: str
 ) -> None:
+    from puckbench.io.tables import is_number_column
+
     for whose, table in (("the run", run_rows), (study, reference_rows)):
         for quality in qualities:
-            if quality not in table or table[quality].isna().all():
+            if (
+                quality not in table
+                or quality in _NO_QUALITIES
+                or not is_number_column(table[quality])
+                or table[quality].isna().all()
+            ):
                 raise InputError(f"{whose} has no metric {quality!r} on these clouds")
 
 

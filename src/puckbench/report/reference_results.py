@@ -46,6 +46,9 @@ _TITLES = {
 _DIGITS = 6
 """Significant digits of measured numbers."""
 _CLOUD = ["dataset", "cloud"]
+_NUMBERS = ("diameter", "hausdorff_point", "peak")
+_ENDINGS = ("_s", "_mse", "_psnr")
+"""Columns, and ends of columns, whose numbers a comparison uses."""
 _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
 """Columns of every file."""
 _TIMED = ("encode_curve", "evaluate_curve", "encode_drive")
@@ -151,7 +154,7 @@ def read_reference(name: str) -> ReferenceResults:
 def _read(path: Path) -> ReferenceResults:
     from puckbench.figures.style import FigureStyle
     from puckbench.io.parquet_files import parquet_metadata
-    from puckbench.io.tables import read_table
+    from puckbench.io.tables import check_columns, read_table
 
     table = read_table(path)
     with naming(path):
@@ -162,10 +165,20 @@ def _read(path: Path) -> ReferenceResults:
             raise InputError(f"format {about['format']!r}, but this version reads {FORMAT}")
         if missing := [name for name in _COLUMNS if name not in table]:
             raise InputError(f"not reference results, without {', '.join(missing)}")
+        check_results(table)
+        check_columns(table, [DIGEST])
         parsed(_About, about, "its metadata")
         FigureStyle.from_config(*about["style"])
         RunRecord.from_json(about["record"])
     return ReferenceResults(path.stem, table, about)
+
+
+def check_results(metrics: pd.DataFrame) -> None:
+    """Raise InputError if a table of results lacks columns, or they are not text or numbers."""
+    from puckbench.io.tables import check_columns
+
+    used = [name for name in map(str, metrics) if name in _NUMBERS or name.endswith(_ENDINGS)]
+    check_columns(metrics, (*_CLOUD, "codec", "rate"), ("bytes", "bpp", *used))
 
 
 def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any]) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.content import plain_suffix, unpacked
 from puckbench.core.errors import InputError
+from puckbench.core.files import refuse_special
 from puckbench.core.lazy import imported
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
@@ -102,6 +103,7 @@ def _reader(path: Path) -> Callable[[Path], Polygons]:
     suffix = plain_suffix(path)
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: not a mesh format (known: {', '.join(SUFFIXES)})")
+    refuse_special(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return imported(READERS[suffix]) if suffix in READERS else read_ply

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from puckbench.core.errors import InputError, naming
-from puckbench.core.files import unreadable
+from puckbench.core.files import open_file, unreadable
 from puckbench.io.damage import PARSER_FAULTS, reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.point_columns import Columns
@@ -49,7 +49,7 @@ def is_bag(path: Path) -> bool:
     if path.is_dir():
         return True
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             return bag_format(stream.read(_MAX_MAGIC_LENGTH)) is not None
     except OSError as error:
         raise unreadable(path, error) from error
@@ -175,7 +175,7 @@ def _bag_file(file: Path, folder: Path) -> AbstractContextManager[BagFile]:
 
 
 def _suffix(file: Path) -> str:
-    with file.open("rb") as stream:
+    with open_file(file) as stream:
         suffix = bag_format(stream.read(_MAX_MAGIC_LENGTH))
     if suffix is None:
         raise InputError(f"{file.name} is not a ROS bag")
