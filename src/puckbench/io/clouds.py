@@ -198,7 +198,7 @@ def _read_columns(
     suffix = plain_suffix(path)
     if path.exists():
         _check_kind(path, suffix)
-    read = imported(READERS[suffix]) if suffix in READERS else _read_ply_points
+    read: Any = imported(READERS[suffix]) if suffix in READERS else _read_ply_points
     if suffix in (".las", ".laz", ".e57"):
         with unpacked(path) as plain:
             more = (keep_missing,) if suffix == ".e57" else (convert,)
@@ -208,7 +208,7 @@ def _read_columns(
 
 def wide_colours(path: Path) -> NDArray[np.uint16] | None:
     """Return a cloud file's colours (n, 3) as they are if some exceed 8 bits, else None."""
-    colours = colours_of(_read_columns(path, None, convert=False))
+    colours = colours_of(_read_columns(path, None, convert=False, keep_missing=True))
     if colours is None or colours.dtype.kind not in "iu":
         return None
     is_wide = 0xFF < colours.max(initial=0) <= 0xFFFF and colours.min(initial=0) >= 0

@@ -12,7 +12,7 @@ from puckbench.core.content import plain_suffix
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud, bounds
 from puckbench.geometry.matching import share_beyond
-from puckbench.io.clouds import SUFFIXES, check_cloud, read_cloud, read_unchecked_cloud
+from puckbench.io.clouds import SUFFIXES, checked_cloud, read_cloud, read_unchecked_cloud
 
 MOST_UNLIKE = 0.5
 """Largest allowed share of decoded points that match no original point."""
@@ -64,8 +64,8 @@ def read_models(paths: tuple[Path, ...]) -> tuple[Model | None, Model | None]:
 
 def _original(path: Path, cloud: PointCloud | None, metres_per_unit: float) -> Model:
     if cloud is None:
-        cloud = read_unchecked_cloud(path, keep_missing=True, convert=metres_per_unit == 1)
-        check_cloud(cloud, path)
+        read = read_unchecked_cloud(path, keep_missing=True, convert=metres_per_unit == 1)
+        cloud = checked_cloud(read, path)
     factor = metres_per_unit / cloud.metres_per_unit  # a scene's cloud is in metres already
     scaled = cloud if factor == 1 else replace(cloud, xyz=cloud.xyz * factor)
     return Model(path, scaled, factor)

@@ -103,8 +103,8 @@ class DriveJobs:
         if drive in entry.scans:
             modules, also = code_of_scan(entry.settings)
             record = VirtualDrive(**entry.settings.scan_settings(*entry.scans[drive]))
-            files = self.plan.digest_of(files_of_scan(entry.settings))
-            return planned(record, *modules, also=f"{also} {entry.settings.scenes} {files}")
+            digest = self.plan.digest_of(files_of_scan(entry.settings))
+            return planned(record, *modules, also=f"{also} {entry.settings.scenes} {digest}")
         scenes = entry.scenes
         record_of_clouds = DriveOfClouds(
             loader=scenes.loader,
@@ -113,9 +113,10 @@ class DriveJobs:
             poses=entry.settings.poses,
             seed=scenes.seed,
         )
-        modules = loader_modules(scenes.loader, self.files(name, drive)["clouds"])
-        files = (file for inputs in self.files(name, drive).values() for file in inputs)
-        return planned(record_of_clouds, *modules, also=self.plan.digest_of(files))
+        inputs = self.files(name, drive)
+        readers = loader_modules(scenes.loader, inputs["clouds"])
+        digest = self.plan.digest_of(file for files in inputs.values() for file in files)
+        return planned(record_of_clouds, *readers, also=digest)
 
     def encode(self, name: str, codec: str) -> PlannedJob:
         changes = self._changes(name, codec)

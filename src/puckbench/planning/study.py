@@ -75,7 +75,7 @@ class StudyJobs:
 
     def _compared(self, captures: tuple[str, ...]) -> Gathering:
         job = _job("compared_residuals", names=captures)
-        modules, parameters = code_of_models(map(open_error_model, job.plugins()))
+        modules, parameters = code_of_models(map(open_error_model, filter(None, job.plugins())))
         return Gathering(planned(job, *modules, also=parameters), captures)
 
     def _scan(self, job: str, model: str, **settings: Any) -> PlannedJob:
