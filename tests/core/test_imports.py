@@ -64,8 +64,8 @@ def test_a_package_counts_where_a_name_that_it_defines_is_imported(tmp_path: Pat
     assert reached_files(user := written(tmp_path / "a.py", "from far import value\n")) == {
         user, package, inner,
     }  # fmt: skip
-    assert reached_files(user := written(tmp_path / "b.py", "from far import inner\n")) == {
-        user, inner,
+    assert reached_files(user := written(tmp_path / "b.py", "import far.inner\n")) == {
+        user, package, inner,
     }  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from puckbench.metrics.psnr import PEAK_M
+from puckbench.metrics.default_peak import PEAK_M
 from puckbench.metrics.sensor_metrics import range_errors_of_points, real_time_metrics
 from puckbench.metrics.units import in_square_millimetres
 

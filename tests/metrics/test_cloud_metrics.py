@@ -6,8 +6,8 @@ import pytest
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
+from puckbench.metrics.default_peak import PEAK_M
 from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud
-from puckbench.metrics.psnr import PEAK_M
 from puckbench.metrics.truth import Truth
 
 GRID = np.stack(np.meshgrid(*[np.arange(12.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)

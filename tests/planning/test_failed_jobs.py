@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from puckbench.core.errors import InputError
+from puckbench.figures.registry import FIGURES
+from puckbench.metrics.table_registry import TABLES
 from puckbench.planning.workflow import Workflow
 
 OWN = """
@@ -58,14 +62,17 @@ CONFIG: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """The configuration with a table and a figure of its user."""
+def own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+    """The configuration with a table and a figure of its user, which other tests do not see."""
     file = tmp_path_factory.mktemp("own") / "bits_of_user.py"
     file.write_text(OWN)
     figures = {**CONFIG["figures"], "own": [f"{file}:of_few_bits"]}
     study = {**CONFIG["sensor_study"], "captures": {"mine": {"path": str(file)}}}
     changes = {"tables": [f"{file}:few_bits"], "figures": figures, "sensor_study": study}
-    return {**CONFIG, **changes}
+    with pytest.MonkeyPatch.context() as registries:
+        for registry in (TABLES, FIGURES):
+            registries.setattr(registry, "_added", {})
+        yield {**CONFIG, **changes}
 
 
 def without(config: dict[str, Any], *jobs: str) -> Workflow:
@@ -226,3 +233,13 @@ def test_a_mistake_in_the_configuration_is_told_after_a_failure_too() -> None:
     anchor = {**CONFIG, "bd_rate": {"anchor": "drako"}}
     with pytest.raises(InputError, match=r"bd_rate\.anchor: no codec 'drako'"):
         without(anchor, "scenes/rooms/office_1")
+
+
+def test_an_input_of_a_users_figure_that_does_not_exist_is_one_line(
+    own: dict[str, Any], tmp_path: Path
+) -> None:
+    file = tmp_path / "another_of_user.py"
+    file.write_text(OWN.replace("few_bits: ", "result: ").replace("of_few_bits", "of_result"))
+    figures = {**CONFIG["figures"], "own": [f"{file}:of_result"]}
+    with pytest.raises(InputError, match=r"figure .*:of_result: no table 'result'"):
+        Workflow({**own, "figures": figures})

@@ -129,6 +129,11 @@ def test_imports_for_type_checkers_do_not_count(tmp_path: Path) -> None:
     assert _version(path, checked) == plain
 
 
+def test_what_runs_in_place_of_imports_for_type_checkers_counts(tmp_path: Path) -> None:
+    path, text = tmp_path / "a.py", "if TYPE_CHECKING:\n    pass\nelse:\n    x = {}\n"
+    assert _version(path, text.format(1)) != _version(path, text.format(2))
+
+
 def test_code_counts(tmp_path: Path) -> None:
     path = tmp_path / "a.py"
     assert _version(path, "x = 1\n") != _version(path, "x = 2\n")

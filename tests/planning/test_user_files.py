@@ -334,6 +334,12 @@ def test_a_studys_configuration_has_its_clouds_and_ones_own_codec() -> None:
     assert "anywhere" not in config["datasets"]["objects"], "defaults are left to the program"
 
 
+def test_a_line_break_in_the_command_adds_no_key_to_the_configuration(tmp_path: Path) -> None:
+    file = tmp_path / "config.yaml"
+    write_configuration(file, {"seed": 1}, "puckbench run 'a\nseed: 99\n#.csv'")
+    assert yaml.safe_load(file.read_text()) == {"seed": 1}
+
+
 def test_an_edited_configuration_is_kept() -> None:
     path = Path("out/config.yaml")
     write_configuration(path, made("mine/a.npy"), "puckbench run mine/a.npy")

@@ -26,6 +26,7 @@ from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text
 from puckbench.report.build import TableShown, build_page
 from puckbench.report.captions import caption_html
+from puckbench.report.cells import cell_text
 from puckbench.report.column_labels import column_label, table_heading
 from puckbench.report.contents import Contents
 from puckbench.report.findings import findings
@@ -33,7 +34,7 @@ from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
 from puckbench.report.plot_data import plot_payload
 from puckbench.report.run_record import RunRecord, duration_text
-from puckbench.report.tables import MOST_ROWS, cell_text, table_html
+from puckbench.report.tables import MOST_ROWS, table_html
 from puckbench.report.viewer_data import (
     ViewerCloud,
     cloud_payload,

@@ -61,7 +61,9 @@ def _files(profile: Profile) -> set[str]:
         if code not in reached and not is_import:
             reached.add(code)
             queue += calls.get(code, [])
-    return {code.co_filename for code in reached if isinstance(code, CodeType)}
+    # Generators of imports and of jobs have the same callers: functions like `any`.
+    functions = (code for code in reached if isinstance(code, CodeType))
+    return {code.co_filename for code in functions if code.co_name != "<genexpr>"}
 
 
 def main() -> None:

@@ -11,53 +11,89 @@ import ast
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple, TypeGuard
 
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = {"site-packages", "dist-packages"}
 """Folders in which unrelated packages lie beside each other."""
 
 
+class _Importer(NamedTuple):
+    """A file, and folders in which its imports are searched besides its own top folder."""
+
+    file: Path
+    folders: tuple[Path, ...] = ()
+
+    def find(self, name: str) -> Path | None:
+        """Return the file of a module; None if it belongs to another installed package."""
+        top, first = top_folder(self.file), name.partition(".")[0]
+        is_near = top.name not in _INSTALLED or self.file.relative_to(top).parts[0] == first
+        near = [top, *(self.folders if _is_of_user(self.file) else ())] if is_near else []
+        folders = [*near, *([_PACKAGE.parent] if first == _PACKAGE.name else [])]
+        return next(filter(None, (module_file(name, folder) for folder in folders)), None)
+
+
 def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = None) -> set[Path]:
-    """Return Python files and all their imports, except those for which `is_left_out` is true."""
+    """Return Python files and all their imports, except those for which `is_left_out` is true.
+
+    As when a job runs, code of users may import modules beside any of the files, and modules in the
+    working folder.
+    """
+    own = sorted({top_folder(file) for file in files if _is_of_user(file)})
+    folders = (*own, Path.cwd()) if own else ()
     reached: set[Path] = set()
     queue = list(files)
     while queue:
         file = queue.pop()
         if file not in reached:
             reached.add(file)
-            imported = imported_files(file)
+            imported = imported_files(file, folders)
             queue += (each for each in imported if not (is_left_out and is_left_out(each)))
     return reached
 
 
 @cache
-def imported_files(file: Path) -> frozenset[Path]:
+def imported_files(file: Path, folders: tuple[Path, ...] = ()) -> frozenset[Path]:
+    """Return the files that a file imports, found in its top folder or in `folders`."""
     if not file.is_file():  # a cell of a notebook
         return frozenset()
-    return frozenset(_imported(ast.parse(file.read_bytes()), file))
+    importer = _Importer(file, folders if _is_of_user(file) else ())
+    return frozenset(_imported(ast.parse(file.read_bytes()), importer))
 
 
-def _imported(node: ast.AST, importer: Path) -> Iterator[Path]:
+def _imported(node: ast.AST, importer: _Importer) -> Iterator[Path]:
     if isinstance(node, ast.Import):
         for alias in node.names:
-            yield from _of_module(_file(alias.name, importer))
+            yield from _of_module(importer.find(alias.name))
     elif isinstance(node, ast.ImportFrom):
-        package = _absolute(node, importer)
+        package = _absolute(node, importer.file)
         for alias in node.names:  # a module of the package, or what its __init__ defines
-            inner = _file(f"{package}.{alias.name}".lstrip("."), importer)
-            outer = _file(package, importer) if package else None
+            inner = importer.find(f"{package}.{alias.name}".lstrip("."))
+            outer = importer.find(package) if package else None
             yield from _of_module(inner) if inner else _of_module(outer, alias.name)
-    elif not isinstance(node, ast.expr) and not is_for_types(node):
-        for child in ast.iter_child_nodes(node):
+    elif not isinstance(node, ast.expr):
+        for child in node.orelse if is_for_types(node) else ast.iter_child_nodes(node):
             yield from _imported(child, importer)
 
 
 def _of_module(file: Path | None, name: str = "*") -> Iterator[Path]:
-    """Yield a module's file and, of a lazy package, the files of a public name or of all."""
-    if file is not None:
-        yield file
-        public = _lazy_imports(file) if file.name == "__init__.py" else {}
-        yield from public.values() if name == "*" else filter(None, [public.get(name)])
+    """Yield a module's file, those of a user's packages around it, and those of a lazy package.
+
+    Of a lazy package, these are the files of the public name, or of all for ``*``.
+    """
+    if file is None:
+        return
+    yield file
+    if _is_of_user(file):
+        folders = (parent for parent in file.parents if parent.is_relative_to(top_folder(file)))
+        yield from filter(Path.is_file, (folder / "__init__.py" for folder in folders))
+    public = _lazy_imports(file) if file.name == "__init__.py" else {}
+    yield from public.values() if name == "*" else filter(None, [public.get(name)])
+
+
+def _is_of_user(file: Path) -> bool:
+    """Return whether a file is neither of puckbench nor of an installed package."""
+    return not file.is_relative_to(_PACKAGE) and top_folder(file).name not in _INSTALLED
 
 
 @cache
@@ -70,11 +106,12 @@ def _lazy_imports(package: Path) -> dict[str, Path]:
         for node in statements
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
-        if (file := _file(_absolute(node, package), package))
+        if (file := _Importer(package).find(_absolute(node, package)))
     }
 
 
-def is_for_types(node: ast.AST) -> bool:
+def is_for_types(node: object) -> TypeGuard[ast.If]:
+    """Return whether a statement is ``if TYPE_CHECKING``, whose ``else`` is what runs."""
     return isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
 
 
@@ -83,13 +120,6 @@ def _absolute(statement: ast.ImportFrom, importer: Path) -> str:
         return statement.module or ""
     parts = importer.relative_to(top_folder(importer)).parts[: -statement.level]
     return ".".join([*parts, *filter(None, [statement.module])])
-
-
-def _file(name: str, importer: Path) -> Path | None:
-    top, first = top_folder(importer), name.partition(".")[0]
-    is_near = top.name not in _INSTALLED or importer.relative_to(top).parts[0] == first
-    file = module_file(name, top) if is_near else None
-    return file or (module_file(name) if first == _PACKAGE.name else None)
 
 
 @cache

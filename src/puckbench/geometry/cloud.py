@@ -81,6 +81,11 @@ class PointCloud:
     returns: Returns | None = None
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
+    def _colour_type(self) -> type[np.uint8 | np.uint16]:
+        colours: Any = self.colours
+        is_wide = isinstance(colours, np.ndarray) and colours.dtype == np.uint16
+        return np.uint16 if is_wide and colours.max(initial=0) > 0xFF else np.uint8
+
     def __post_init__(self) -> None:
         xyz = _numbers(self.xyz, "points", (None, 3))
         count = len(xyz)
@@ -88,7 +93,7 @@ class PointCloud:
         if self.normals is not None:
             arrays["normals"] = _numbers(self.normals, "normals", (count, 3))
         if self.colours is not None:
-            arrays["colours"] = _integers(self.colours, "colours", (count, 3), np.uint8)
+            arrays["colours"] = _integers(self.colours, "colours", (count, 3), self._colour_type())
         if self.labels is not None:
             arrays["labels"] = _integers(self.labels, "labels", (count,), np.int32)
         for name, array in arrays.items():

@@ -10,11 +10,20 @@ from puckbench.jobs.fork_server import run_forked
 _SECONDS_TO_END = 10
 """Time (s) between interrupting this process and its end."""
 
-if __name__ == "__main__":
+
+def _run(words: list[str]) -> int:
     interrupt_with_run(_SECONDS_TO_END)
-    status = run_forked(sys.argv[1:])
+    status = run_forked(words)
     if status is None:
         from puckbench.jobs.process import leave, main
 
-        leave(main(sys.argv[1:]))
-    sys.exit(status)
+        leave(main(words))
+    return status
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(_run(sys.argv[1:]))
+    except KeyboardInterrupt:  # before the job had begun
+        print("puckbench: interrupted", file=sys.stderr)  # noqa: T201
+        sys.exit(130)

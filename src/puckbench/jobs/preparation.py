@@ -8,7 +8,7 @@ from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.crop import inside_box
 from puckbench.geometry.digest import cloud_digest
 from puckbench.geometry.scaling import GRID, Scaling, cube_scaling, grid_scaling, origin_shift
-from puckbench.metrics.psnr import PEAK_M
+from puckbench.metrics.default_peak import PEAK_M
 
 
 @dataclass(frozen=True)

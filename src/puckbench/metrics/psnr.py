@@ -3,10 +3,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-PEAK_M = 30.0
-"""Default PSNR peak, in m, for clouds in metres: 30,000 units of 1 mm, as in MPEG's common test
-conditions for LiDAR. Papers on KITTI use 59.70 m."""
-
 
 def psnr(mse: float, peak: float, factor: float = 1.0) -> float:
     """Return ``10 log10(factor * peak^2 / mse)`` in dB; infinity if `mse` is 0."""

@@ -67,11 +67,12 @@ class CloudJobs:
 
     def scene(self, scenes: str, name: str) -> PlannedJob:
         scene_set = self.plan.scenes[scenes]
+        is_generated = "seed" in type(scene_set.scenes).model_fields
         record = WriteScene(
             loader=scene_set.loader,
             name=name,
             options=scene_set.options_of(name),
-            seed=scene_set.seed,
+            seed=scene_set.seed if is_generated else 0,
         )
         files = scene_set.files(name)
         modules = loader_modules(scene_set.loader, files)

@@ -81,8 +81,9 @@ def _add_words(value: Any, words: list[str]) -> None:
     elif isinstance(value, list):
         words.append("[")
         for inner in value:
-            if not (_is_text(inner) or is_for_types(inner)):
-                _add_words(inner, words)
+            for each in inner.orelse if is_for_types(inner) else [inner]:
+                if not _is_text(each):
+                    _add_words(each, words)
         words.append("]")
     else:
         words.append(repr(value))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from puckbench.codecs.registry import LOOKS, codec_class, is_codec
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import InputError, among, naming
 from puckbench.figures.plot_styles import class_style, codec_rank, looks_layer
 from puckbench.figures.registry import FIGURES, FigureEntry, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
@@ -39,6 +39,8 @@ _GATHERED = ("metrics", "clouds", "drives", "scan_errors", "recovery")
 """Gathered tables of results, which tables and figures may read."""
 _OF_CURVES = {"metrics", "recovery"}
 """Tables with rows for coded clouds only."""
+_OF_STUDY = ("residuals", "scans", "compared_residuals", "compared")
+"""Joined tables of the sensor study, which tables and figures may read."""
 Inputs = dict[str, str]
 """Files of inputs by name."""
 
@@ -47,10 +49,23 @@ class OutputJobs:
     def __init__(self, plan: Plan, coding: CodingJobs, drives: DriveJobs) -> None:
         self.plan, self.coding, self.drives, self.config = plan, coding, drives, plan.config
         register_user_plugins(self.config.figures.own, self.config.tables)
+        self._check_inputs()
         for name in self.figures:
             self._check_style(name)
         for name in self.tables:
             self.table(name)
+
+    def _check_inputs(self) -> None:
+        """Raise InputError if a table or figure of the user has an input that does not exist."""
+        examples = (f"example_{kind}" for kind in type(self.config.figures.examples).model_fields)
+        known = [*TABLES.names(), *_OF_STUDY, *examples]
+        entries: dict[str, TableEntry | FigureEntry]
+        entries = {f"table {place}": table_entry(place) for place in self.config.tables}
+        entries |= {f"figure {place}": figure_entry(place) for place in self.config.figures.own}
+        for what, entry in entries.items():
+            for needed in entry.inputs:
+                if needed not in known:
+                    raise InputError(f"{what}: no table '{needed}'{among(needed, known)}")
 
     # ---- tables
 

@@ -26,6 +26,7 @@ from puckbench.io.ply import has_faces
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
+from puckbench.planning.scene_checks import printable
 
 Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]
 Options = dict[str, Any]
@@ -93,7 +94,7 @@ class UserRun:
     strict
         Whether to raise InputError for an unusable file.
     peak
-        PSNR peak, in m, of clouds in metres; by default `puckbench.metrics.psnr.PEAK_M`.
+        PSNR peak, in m, of clouds in metres; by default `puckbench.metrics.default_peak.PEAK_M`.
     timeout_s
         Seconds after which a job fails.
     """
@@ -464,7 +465,7 @@ def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> 
 
     A digest in the first line detects edits.
     """
-    body = f"# {command}\n{yaml_text(dict(config))}"
+    body = f"# {printable(command)}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):
         raise InputError(
             f"{path}: was edited: run it (puckbench run {path}), or choose another --out"

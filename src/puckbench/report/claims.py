@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from puckbench.report.tables import cell_text
+from puckbench.report.cells import cell_text
 
 if TYPE_CHECKING:
     import pandas as pd

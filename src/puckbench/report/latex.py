@@ -3,8 +3,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from puckbench.report.cells import cell_text
 from puckbench.report.column_labels import table_heading
-from puckbench.report.tables import cell_text
 
 if TYPE_CHECKING:
     import pandas as pd

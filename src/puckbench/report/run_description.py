@@ -13,8 +13,8 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import LOSSLESS
 from puckbench.metrics.peaks import peaks_of_datasets
+from puckbench.report.cells import cell_text
 from puckbench.report.column_labels import name_in_words
-from puckbench.report.tables import cell_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,10 +5,9 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.coordinate_frames import frames_of
+from puckbench.report.cells import cell_text
 from puckbench.report.column_labels import has_label, table_heading, unit_in_frames
 from puckbench.report.page import rendered
 
@@ -98,24 +97,3 @@ def _column(values: pd.Series[Any], names: list[str], frames: Collection[str]) -
     kinds += ["bookkeeping"] if _is_bookkeeping(values) else []
     words, unit = table_heading(name, names)
     return TableColumn(name, words, unit_in_frames(unit, frames), " ".join(kinds))
-
-
-def cell_text(value: Any) -> str:
-    """Return a cell's text: four significant digits for numbers, empty if missing."""
-    if isinstance(value, bool | np.bool_):
-        return "yes" if value else "no"
-    if isinstance(value, int | np.integer):
-        return str(value)
-    if isinstance(value, float | np.floating):
-        return "" if np.isnan(value) else _number_text(float(value))
-    return "" if value is None or value is _missing() else str(value)
-
-
-def _number_text(value: float) -> str:
-    return f"{value:.0f}" if 1e4 <= abs(value) < 1e12 else f"{value:.4g}"
-
-
-def _missing() -> Any:
-    import pandas as pd
-
-    return pd.NA
