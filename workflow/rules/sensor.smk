@@ -3,7 +3,7 @@ if plan.study is not None:
 
     rule residuals:
         input:
-            files=lambda w: study.model_files(w.model),
+            files=lambda w: ancient(study.model_files(w.model)),
             made_by=made_by("residuals/models/{model}", lambda w: study.residuals(w.model)),
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
@@ -44,7 +44,7 @@ if plan.study is not None:
 
     rule wall_points:
         input:
-            files=lambda w: study.model_files(w.model),
+            files=lambda w: ancient(study.model_files(w.model)),
             made_by=made_by("wall_points/{model}", lambda w: study.wall_points(w.model)),
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",

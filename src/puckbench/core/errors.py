@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sysconfig
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -48,14 +49,25 @@ def noting(note: str) -> Iterator[None]:
 
 
 def error_text(error: BaseException) -> str:
-    """Return one line with an exception's notes, class and message, and the line that raised it."""
+    """Return one line with an exception's notes, class and message, and where it was raised.
+
+    This is the last line that is neither of Python nor of an installed package, if there is one.
+    """
     notes = ", ".join(getattr(error, "__notes__", ()))
     message = " ".join(str(error).split())
     if isinstance(error, SystemExit):
         message = f"exit status {message or 0}"
     words = ": ".join(filter(None, [notes, type(error).__name__, message]))
     frames = traceback.extract_tb(error.__traceback__)
-    return f"{words} ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else words
+    if not frames:
+        return words
+    near = [frame for frame in frames if not _is_installed(frame.filename)] or frames
+    return f"{words} ({Path(near[-1].filename).name}:{near[-1].lineno})"
+
+
+def _is_installed(file: str) -> bool:
+    packages = {"site-packages", "dist-packages"} & {*Path(file).parts}
+    return bool(packages) or file.startswith((sysconfig.get_path("stdlib"), "<frozen"))
 
 
 def among(name: str, names: Iterable[str]) -> str:

@@ -82,7 +82,8 @@ class StudyJobs:
         errors, options = self.study.models[model]
         modules, parameters = code_of_models([open_error_model(errors, options)])
         record = _job(job, model=errors, model_options=options, seed=self.study.seed, **settings)
-        return planned(record, *modules, also=f"{parameters} {load_sensor('vlp16')}")
+        files = self.plan.digest_of(self.model_files(model))
+        return planned(record, *modules, also=f"{parameters} {load_sensor('vlp16')} {files}")
 
     def model_files(self, model: str) -> list[str]:
         return files_named(self.study.models[model][1].values())
