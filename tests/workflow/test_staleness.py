@@ -28,7 +28,7 @@ TARGETS = [
     "results/decoded/sampled/chair_01/draco.zip",
     *(f"results/figures/{name}.png" for name in ("fig_5_1", "fig_5_10", "fig_6_5", "truth_rd")),
 ]
-ONCE = {"table", "evaluate_curve", "encode_curve"}
+ALL_TRACED = {"table", "evaluate_curve", "encode_curve"}
 """Jobs of which all are traced, not one of each kind."""
 OF_EVERY_JOB = {
     *("core/compiling.py", "core/environment.py", "core/imports.py", "core/introspection.py"),
@@ -98,7 +98,7 @@ def runs(bench: Bench) -> list[Run]:
     for command, files in inputs.items():
         words = shlex.split(command)
         words = words[words.index("puckbench.jobs") + 1 : words.index(">")]
-        key = words[1] if words[0] in ONCE else words[0]
+        key = words[1] if words[0] in ALL_TRACED else words[0]
         chosen.setdefault(key, (words, set(files)))
     commands = [words for words, _ in chosen.values()]
     traced = subprocess.run(

@@ -42,7 +42,8 @@ class Workflow:
         self, dataset: str, cloud: str, codec: str | None = None, rate: str | None = None
     ) -> None:
         data = self.plan.datasets[dataset]
-        if cloud not in data.sources:
+        left_out = self.plan.left_out.get(dataset, {})  # whose jobs tell what is wrong with them
+        if cloud not in data.sources and not {cloud, cloud.rpartition("-")[0]} & left_out.keys():
             raise InputError(
                 f"data set {dataset} has no cloud '{cloud}'{closest(cloud, list(data.clouds))}"
             )
