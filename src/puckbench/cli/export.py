@@ -28,8 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.io.parquet_files import parquet_metadata
     from puckbench.io.recordings.pcap import refuse_stream
+    from puckbench.io.return_tables import is_table_of
     from puckbench.jobs.prepare_recording import is_recording, read_selected_turns
     from puckbench.lidar.export import export, export_points, read_source
     from puckbench.lidar.recordings.cloud_messages import has_clouds
@@ -46,8 +46,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         return {**export_points(out, columns), "messages": last - first + 1}
     if options.time_unit:
         raise InputError(f"{source}: --time-unit is for clouds of ROS bags")
-    firings = FiringTable.schema.metadata_key.encode()
-    if is_recording(source) or firings in parquet_metadata(source):
+    if is_recording(source) or is_table_of(source, FiringTable):
         returns, left_out = read_selected_turns(source, selection, options.stream, options.topic)
         about = {"turns": len(returns.turns), "sensor": returns.sensor, **left_out}
         return {**export(out, returns, options.clean), **about}

@@ -9,8 +9,8 @@ from puckbench.cli.types import add_cloud_options, add_unit, integer, refuse, se
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
-from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.recordings.pcap import refuse_stream
+from puckbench.io.return_tables import is_table_of
 from puckbench.jobs.prepare import Box, Prepare
 from puckbench.jobs.prepare_message import PrepareMessage
 from puckbench.jobs.prepare_recording import PrepareRecording, is_recording
@@ -24,7 +24,6 @@ _FOR_CLOUDS = {
     "bin_columns": None,
 }
 """Options that scans and recordings refuse, with their defaults."""
-_CUBE = 1024
 _SHOWN = (
     *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
     *("size", "size_m", "scale", "offset", "peak", *LEFT_OUT, "neighbours", "diameter"),
@@ -81,8 +80,8 @@ def _prepared(options: argparse.Namespace) -> dict[str, Any]:
         return _returns(options)
     _refuse_returns(options.cloud)
     _check_bin_columns(options)
-    size = _CUBE if options.scale is None else options.scale
-    return _cloud(options, size=size, clean=options.clean)
+    size = {} if options.scale is None else {"size": options.scale}
+    return _cloud(options, clean=options.clean, **size)
 
 
 def _check_bin_columns(options: argparse.Namespace) -> None:
@@ -114,7 +113,7 @@ def _cloud(
 def _refuse_returns(path: Path) -> None:
     from puckbench.lidar.recordings.returns import RecordedReturns
 
-    if RecordedReturns.schema.metadata_key.encode() in parquet_metadata(path):
+    if is_table_of(path, RecordedReturns):
         how = f"export it as a cloud first (puckbench export {path} cloud.ply)"
         raise InputError(f"{path}: a recording's table, not a scan's: {how}")
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.files import object_of, written_whole
 from puckbench.geometry.cloud import Floats
-from puckbench.io.parquet_files import check_parquet_memory
+from puckbench.io.parquet_files import check_parquet_memory, parquet_metadata
 
 ColumnSpecs = dict[str, tuple[str, str, str]]
 """(NumPy type, unit, description) of each column, in the order of the file."""
@@ -127,6 +127,11 @@ def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[An
         value, bits = values[np.argmax(changed)], 8 * form.itemsize
         raise InputError(f"{what} has {value}, where integers of {bits} bits are expected")
     return converted
+
+
+def is_table_of(path: Path, kind: type[ReturnTable]) -> bool:
+    """Return whether a file is a Parquet table of this kind, by its metadata."""
+    return kind.schema.metadata_key.encode() in parquet_metadata(path)
 
 
 def _arrow_table(table: ReturnTable, schema: Any = None) -> Any:

@@ -14,9 +14,11 @@ from puckbench.io.recordings.captured_packets import is_packet_capture
 from puckbench.io.recordings.pcap import refuse_stream
 from puckbench.io.recordings.ros_bags import bag_format
 from puckbench.io.recordings.topics import refuse_topic
-from puckbench.jobs.prepare_returns import PrepareReturns, is_scan, select_turns
+from puckbench.io.return_tables import is_table_of
+from puckbench.jobs.prepare_returns import PrepareReturns, select_turns
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.returns import Returns, read_firings
+from puckbench.lidar.scan_table import ScanTable
 
 _log = logging.getLogger(__name__)
 _LONGEST_MARK = 24
@@ -41,7 +43,7 @@ class PrepareRecording(PrepareReturns):
     topic: str | None = None
 
     def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
-        if is_scan(path):
+        if is_table_of(path, ScanTable):
             with naming(path):
                 _check_selection(path, self.stream, self.topic)
             return super()._read(path)
@@ -50,7 +52,10 @@ class PrepareRecording(PrepareReturns):
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file is a recording, by its name or its first bytes."""
+    """Return whether a path is a recording: a packet capture, a ROS bag or a folder.
+
+    The file's suffix decides; for an unknown suffix, the first bytes of the file.
+    """
     if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
         return True
     if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():

@@ -9,7 +9,7 @@ from pydantic import Field
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
-from puckbench.io.parquet_files import parquet_metadata
+from puckbench.io.return_tables import is_table_of
 from puckbench.jobs.prepare import names_and_groups
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
@@ -68,7 +68,7 @@ class PrepareReturns(Job):
 
     def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
         with naming(path):
-            if is_scan(path):
+            if is_table_of(path, ScanTable):
                 return self._read_scan(path)
             returns = select_turns(read_firings(path), self.turns)
         return returns, None, {"source": path.name, "sensor": returns.sensor}
@@ -104,13 +104,12 @@ class PrepareReturns(Job):
         return selected, true, description
 
 
-def is_scan(path: Path) -> bool:
-    """Return whether a file is a Parquet table of a virtual scan."""
-    return ScanTable.schema.metadata_key.encode() in parquet_metadata(path)
-
-
 def select_turns(returns: Returns, turns: tuple[int, int] | None) -> Returns:
-    """Return the first to the last of `turns`, counted from 0; by default all."""
+    """Return the returns of some turns only.
+
+    `turns` are the numbers of the first and the last turn to keep, counted from 0; None keeps all.
+    Turns that `returns` does not have raise InputError.
+    """
     first, last = turns or (0, len(returns.turns) - 1)
     if not 0 <= first <= last < len(returns.turns):
         most = len(returns.turns) - 1

@@ -14,9 +14,9 @@ from puckbench.core.errors import InputError
 from puckbench.io.evd import write_evd
 from puckbench.io.float32_frames import write_float32_frame
 from puckbench.io.las import write_las
-from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.pcd import write_pcd
 from puckbench.io.ply import write_ply
+from puckbench.io.return_tables import is_table_of
 from puckbench.io.text import write_csv
 from puckbench.lidar.recordings.returns import (
     UNKNOWN,
@@ -107,8 +107,7 @@ _OF_RECORDINGS = (
 
 
 def read_source(path: Path) -> ScanTable | RecordedReturns:
-    is_capture = RecordedReturns.schema.metadata_key.encode() in parquet_metadata(path)
-    return read_returns(path) if is_capture else read_scan(path)
+    return read_returns(path) if is_table_of(path, RecordedReturns) else read_scan(path)
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
