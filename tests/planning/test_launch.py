@@ -8,8 +8,8 @@ import pytest
 
 from puckbench.planning.launch import command_for_the_rest
 
-START = Path("/work")
-FILES = [Path("/work/a.yaml"), Path("/work/results/failed.yaml")]
+START = Path("/runs")
+FILES = [Path("/runs/a.yaml"), Path("/runs/results/failed.yaml")]
 CONFIGS = "--configfile a.yaml results/failed.yaml"
 
 
@@ -34,6 +34,6 @@ def test_it_has_all_words_of_the_run(words: list[str], command: str) -> None:
 def test_it_has_whole_paths_if_another_folder_was_asked_for() -> None:
     files = [*FILES, FILES[1]]  # a second failure
     command = command_for_the_rest(["--directory", "d"], files, None)
-    configs = "--configfile /work/a.yaml /work/results/failed.yaml"
+    configs = "--configfile /runs/a.yaml /runs/results/failed.yaml"
     assert command == f"snakemake --directory d {configs}"
     assert command_for_the_rest([], [Path("/other/b.yaml")], START).endswith(" /other/b.yaml")

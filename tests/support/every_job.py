@@ -17,6 +17,7 @@ import yaml
 
 from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
+from tests.support import bench
 
 SOURCES = Path(str(sys.modules["puckbench"].__file__)).parent
 _SPIN = {"preset": "spin", "azimuth_step_deg": 2.0}
@@ -24,11 +25,7 @@ _SPIN = {"preset": "spin", "azimuth_step_deg": 2.0}
 CONFIG: dict[str, Any] = {
     "seed": 1,
     "scenes": {
-        "objects": {"loader": "embedded_objects", "select": ["chair_01"]},
-        "rooms": {
-            "loader": "embedded_rooms",
-            "options": {"rooms": ["copy_room_1"], "detail": 0.3},
-        },
+        **bench.CONFIG["scenes"],
         "meshes": {"loader": "mesh_files", "options": {"path": "box.off"}},
         "clouds": {"loader": "point_clouds", "options": {"path": "points.csv"}},
         "turns": {"loader": "recordings", "options": {"path": "box.pcap"}},
