@@ -19,7 +19,16 @@ _INSTALLED = {"site-packages", "dist-packages"}
 
 
 class _Importer(NamedTuple):
-    """A file, and folders in which its imports are searched besides its own top folder."""
+    """A Python file, and where its imports are searched.
+
+    Parameters
+    ----------
+    file
+        File whose imports are searched, first in its own top folder.
+    folders
+        Folders to search next. They are given for files of users, which may import modules beside
+        each other; for other files, there are none.
+    """
 
     file: Path
     folders: tuple[Path, ...] = ()
@@ -28,7 +37,7 @@ class _Importer(NamedTuple):
         """Return the file of a module; None if it belongs to another installed package."""
         top, first = top_folder(self.file), name.partition(".")[0]
         is_near = top.name not in _INSTALLED or self.file.relative_to(top).parts[0] == first
-        near = [top, *(self.folders if _is_of_user(self.file) else ())] if is_near else []
+        near = [top, *self.folders] if is_near else []
         folders = [*near, *([_PACKAGE.parent] if first == _PACKAGE.name else [])]
         return next(filter(None, (module_file(name, folder) for folder in folders)), None)
 

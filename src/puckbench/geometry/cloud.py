@@ -81,11 +81,6 @@ class PointCloud:
     returns: Returns | None = None
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
-    def _colour_type(self) -> type[np.uint8 | np.uint16]:
-        colours: Any = self.colours
-        is_wide = isinstance(colours, np.ndarray) and colours.dtype == np.uint16
-        return np.uint16 if is_wide and colours.max(initial=0) > 0xFF else np.uint8
-
     def __post_init__(self) -> None:
         xyz = _numbers(self.xyz, "points", (None, 3))
         count = len(xyz)
@@ -108,6 +103,11 @@ class PointCloud:
         if names:
             entries = {name: self.about[name] for name in names}
             parsed(_Description, entries, "the cloud's description")
+
+    def _colour_type(self) -> type[np.uint8 | np.uint16]:
+        colours: Any = self.colours
+        is_wide = isinstance(colours, np.ndarray) and colours.dtype == np.uint16
+        return np.uint16 if is_wide and colours.max(initial=0) > 0xFF else np.uint8
 
     def _check_finite(self) -> None:
         check_finite(self.xyz)
@@ -249,7 +249,7 @@ def check_points(points: Floats, source: str) -> None:
 
 
 def check_finite(points: Floats) -> None:
-    """Raise InputError unless all points (n, 3) are finite."""
+    """Check points, (n, 3); raise InputError if a coordinate is NaN or infinite."""
     if not np.isfinite(points).all():
         invalid = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
         raise InputError(f"{invalid} of {len(points)} points are not finite")
