@@ -127,7 +127,7 @@ def measures(
 
 
 def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Estimate normals of a cloud and scale it.
+    """Return a cloud scaled to a cube of whole positions, with a normal for each point.
 
     Parameters
     ----------

@@ -17,13 +17,20 @@ from contextlib import contextmanager
 from typing import NoReturn
 
 VARIABLE = "PUCKBENCH_RUN"
-"""Environment variable: the inode of the pipe of a `puckbench run`."""
+"""Name of the environment variable by which a job knows the pipe of its `puckbench run`.
+
+Its value is the inode number of the pipe.
+"""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Raise KeyboardInterrupt in the `with` block after SIGTERM and SIGHUP, too."""
+    """In the `with` block, let SIGTERM and SIGHUP raise KeyboardInterrupt, as SIGINT (Ctrl-C) does.
+
+    A signal for which the process has another handler than the system's default keeps it. In
+    another thread than the main one, nothing changes.
+    """
     ending = [each for each in _SIGNALS if signal.getsignal(each) is signal.SIG_DFL]
     try:
         for each in ending:

@@ -6,7 +6,11 @@ from itertools import filterfalse
 
 
 def decoded(name: bytes) -> str:
-    """Decode a name in UTF-8, or else in the usual encoding of Windows."""
+    """Return the text of an encoded field name.
+
+    A name that is not valid UTF-8 is decoded as Windows-1252, the usual encoding of Windows in
+    Western Europe; bytes that are invalid there, too, become U+FFFD.
+    """
     try:
         return name.decode()
     except UnicodeDecodeError:

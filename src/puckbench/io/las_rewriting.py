@@ -88,7 +88,11 @@ def rewrite_las(
 
 
 def _units(header: Any, metres_per_unit: float) -> NDArray[np.float64]:
-    """Return the metres per unit of x, y and z, (3,)."""
+    """Return how many metres one unit of x, y and z is long, as an array of three factors.
+
+    `metres_per_unit`, if not 1, is that of all three; otherwise the file's coordinate reference
+    system names the units, by default metres.
+    """
     if metres_per_unit != METRE:
         return np.full(3, metres_per_unit)
     units = units_of(header) or Units()

@@ -53,9 +53,10 @@ def check_comma_separated(lines: bytes) -> None:
 
 
 def check_six_numbers(columns: Iterable[tuple[float, float]]) -> None:
-    """Raise InputError if six columns of integers (their least and most) may be decimals of three.
+    """Raise InputError if six columns of integers may be three columns with decimal commas.
 
-    They may if every second one has only digits from 0 to 9.
+    `columns` yields the least and the greatest number of each column. Six columns are refused if
+    every second one, which would contain the decimals, contains only the numbers 0 to 9.
     """
     ranges = list(columns)
     if len(ranges) == 2 * MIN_NUMBERS and all(0 <= low <= high <= 9 for low, high in ranges[1::2]):

@@ -37,7 +37,7 @@ _KEPT = (
 
 
 def is_decoded(path: Path) -> bool:
-    """Whether a file is a decoded cloud by its name, not a stream."""
+    """Return whether the suffix of a file is that of a decoded cloud, not of a stream."""
     return plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin"
 
 

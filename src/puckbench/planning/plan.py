@@ -531,7 +531,10 @@ class Plan:
         return self.results / ".digests.json"
 
     def digest_of(self, paths: Iterable[str | Path]) -> str:
-        """Return a digest of some input files; an empty string for no files."""
+        """Return a digest of the contents of input files, in 16 hexadecimal digits.
+
+        Without files, return an empty string.
+        """
         files = [Path(path) for path in paths]
         if unplanned := [file for file in files if file not in self.digests]:
             self.digests.update(file_digests(unplanned, self._digests_file))

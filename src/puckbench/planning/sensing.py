@@ -16,13 +16,19 @@ Code = tuple[tuple[str, ...], str]
 
 
 def code_of_models(models: Iterable[ErrorModel]) -> Code:
-    """Return the modules of error models, and their parameters."""
+    """Return what affects the results of error models: their modules, and all their parameters.
+
+    The parameters are a text in the order of `models`.
+    """
     models = tuple(models)
     return tuple(map(module_of_model, models)), " ".join(map(str, models))
 
 
 def code_of_scan(settings: Sensing) -> Code:
-    """Return the error model's module, and the parameters of model, sensor and sweep."""
+    """Return what affects a scan: the error model's module, and all parameters as a text.
+
+    The parameters are those of the error model, the sensor and the sweep.
+    """
     model = open_error_model(settings.errors, settings.error_options)
     modules, parameters = code_of_models([model])
     sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]

@@ -49,7 +49,11 @@ class StudyJobs:
         return planned(record, *modules, also=self.plan.digest_of(files))
 
     def recording(self, capture: str) -> dict[str, list[str]]:
-        """Return the file of a capture, and the files beside it."""
+        """Return the input files of a job that reads a capture, as paths by input name.
+
+        ``capture`` is the recording itself; ``beside`` are the files that its reader needs besides,
+        such as the sensor's description.
+        """
         path, *beside = map(str, recording_files(Path(self.study.captures[capture][0])))
         return {"capture": [path], "beside": beside}
 

@@ -45,7 +45,7 @@ def bag_format(start: bytes) -> str | None:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a folder, or a file with the first bytes of a ROS bag."""
+    """Return whether a path is a folder, or a file that begins as a ROS bag does."""
     if path.is_dir():
         return True
     try:

@@ -35,7 +35,7 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Whether `topic` has clouds; without a topic, whether the bag has clouds but no packets."""
+    """Return whether `topic` has clouds; without a topic, whether a bag has clouds, not packets."""
     if not is_bag(path):
         return False
     topics = read_topics(path)

@@ -106,7 +106,11 @@ def _usable(
 
 
 def _is_absolute(times: Sequence[NDArray[Any]], unit: TimeUnit) -> bool:
-    """Whether times go on from message to message, or are too large for those of a turn."""
+    """Return whether times count from one origin for all messages, not from each message's begin.
+
+    `times` contains the times (n,) of each message, in `unit`. They count from one origin if they
+    are dates, are larger than a turn takes, or increase from message to message.
+    """
     if is_since_1970(times[0], unit):
         return True
     firsts = np.array([part.min() for part in times])

@@ -21,7 +21,7 @@ _NO_LEAP = 0.95
 _YEAR_2000_S, _YEAR_2100_S = 946_684_800, 4_102_444_800
 _DAY_S = 86400.0
 _COARSEST_S = 1e-3
-"""Coarsest usable resolution of times: a hundredth of a turn."""
+"""Coarsest usable step between times, in s: a hundredth of a turn at 10 turns per second."""
 _OFF_ONE = 0.02
 """Tolerance of the one turn per unit if times are shares of turns."""
 _MOST_FALLS = 10
@@ -68,12 +68,15 @@ def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
 
 
 def is_since_1970(times: NDArray[Any], unit: TimeUnit) -> bool:
-    """Whether times in this unit since 1970 lie in this century."""
+    """Return whether times (n,), counted in this unit since 1970, lie in this century."""
     return _unit_since_1970(times) == unit
 
 
 def falls(times: NDArray[Any]) -> bool:
-    """Whether times fall from point to point far more often than they rise."""
+    """Return whether times (n,) mostly decrease from each point to the next.
+
+    They do if decreases are more than 10 times as many as increases.
+    """
     fallen, risen = (times[1:] < times[:-1]).sum(), (times[1:] > times[:-1]).sum()
     return bool(fallen > _MOST_FALLS * risen)
 
