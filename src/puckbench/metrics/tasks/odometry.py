@@ -182,7 +182,7 @@ def at_end_of_turn(points: Floats, shares: Floats, motion: Floats) -> Floats:
     turned = Rotation.from_rotvec(back[:, None] * axis).apply(points)
     if angle < 1e-9:
         return np.asarray(turned + back[:, None] * motion[:3, 3])
-    cross = np.cross(np.eye(3), -axis / angle)  # the matrix of the cross product with the axis
+    cross = np.cross(np.eye(3), axis / angle)  # the matrix of the cross product with the axis
 
     def moved(share: Floats) -> Floats:  # integral of the rotation from 0 to each share
         sine, cosine = np.sin(share * angle) / angle, (1 - np.cos(share * angle)) / angle
