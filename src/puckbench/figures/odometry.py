@@ -41,9 +41,7 @@ _LOST: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 3.0, "li
 _UNITS = {"%": "percentage points", "mm": "mm"}
 
 
-@FIGURES.register(
-    "odometry", title="Odometry after decoding", category="Drives", needs=(ODOMETRY,)
-)
+@FIGURES.register("odometry", title="Odometry after decoding", category="Drives", needs=(ODOMETRY,))
 def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     """Error of odometry that coding adds, against bits per return, for each odometry and data set:
     the drift or, if a drive is too short for a drift, the absolute error of positions, minus that
@@ -107,8 +105,8 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
     coded = rows[rows["codec"] != UNDECODED]
     for codec in style.ordered_codecs(coded["codec"]):
         look = style.of_codec(codec)
-        for times, curve in coded[coded["codec"] == codec].groupby("times"):
-            curve = curve.sort_values("bits")
+        ordered = coded[coded["codec"] == codec].sort_values("bits")
+        for times, curve in ordered.groupby("times"):
             bits = curve["bits"].to_numpy(float) * _OFFSET[str(times)]
             middle = curve["difference"].to_numpy(float)
             common: dict[str, Any] = {"color": look.colour, "zorder": 3}

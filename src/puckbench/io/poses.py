@@ -51,7 +51,9 @@ def read_lidar_poses(path: Path) -> Floats:
         return np.linalg.inv(camera) @ poses @ camera
     right, forward, up = np.abs(np.diff(poses[:, :3, 3], axis=0)).sum(axis=0)
     if up > max(right, forward):
-        fault = "these poses move along z, as those of KITTI's camera: put its calib.txt beside them"
+        fault = (
+            "these poses move along z, as those of KITTI's camera: put its calib.txt beside them"
+        )
         raise InputError(f"{path}: {fault}")
     return poses
 

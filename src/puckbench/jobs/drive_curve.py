@@ -26,7 +26,6 @@ from puckbench.lidar.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import task_results
 
-
 _UNDECODED_RATES = {KEPT: "times", AZIMUTH: "azimuth times", NONE: "no times"}
 
 
@@ -139,7 +138,9 @@ class MeasureDrive(TimedJob):
             kept = {"codec": UNDECODED, "rate": _UNDECODED_RATES[KEPT]}
             yield self._row(drive, drive.turns, kept, KEPT)
         for times, turns in _of_points(drive, drive.turns):
-            yield self._row(drive, turns, {"codec": UNDECODED, "rate": _UNDECODED_RATES[times]}, times)
+            yield self._row(
+                drive, turns, {"codec": UNDECODED, "rate": _UNDECODED_RATES[times]}, times
+            )
 
     def _decoded(self, drive: Drive, coded: CodedDrive) -> Iterable[dict[str, Any]]:
         name, record = str(self.codec), coded.record

@@ -7,6 +7,7 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
 from puckbench.metrics.table_registry import ODOMETRY, TABLES, UNDECODED
+from puckbench.metrics.tables.odometry_differences import odometry_differences
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,7 +18,7 @@ _OF_RATE = ("bits", "rate", "value", "difference", "low", "high")
 
 
 @TABLES.register("odometry_bits", title="Bits that odometry needs", needs=(ODOMETRY,))
-def odometry_bits(odometry_differences: pd.DataFrame) -> pd.DataFrame:
+def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
     """Fewest bits per return from which on odometry is not worse than without coding.
 
     ``bits``, ``rate``: the lowest rate which, like all higher ones, is not worse by more than the
@@ -30,9 +31,10 @@ def odometry_bits(odometry_differences: pd.DataFrame) -> pd.DataFrame:
     """
     import pandas as pd
 
-    coded = odometry_differences[odometry_differences["codec"] != UNDECODED]
+    differences = odometry_differences(drives)
+    coded = differences[differences["codec"] != UNDECODED]
     if coded.empty:
-        raise InputError("table of differences: no codec's results")
+        raise InputError("drives table: no codec's results")
     groups = coded.groupby(_KEYS, sort=False)
     return pd.DataFrame(
         [{**dict(zip(_KEYS, key, strict=True)), **_of_codec(rows)} for key, rows in groups]
