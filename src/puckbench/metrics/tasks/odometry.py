@@ -147,7 +147,8 @@ def gicp_poses(
 
     surroundings = GaussianVoxelMap(voxel_m)
     surroundings.set_lru(horizon=100, clear_cycle=10)
-    pose, motion, poses = np.eye(4), np.eye(4), []
+    pose, motion = np.eye(4), np.eye(4)
+    poses: list[Floats] = []
     for turn in turns:
         near = np.linalg.norm(turn.xyz, axis=1) <= max_range_m
         points, shares = turn.xyz[near], shares_of(turn) if is_moving else None
