@@ -122,6 +122,8 @@ _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     (f"{_MPEG}_mm2", "Mean squared error {}", "mm²", None),
     (f"{_MPEG}_psnr", "PSNR {}", "dB", None),
     (f"{_MPEG}_rms_m", "Root mean square error {}", "m", None),
+    (f"q99_{_KIND}", "99 % quantile of distances, {}", GRID, None),
+    (f"q99_{_KIND}_m", "99 % quantile of distances, {}", "m", None),
     (f"hausdorff_{_KIND}", "Hausdorff distance, {}", GRID, None),
     (f"hausdorff_{_KIND}_m", "Hausdorff distance, {}", "m", None),
     (f"hausdorff_sq_{_KIND}", "Squared Hausdorff distance, {}", SQUARED, None),
