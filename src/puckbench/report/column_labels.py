@@ -55,14 +55,13 @@ _OF_TABLES = {
     "peak": ("Peak of the PSNRs", ""),
     "reflectance_peak": ("Peak of the PSNR of reflectances", ""),
 }
-_OF_CLOUDS = {"median": "median", "q05": "5 %", "q25": "25 %", "q75": "75 %", "q95": "95 %"}
+_OF_CLOUDS = {"median": "median", "q25": "25 %", "q75": "75 %"}
 _SUFFIXES = {
     "low": "interval from",
     "high": "interval to",
     "half": "half the interval",
-    "arithmetic": "arithmetic mean",
-    "least": "least of the clouds",
-    "most": "greatest of the clouds",
+    "least": "least of the scenes",
+    "most": "greatest of the scenes",
     **_OF_CLOUDS,
 }
 """Meaning of the last part of a column's name."""
