@@ -17,7 +17,7 @@ SHORT = drives("b", column="ate_m", scale=0.1)
 @pytest.mark.parametrize(
     ("table", "labels"),
     [
-        (LONG, {"A (n = 6), KISS-ICP": "Drift added (percentage points)"}),
+        (LONG, {"A (n = 6), KISS-ICP": "Drift added (%)"}),
         (SHORT, {"B (n = 6), KISS-ICP": "Error added (mm)"}),
         (
             pd.concat([LONG, SHORT]),

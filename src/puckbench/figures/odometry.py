@@ -38,7 +38,6 @@ _OFFSET = {KEPT: 1.0, AZIMUTH: 0.985, NONE: 1.015}
 """Factors of bits that keep bars of one rate apart."""
 _MARGIN_COLOUR, _NO_TIMES_LINE = "#dcdcdc", (0, (4, 2))
 _LOST: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 3.0, "linestyle": ""}
-_UNITS = {"%": "percentage points", "mm": "mm"}
 
 
 @FIGURES.register("odometry", title="Odometry after decoding", category="Drives", needs=(ODOMETRY,))
@@ -77,7 +76,7 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
             set_title(axes, title, len(names), style)
             if measure != before:
                 added = "Drift added" if measure == MEASURES[0].name else "Error added"
-                axes.set_ylabel(f"{added} ({_UNITS[panel['unit'].iloc[0]]}), {BETTER}")
+                axes.set_ylabel(f"{added} ({panel['unit'].iloc[0]}), {BETTER}")
             before = measure
     figure.supxlabel(f"Bits per return, {BETTER}", fontsize=style.font_size)
     add_fitting_legend(figure, _handles(rows, style), style)
