@@ -76,21 +76,35 @@ def sentences() -> Iterator[str]:
     table = odometry_differences(drives()).set_index(
         ["dataset", "odometry", "codec", "times", "rate"]
     )
-    at = {name: table.loc[("turning", name)] for name in ("KISS-ICP", "GICP")}
-    for name, rows in at.items():
+    for odometry in ("KISS-ICP", "GICP"):
+        for codec, times, rate in (
+            ("gpcc", AZIMUTH, "100mm"),
+            ("puck", KEPT, "100mm"),
+            ("gpcc", AZIMUTH, "200mm"),
+            ("puck", KEPT, "200mm"),
+            ("gpcc", AZIMUTH, "500mm"),
+            ("puck", KEPT, "500mm"),
+        ):
+            row = table.loc[(ALL, odometry, codec, times, rate)]
+            yield f"{_difference(row).replace(' (', ' % (')}"
+            yield f"{row['bits']:.2f} bits"
+        rows = table.loc[("turning", odometry)]
         before = rows["undecoded"].iloc[0]
         untimed = rows.loc[("undecoded", NONE, "no times"), "value"]
         timed = rows.loc[("gpcc", AZIMUTH, "200mm"), "value"]
         coded = rows.loc[("gpcc", NONE, "200mm"), "value"]
-        yield f"{name} drifts by {before:.2f} %, without times by {untimed:.2f} %"
-        yield f"`gpcc` at 200 mm by {timed:.2f} % with azimuth times and {coded:.2f} % without"
-    units = drives()[drives()["codec"] == "undecoded"]
-    units = units[units["times"] == KEPT]
-    streets, rooms = units[units["dataset"] != "rooms"], units[units["dataset"] == "rooms"]
-    ways = streets["length_m"]
+        yield f"{odometry} drifts by {before:.2f} %, without times by {untimed:.2f} %"
+        yield f"after `gpcc` at 200 mm by {timed:.2f} % with azimuth times, {coded:.2f} % without"
+    for codec, times in (("gpcc", AZIMUTH), ("puck", KEPT)):
+        row = table.loc[("rooms", "KISS-ICP", codec, times, "50mm")]
+        yield f"{_difference(row).replace(' (', ' mm (')}"
+        yield f"{row['bits']:.2f} bits"
+    undecoded = drives()[(drives()["codec"] == "undecoded") & (drives()["times"] == KEPT)]
+    in_room = undecoded["dataset"] == "rooms"
+    streets, rooms = undecoded[~in_room]["length_m"], undecoded[in_room]["length_m"]
     yield f"{len(streets)} streets and {len(rooms)} rooms"
-    yield f"{ways.min():.0f} to {ways.max():.0f} m in a street"
-    yield f"{rooms['length_m'].min():.1f} to {rooms['length_m'].max():.1f} m in a room"
+    yield f"{streets.min():.0f} to {streets.max():.0f} m in a street"
+    yield f"{rooms.min():.1f} to {rooms.max():.1f} m in a room"
 
 
 @pytest.mark.parametrize("words", sentences())

@@ -43,6 +43,8 @@ MEASURES = (
 )
 """The first measure that all drives of a data set have is shown."""
 _KEYS = ["odometry", "codec", "times", "rate"]
+_DIGITS = 6
+"""Decimals of differences, in % and mm: smaller ones are those of sums in another order."""
 
 
 @TABLES.register(
@@ -124,7 +126,8 @@ def _with_baseline(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    rows = rows.assign(difference=rows["value"] - rows["undecoded"])
+    difference = rows["value"] - rows["undecoded"]
+    rows = rows.assign(difference=difference.round(_DIGITS))
     first = rows.iloc[0]
     measure = next(each for each in MEASURES if each.name == first["measure"])
     poses = ", ".join(sorted(set(rows["poses"]))) if "poses" in rows else ""
