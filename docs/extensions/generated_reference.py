@@ -85,10 +85,11 @@ def _uses(rows: Iterable[Any]) -> str:
 
 def _deltas(dataset: Any) -> str:
     """The BD-rates of a data set's codecs, as a table."""
+    columns = dataset.columns.values()
     rows = [
-        [(codec["title"], "")]
-        + [(cells[codec["name"]].text, cells[codec["name"]].note) for cells in dataset.columns.values()]
+        [(codec["title"], ""), *((cell.text, cell.note) for cell in cells)]
         for codec in dataset.codecs
+        for cells in [[column[codec["name"]] for column in columns]]
     ]
     return _table(["Codec", *dataset.columns], rows)
 

@@ -8,6 +8,7 @@ again; a test fails if a page is older than the results.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -21,8 +22,8 @@ from puckbench.metrics.tables.nearest_truth import nearest_truth, truth_bits
 from puckbench.metrics.tables.noise_bits import noise_bits
 from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
 from puckbench.metrics.tables.uses import uses
-from puckbench.report.bd_rate_text import delta_text, percent_text
-from puckbench.report.findings import findings, ranking_text
+from puckbench.report.bd_rate_text import delta_text
+from puckbench.report.findings import findings
 from puckbench.report.reference_results import ReferenceResults, read_reference
 
 ROOT = Path(__file__).parents[2]
@@ -104,14 +105,22 @@ def which_codec() -> str:
     made = results("evidence")
     found = findings(made.metrics, {"uses": table("evidence", "uses")}, made.style)
     titles = {made.style.title(name): words for name, words in _DATASETS.items()}
+    columns = {
+        "use": "use",
+        "clouds": "clouds",
+        "codec": "codec",
+        "bits per point": "bits",
+        "error": "error",
+        "largest error": "largest",
+        "scenes": "scenes",
+        "verdict": "verdict",
+    }
     rows = [
-        [row.use, titles[row.clouds], row.codec, row.bits, row.error, row.largest, row.scenes]
-        + [row.verdict]
+        [titles.get(text, text) for text in (getattr(row, name) for name in columns.values())]
         for row in found.uses
         if row.clouds in titles
     ]
-    heads = ["use", "clouds", "codec", "bits per point", "error", "largest error", "scenes", "verdict"]
-    return lines(heads, rows)
+    return lines(list(columns), rows)
 
 
 # ---- the cost of noise
@@ -139,8 +148,9 @@ def noise_saved() -> str:
     for codec in _NOISE_CODECS:
         cells = [f"`{codec}`"]
         for sets in _NOISE_SETS:
-            row = rows_of("evidence", "noise_bits", dataset=f"{sets}_measured", codec=codec).iloc[0]
-            cells += [f"{ends(row, 'saved_grid_1_mm_percent', 0)} %", ends(row, "added_grid_1_mm", 1)]
+            part = rows_of("evidence", "noise_bits", dataset=f"{sets}_measured", codec=codec)
+            row = part.rename(columns=lambda name: name.replace("_percent", "")).iloc[0]
+            cells += [f"{ends(row, 'saved_grid_1_mm', 0)} %", ends(row, "added_grid_1_mm", 1)]
         rows.append(cells)
     heads = ["codec", "rooms: saved", "rooms: added bits", "streets: saved", "streets: added bits"]
     return lines(heads, rows)
@@ -214,9 +224,7 @@ def primitives_bits() -> str:
     cells: dict[str, list[str]] = {}
     names = ("accuracy, plane", "completeness, plane", "D2", "D1")
     for name in names:
-        part = rows_of(
-            "evidence", "truth_bits", dataset="rooms", codec="primitives", distance=name
-        )
+        part = rows_of("evidence", "truth_bits", dataset="rooms", codec="primitives", distance=name)
         for _, row in part.iterrows():
             text = "none gets as near"
             if row["scenes"]:
@@ -367,4 +375,4 @@ if __name__ == "__main__":
         text = path.read_text(encoding="utf-8")
         if (new := renewed(text)) != text:
             path.write_text(new, encoding="utf-8")
-            print(path.relative_to(ROOT))
+            sys.stdout.write(f"{path.relative_to(ROOT)}\n")
