@@ -358,7 +358,7 @@ def draco_deltas() -> str:
 def arena_bits() -> str:
     """Bits of `gpcc_arena` relative to those of `gpcc` at equal scales, in the default run."""
     metrics = results("default").metrics
-    scales = {"r1": "s1_8", "r4": "s1_2", "r8": "s1"}
+    scales = {"r1": "s0.125", "r4": "s0.5", "r8": "s1"}
     arena = metrics[(metrics["codec"] == "gpcc_arena") & metrics["rate"].isin(scales)]
     arena = arena.assign(same=arena["rate"].map(scales))
     both = arena.merge(
