@@ -67,7 +67,7 @@ def medians_per_rate(rows: pd.DataFrame, y: str, rates: Sequence[str]) -> Curve:
     """
     import pandas as pd
 
-    rows = rows.dropna(subset=[y])
+    rows = rows[rows["rate"].isin(rates)].dropna(subset=[y])
     places = rows["rate"].map({rate: float(place) for place, rate in enumerate(rates)})
     frame = pd.DataFrame({"x": places, "y": rows[y].astype(float)})
     curve = _curve(frame, frame["x"])
