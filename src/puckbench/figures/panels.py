@@ -229,7 +229,7 @@ def titled(title: str, rows: pd.DataFrame) -> str:
     """Return a title followed by the number n of clouds, and of scenes if these are fewer."""
     clouds, scenes = (with_scenes(rows)[name].nunique() for name in ("cloud", SCENE))
     text = f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{clouds}"
-    return f"{text})" if scenes == clouds else f"{text} of {scenes} scenes)"
+    return f"{text})" if scenes == clouds else f"{text} of {scenes} scene{'s' * (scenes > 1)})"
 
 
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
