@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FEW = 12
-_MEDIAN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}
-_MEAN: dict[str, Any] = {"marker": "^", "markersize": 3, "mfc": "#009E73", "mec": "#009E73"}
+_MEDIAN: dict[str, Any] = {"color": "black", "linewidth": 1.8}
+_MEAN: dict[str, Any] = {"marker": "^", "markersize": 3.5, "mfc": "white", "mec": "black"}
 _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 
 
