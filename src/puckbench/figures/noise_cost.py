@@ -42,8 +42,8 @@ Line = tuple[str, Floats]
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits per return of the same rays under several error models, for the data sets with the most
     error models and, among these, the most scenes. Markers: means over n scenes; grey lines join
-    the error models; black lines: 95 % intervals of the means of six scenes or more. Top: lossless, or on a 1 mm
-    grid. Bottom: at a D1 RMS error of 5 mm, if a codec reaches it.
+    the error models; black lines: 95 % intervals of the means of six scenes or more. Top: lossless,
+    or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, if a codec reaches it.
 
     First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
     lossless codecs. It excludes the mean error of each laser in each turn, which a codec can learn.
@@ -56,7 +56,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     require_numbers(metrics, ("bpp", "d1_rms_m"), "metrics")
     bits = noise_bits(metrics, clouds)
     bits = bits[bits["models"] == bits["models"].max()]
-    bits = bits[bits["clouds"] == bits["clouds"].max()]
+    bits = bits[bits["scenes"] == bits["scenes"].max()]
     noise = bits.groupby("error_model")["noise_bits"].mean().sort_values(kind="stable")
     markers = _markers(list(noise.index))
     panel_lines = [_lines(bits, column, list(noise.index), style) for column in _PANELS]
