@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _PANELS = {"grid_1_mm": "Lossless, or on a grid of 1 mm", "at_5_mm": "At a D1 error of 5 mm"}
 _MARKERS = "osD^vP"
+_JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}
 _QUARTILES: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
 _LINE_IN, _AROUND_IN = 0.145, 1.1
 """Height of a codec's line, and of the figure without these lines, inches."""
@@ -73,6 +74,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
         set_title(axes, f"{title} (n = {scenes})", 1, style)
     panels[-1].set_xlabel(f"Bits per return, {BETTER}")
     handles = [line_handle(error_model_title(name), **mark) for name, mark in markers.items()]
+    handles.append(line_handle("range of the models", **_JOINED))
     if scenes >= MIN_SCENES:
         handles.append(line_handle("quartiles over scenes", **_QUARTILES))
     add_rows_legend(figure, handles, 3)
@@ -111,12 +113,7 @@ def _draw_lines(
 ) -> None:
     positions = np.arange(len(lines))
     for position, (_, (low, values, high)) in zip(positions, lines, strict=True):
-        axes.plot(
-            [np.nanmin(values), np.nanmax(values)],
-            [position, position],
-            color="#bbbbbb",
-            linewidth=1.2,
-        )
+        axes.plot([np.nanmin(values), np.nanmax(values)], [position, position], **_JOINED)
         if quartiles:
             axes.hlines([position] * len(low), low, high, zorder=4, **_QUARTILES)
     for number, marker in enumerate(markers):
