@@ -17,7 +17,7 @@ _DELTA_COLUMNS = (
     *("dataset", "codec", "anchor", "metric", "clouds", "compared"),
     *("bd_rate_percent", "bd_rate_percent_low", "bd_rate_percent_high"),
     *("bd_rate_percent_least", "bd_rate_percent_most"),
-    *("bd_quality_db", "bd_quality_db_low", "bd_quality_db_high"),
+    *("bd_quality_db", "bd_quality_db_low", "bd_quality_db_high", "verdict", "scenes"),
     *("no_common_range", "little_overlap", "too_few_points", "lossless", "anchor_lossless"),
 )
 
@@ -126,7 +126,7 @@ def _medians(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def text(answer: Mapping[str, Any]) -> str:
-    """Return text for a terminal: a table for each data set and codec of the run."""
+    """Return text for a terminal: the curves of each data set, and the bits of the run's codecs."""
     from puckbench.planning.run_summary import aligned
     from puckbench.report.bd_rate_text import delta_text
 
@@ -136,16 +136,20 @@ def text(answer: Mapping[str, Any]) -> str:
         for row in answer["deltas"]
     }
     lines: list[str] = []
-    for mine in (row for row in answer["curves"] if row["own"]):
-        name, codec, count = mine["name"], mine["codec"], mine["clouds"]
-        heads = [f"{mine['dataset']}, {count} cloud{'s' if count > 1 else ''}", *_HEADS]
-        rows = [[*heads, *(f"BD-rate, {_short(metric)}" for metric in metrics)]]
-        rows.append([*_cells(mine, mine["title"]), *("" for _ in metrics)])
-        for row in answer["curves"]:
-            if row["name"] == name and not row["own"]:
-                texts = (deltas.get((name, codec, row["codec"], m), "") for m in metrics)
-                rows.append([*_cells(row, f"{row['title']}, {answer['study']}"), *texts])
+    for name in dict.fromkeys(row["name"] for row in answer["curves"]):
+        curves = [row for row in answer["curves"] if row["name"] == name]
+        count = curves[0]["clouds"]
+        heads = [f"{curves[0]['dataset']}, {count} cloud{'s' if count > 1 else ''}", *_HEADS]
+        mine, theirs = ([row for row in curves if row["own"] is own] for own in (True, False))
+        rows = [heads, *(_cells(row, row["title"]) for row in mine)]
+        rows += [_cells(row, f"{row['title']}, {answer['study']}") for row in theirs]
         lines += [*aligned(rows, left=1), ""]
+        for codec in mine:
+            pairs = [["bits at equal quality", *map(_short, metrics)]]
+            for row in theirs:
+                texts = (deltas.get((name, codec["codec"], row["codec"], m), "") for m in metrics)
+                pairs.append([f"{codec['title']} against {row['title']}", *texts])
+            lines += [*aligned(pairs, left=1 + len(metrics)), ""]
     return "\n".join([*lines, *_closing(answer)])
 
 
@@ -165,8 +169,8 @@ def _range(row: Mapping[str, Any], name: str, form: str) -> str:
 
 
 def _closing(answer: Mapping[str, Any]) -> Iterator[str]:
-    yield "BD-rate: by how much the first codec needs more (+) or fewer (−) bits than this one for"
-    yield "equal quality, with 95 % intervals from three clouds on. Times may be of two machines."
+    yield "A against B: by how much A needs more (+) or fewer (−) bits than B for equal quality;"
+    yield "from six scenes on with the 95 % interval and a verdict. Times may be of two machines."
     if answer["peak"]:
         yield f"PSNRs D1 and D2: {answer['peak']}."
     if answer["lossless"]:

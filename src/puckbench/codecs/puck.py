@@ -37,6 +37,12 @@ class PuckOptions(Model):
     reflectivities: bool | Literal["returns"] = Field(
         False, description="also code reflectivities; `returns`: not those of firings without one"
     )
+    key_every: int = Field(
+        50,
+        ge=0,
+        description="number of turns from one that is coded without the turn before it to the next "
+        "(1: every turn is coded alone; 0: only the first)",
+    )
 
 
 @CODECS.register("puck")
@@ -83,10 +89,15 @@ class Puck(ReturnsCodec):
         if options.reflectivities == "returns":
             returns = replace(returns, turns=tuple(map(_without_others, returns.turns)))
         lmbda = options.lmbda * step**2 if step > 1 else 0.0
-        return encode_returns(
-            returns,
-            CodingOptions(step, lmbda, options.times, bool(options.reflectivities), options.effort),
+        coding = CodingOptions(
+            step,
+            lmbda,
+            options.times,
+            bool(options.reflectivities),
+            options.effort,
+            options.key_every,
         )
+        return encode_returns(returns, coding)
 
     def _decode_returns(self, stream: bytes) -> Returns:
         from puckbench.puck import decode_returns

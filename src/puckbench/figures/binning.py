@@ -95,6 +95,5 @@ def _curve(frame: pd.DataFrame, keys: pd.Series[Any]) -> Curve:
 
 def ordered_rates(rates: Iterable[str]) -> list[str]:
     """Return rates sorted by the number in their names: r2 before r10, 0.5mm before 2mm."""
-    return sorted(
-        set(rates), key=lambda rate: (*map(float, re.findall(r"\d+(?:\.\d+)?", rate)), rate)
-    )
+    numbers = {rate: tuple(map(float, re.findall(r"\d+(?:\.\d+)?", rate))) for rate in rates}
+    return sorted(numbers, key=lambda rate: (numbers[rate], rate))

@@ -21,10 +21,10 @@ from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.interpolation import bits_at_error
 from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
 from puckbench.metrics.tables.against_octree import COMPLETE_OCTREE, OCTREE
-from puckbench.metrics.tables.storage import bits_at_error
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 _PANELS = {"grid_1_mm": "Lossless, or on a grid of 1 mm", "at_5_mm": "At a D1 error of 5 mm"}
 _MARKERS = "osD^vP"
 _JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}
-_QUARTILES: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
+_INTERVAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
 _LINE_IN, _AROUND_IN = 0.145, 1.1
 """Height of a codec's line, and of the figure without these lines, inches."""
 
 Line = tuple[str, Floats]
-"""Label of a codec, and quartiles (3, models) of its bits per return."""
+"""Label of a codec, and interval, mean and interval (3, models) of its bits per return."""
 
 
 @FIGURES.register(
@@ -42,9 +42,9 @@ Line = tuple[str, Floats]
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits per return of the same rays under several error models, for the data sets with the most
-    error models and, among these, the most scenes. Markers: medians over n scenes; grey lines join
-    the error models; black lines: quartiles of six scenes or more. Top: lossless, or on a 1 mm
-    grid. Bottom: at a D1 RMS error of 5 mm, if a codec reaches it.
+    error models and, among these, the most scenes. Markers: means over n scenes; grey lines join
+    the error models; black lines: 95 % intervals of the means of six scenes or more. Top: lossless,
+    or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, if a codec reaches it.
 
     First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
     lossless codecs. It excludes the mean error of each laser in each turn, which a codec can learn.
@@ -58,13 +58,13 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     bits = noise_bits(metrics, clouds)
     bits = bits[bits["models"] == bits["models"].max()]
     bits = bits[bits["clouds"] == bits["clouds"].max()]
-    noise = bits.groupby("error_model")["noise_bits"].median().sort_values(kind="stable")
+    noise = bits.groupby("error_model")["noise_bits"].mean().sort_values(kind="stable")
     markers = _markers(list(noise.index))
     panel_lines = [_lines(bits, column, list(noise.index), style) for column in _PANELS]
     if not any(panel_lines):
         raise InputError("metrics table: no codec reaches a grid of 1 mm or a D1 error of 5 mm")
     panel_lines[0].insert(0, ("entropy of the noise", np.tile(noise.to_numpy(float), (3, 1))))
-    scenes = int(bits["clouds"].max())
+    scenes = int(bits["scenes"].max())
     heights = [len(lines) + 1 for lines in panel_lines]
     height_in = _LINE_IN * sum(heights) + _AROUND_IN
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, height_in))
@@ -76,7 +76,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     handles = [line_handle(error_model_title(name), **mark) for name, mark in markers.items()]
     handles.append(line_handle("range of the models", **_JOINED))
     if scenes >= MIN_SCENES:
-        handles.append(line_handle("quartiles over scenes", **_QUARTILES))
+        handles.append(line_handle("95 % interval", **_INTERVAL))
     add_rows_legend(figure, handles, 3)
     return figure
 
@@ -96,10 +96,10 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
 
 def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyle) -> list[Line]:
     tables = [
-        bits.pivot_table(
-            index="codec", columns="error_model", values=name, aggfunc="median"
-        ).reindex(columns=models)
-        for name in (f"{column}_q25", column, f"{column}_q75")
+        bits.pivot_table(index="codec", columns="error_model", values=name, aggfunc="mean").reindex(
+            columns=models
+        )
+        for name in (f"{column}_low", column, f"{column}_high")
     ]
     order = tables[1].dropna(how="all").median(axis=1).sort_values(kind="stable").index
     return [
@@ -109,13 +109,13 @@ def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyl
 
 
 def _draw_lines(
-    axes: Axes, lines: list[Line], markers: list[dict[str, Any]], quartiles: bool
+    axes: Axes, lines: list[Line], markers: list[dict[str, Any]], intervals: bool
 ) -> None:
     positions = np.arange(len(lines))
     for position, (_, (low, values, high)) in zip(positions, lines, strict=True):
         axes.plot([np.nanmin(values), np.nanmax(values)], [position, position], **_JOINED)
-        if quartiles:
-            axes.hlines([position] * len(low), low, high, zorder=4, **_QUARTILES)
+        if intervals:
+            axes.hlines([position] * len(low), low, high, zorder=4, **_INTERVAL)
     for number, marker in enumerate(markers):
         axes.plot([values[1, number] for _, values in lines], positions, zorder=3, **marker)
     axes.set_yticks(positions, [name for name, _ in lines])

@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import Field
 
 from puckbench import __version__
@@ -97,13 +98,7 @@ class Evaluating(Decoding):
 
         reference = originals.reference.cloud
         points, record = decoded
-        returns = {}
-        if originals.returns is not None:
-            returns = (
-                range_errors_of_points(reference.xyz, points.xyz)
-                if points.returns is None
-                else range_errors(originals.returns, points.returns)
-            )
+        returns = _range_errors(originals, points)
         ready = DistinctPoints(points.xyz)
         errors = geometry_metrics(originals.reference, ready, self.peak)
         if returns and errors["lossless"] and points.returns is None:
@@ -127,6 +122,23 @@ class Evaluating(Decoding):
             result[REMARK] = "; ".join(filter(None, [result.get(REMARK), lost]))
         result["cloud"] = result.pop("name", originals.name)
         return result
+
+
+def _range_errors(originals: Originals, points: PointCloud) -> dict[str, float]:
+    """Return the errors of decoded ranges, empty for an original without returns.
+
+    A codec that moves the points of decoded returns has the errors of these points.
+    """
+    if originals.returns is None:
+        return {}
+    decoded = points.returns
+    if decoded is None:
+        return range_errors_of_points(originals.reference.cloud.xyz, points.xyz)
+    errors = range_errors(originals.returns, decoded)
+    if np.array_equal(points.xyz, decoded.points()):
+        return errors
+    moved = range_errors_of_points(originals.reference.cloud.xyz, points.xyz)
+    return errors | {name: moved[name] for name in ("range_rms_mm", "range_max_mm")}
 
 
 @JOBS.register("evaluate")

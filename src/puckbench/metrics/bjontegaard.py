@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
 
@@ -19,7 +20,8 @@ NO_COMMON_RANGE = "no common range"
 LITTLE_OVERLAP = "overlap below half"
 TOO_FEW_POINTS = "too few points"
 
-MIN_POINTS = 2
+MIN_POINTS = 4
+"""Fewest points of a curve, as in the common test conditions."""
 MIN_OVERLAP = 0.5
 """Minimum common range of two curves, as a fraction of the shorter curve's range."""
 _ROUNDING = 1e-12
@@ -29,12 +31,12 @@ _ROUNDING = 1e-12
 class RateDistortionCurve:
     """A rate-distortion curve: points (k,), strictly increasing in ln(rate) and quality (dB).
 
-    `dropped` is the number of dominated points that `rate_distortion_curve` removed.
+    `pooled` is by how much `rate_distortion_curve` reduced the number of points.
     """
 
     log_rate: Floats
     quality: Floats
-    dropped: int
+    pooled: int
 
     @cached_property
     def rate_interpolant(self) -> Any:
@@ -78,19 +80,25 @@ class BjontegaardDelta:
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve through points (k,), without missing values and dominated points.
+    """Return the curve through points (k,); those with a missing value are left out.
 
-    A point is dominated if another point has no higher rate and no lower quality.
+    Points at which more bits give no better quality are pooled with the points before them: the
+    mean of their qualities and of their ln(rate) is one point of the curve (pool adjacent
+    violators). So a codec's bad rates count, and do not only its best ones.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
-    rates, qualities = rates[is_finite], qualities[is_finite]
-    order = np.lexsort((-qualities, rates))
-    rates, qualities = rates[order], qualities[order]
-    best_so_far = np.maximum.accumulate(np.concatenate([[-np.inf], qualities]))[:-1]
-    is_better = qualities > best_so_far
-    return RateDistortionCurve(
-        np.log(rates[is_better]), qualities[is_better], int(np.count_nonzero(~is_better))
-    )
+    log_rates, qualities = np.log(rates[is_finite]), qualities[is_finite]
+    pools: list[NDArray[np.float64]] = []
+    for place in np.lexsort((qualities, log_rates)):
+        pools.append(np.array([log_rates[place], qualities[place], 1.0]))
+        while len(pools) > 1 and not _increases(pools[-2], pools[-1]):
+            pools[-2:] = [pools[-2] + pools[-1]]
+    means = np.array([pool[:2] / pool[2] for pool in pools]).reshape(-1, 2)
+    return RateDistortionCurve(means[:, 0], means[:, 1], len(qualities) - len(pools))
+
+
+def _increases(before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
+    return bool(np.all(before[:2] / before[2] < after[:2] / after[2]))
 
 
 def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) -> BjontegaardDelta:

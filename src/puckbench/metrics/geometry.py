@@ -5,6 +5,7 @@ Duplicate points, missing normals and equidistant neighbours are treated as in M
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -18,6 +19,8 @@ from puckbench.geometry.neighbours import Neighbours, SearchablePoints
 from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.metrics.diameter import diameter
 from puckbench.metrics.lossless import rounding
+
+_QUANTILE = 0.99
 
 
 @dataclass(frozen=True)
@@ -91,12 +94,12 @@ def distortion(
     Returns
     -------
     dict
-        In squared units of the clouds, except ``hausdorff_point`` and ``hausdorff_plane`` (units):
+        In squared units of the clouds, except ``hausdorff_...`` and ``q99_...`` (units):
 
         * ``acd_ab_point``, ``acd_ba_point``: asymmetric Chamfer distances (eq. 2.3); ``cd_point``:
           their mean (eq. 2.4); ``d1_mse``: their maximum (pc_error's mseF).
         * ``hausdorff_point``: Hausdorff distance (eq. 2.5); ``hausdorff_sq_point``: its square
-          (pc_error's "h.").
+          (pc_error's "h."). ``q99_point``: the larger of both directions' 99 % quantiles.
         * ``..._plane`` and ``d2_mse``: the point-to-plane versions (eq. 2.6), if the reference has
           normals.
         * ``points_a``, ``points_b``: numbers of distinct points.
@@ -140,9 +143,16 @@ def _summary(ab: Floats, ba: Floats, kind: str, largest_mse: str) -> dict[str, f
         f"acd_ba_{kind}": acd_ba,
         f"cd_{kind}": (acd_ab + acd_ba) / 2,
         largest_mse: max(acd_ab, acd_ba),
+        f"q99_{kind}": max(_quantile(ab), _quantile(ba)) ** 0.5,
         f"hausdorff_{kind}": largest**0.5,
         f"hausdorff_sq_{kind}": largest,
     }
+
+
+def _quantile(squared: Floats) -> float:
+    """Return the smallest value (n,) that at least 99 % of the values do not exceed."""
+    rank = math.ceil(_QUANTILE * len(squared)) - 1
+    return float(np.partition(squared, rank)[rank])
 
 
 def _float64(values: NDArray[Any]) -> Floats:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,8 +47,6 @@ class Estimate:
     @classmethod
     def of(cls, values: Floats | Iterable[float]) -> Estimate:
         """Return the estimate of the mean of `values` (n,), one per scene; nan are left out."""
-        from scipy import stats
-
         numbers = np.asarray(list(values), np.float64)
         numbers = numbers[~np.isnan(numbers)]
         count = len(numbers)
@@ -56,7 +55,7 @@ class Estimate:
         mean, half = float(numbers.mean()), math.nan
         if count >= MIN_SCENES:
             error = float(numbers.std(ddof=1)) / math.sqrt(count)
-            half = float(stats.t.ppf((1 + CONFIDENCE) / 2, count - 1)) * error
+            half = _t_quantile(count - 1) * error
         least, most = float(numbers.min()), float(numbers.max())
         return cls(mean, mean - half, mean + half, least, most, count)
 
@@ -64,8 +63,10 @@ class Estimate:
     def of_ratios(cls, ratios: Floats | Iterable[float]) -> Estimate:
         """Return the geometric mean of positive `ratios` (n,), one per scene, and its interval."""
         logs = cls.of(np.log(np.asarray(list(ratios), np.float64)))
-        ends = (logs.mean, logs.low, logs.high, logs.least, logs.most)
-        return cls(*(math.exp(end) for end in ends), logs.scenes)
+        mean, low, high, least, most = (
+            math.exp(end) for end in (logs.mean, logs.low, logs.high, logs.least, logs.most)
+        )
+        return cls(mean, low, high, least, most, logs.scenes)
 
     def verdict(self, margin: float) -> str:
         """Return what the interval of differences says, where negative differences are better.
@@ -84,6 +85,13 @@ class Estimate:
         return WORSE if self.low > 0 else UNDECIDED
 
 
+@cache
+def _t_quantile(freedom: int) -> float:
+    from scipy import stats
+
+    return float(stats.t.ppf((1 + CONFIDENCE) / 2, freedom))
+
+
 def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
     """Add the column ``scene``, by default the cloud's name."""
     scenes = table.get(SCENE, table["cloud"]).astype(object).fillna(table["cloud"])
@@ -94,5 +102,6 @@ def means_over_seeds(
     table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str]
 ) -> pd.DataFrame:
     """Return means of `columns` over the clouds of each scene, by `keys` and ``scene``."""
-    groups: Any = with_scenes(table).groupby([*keys, SCENE], sort=False)
-    return groups[list(columns)].mean().reset_index()
+    groups = with_scenes(table).groupby([*keys, SCENE], sort=False)
+    means: pd.DataFrame = groups[list(columns)].mean()
+    return means.reset_index()

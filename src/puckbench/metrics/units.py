@@ -3,9 +3,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+_DISTANCES = ("hausdorff_point", "hausdorff_plane", "q99_point", "q99_plane")
+
 
 def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
-    """Return RMS errors and Hausdorff distances in metres.
+    """Return RMS errors, 99 % quantiles and Hausdorff distances in metres.
 
     `values` are results of `distortion`, with `scale` units per metre; ``d1_mse`` becomes
     ``d1_rms_m``.
@@ -16,9 +18,7 @@ def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str,
         if name.endswith("_mse")
     }
     distances = {
-        f"{name}_m": value / scale
-        for name, value in values.items()
-        if name.endswith(("hausdorff_point", "hausdorff_plane"))
+        f"{name}_m": value / scale for name, value in values.items() if name.endswith(_DISTANCES)
     }
     return {**roots, **distances}
 

@@ -376,10 +376,15 @@ class RateDeltaConfig(Model):
     metrics: Annotated[tuple[str, ...], Distinct] = Field(
         ("d1_psnr", "d2_psnr"),
         min_length=1,
-        description="Columns of the table of metrics that measure quality: PSNRs, or squared "
-        "distortions, taken as -10 log10.",
+        description="Columns of the table of metrics that measure quality: PSNRs; lengths (`_m`, "
+        "`_mm`), taken as -20 log10; or squared distances, taken as -10 log10.",
     )
-    resamples: int = Field(2000, ge=100, description="Draws of the bootstrap over clouds.")
+    margin_percent: float = Field(
+        5.0,
+        ge=0,
+        description="Largest increase of the bits that counts as none in verdicts: fix it before "
+        "you see results.",
+    )
 
 
 class ReportConfig(Model):

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import cached_property
+from inspect import signature
 from pathlib import Path
 from typing import Any, get_args
 
@@ -144,14 +145,16 @@ class OutputJobs:
         return planned(record, TABLES.module_of(name), *modules, also=f"{parameters} {inputs}")
 
     def table_options(self, table: str) -> Options:
-        if not table.startswith("bd_rate"):
-            needs = table_entry(table).needs
-            return {name: value for need in needs for name, value in self._met[need].items()}
-        chosen = self.config.bd_rate
-        options: Options = {"anchor": self.anchor, "qualities": chosen.metrics}
-        if table == "bd_rate":
-            options |= {"resamples": chosen.resamples, "seed": self.config.seed}
-        return options
+        """Return the options of a table's function that its needs or the configuration set."""
+        entry, chosen = table_entry(table), self.config.bd_rate
+        options = {name: value for need in entry.needs for name, value in self._met[need].items()}
+        compared = {
+            "anchor": self.anchor,
+            "qualities": chosen.metrics,
+            "margin_percent": chosen.margin_percent,
+        }
+        taken = signature(entry.make).parameters
+        return options | {name: value for name, value in compared.items() if name in taken}
 
     @property
     def anchor(self) -> str:

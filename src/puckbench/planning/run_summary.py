@@ -29,10 +29,18 @@ _COLUMNS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "seconds": ("s, at most", "{:.2g}".format),
 }
 """Heading and format of each column, by key of a row; empty columns are left out."""
-_RATE_HEADS = (
-    *("data set", "codec and rate", "bytes", "file / stream", "RMS, mm", "largest, mm", "s"),
-)
-_RATE_NUMBERS = ("ratio", "rms_mm", "largest_mm")
+_RATE_COLUMNS = {
+    "bpp": "bits per point",
+    "file_ratio": "file / stream",
+    "d1_rms_mm": "D1, mm",
+    "d2_rms_mm": "D2, mm",
+    "range_rms_mm": "range, mm",
+    "q99_mm": "99 %, mm",
+    "largest_mm": "largest, mm",
+    "encode_s": "encode, s",
+    "decode_s": "decode, s",
+}
+"""Headings of columns of the table ``rates``."""
 _MAX_RATES = 24
 _MAX_REMARKS = 10
 _NO_TASK = re.compile(
@@ -171,19 +179,17 @@ def _rate_lines(results: Path, style: FigureStyle) -> Iterator[str]:
         yield f"Bytes, errors and times at each rate: {path}"
     elif rows:
         yield ""
-        yield from aligned([list(_RATE_HEADS), *(_rate_cells(row, style) for row in rows)])
-        yield "Sums over clouds; errors are distances of points, in the worse direction."
+        names = [name for name in _RATE_COLUMNS if any(row.get(name) for row in rows)]
+        heads = ["data set", "codec and rate", *(_RATE_COLUMNS[name] for name in names)]
+        yield from aligned([heads, *(_rate_cells(row, names, style) for row in rows)])
+        yield "99 % and largest: point to point, of the worst cloud; times for a million points."
 
 
-def _rate_cells(row: Row, style: FigureStyle) -> list[str]:
-    seconds = float(row["encode_s"]) + float(row["decode_s"])
-    numbers = (f"{float(row[name]):.3g}" if row[name] else "" for name in _RATE_NUMBERS)
+def _rate_cells(row: Row, names: Sequence[str], style: FigureStyle) -> list[str]:
     return [
         style.title(row["dataset"]),
         f"{style.of_codec(row['codec']).title} {row['rate']}",
-        f"{int(row['bytes']):,}",
-        *numbers,
-        f"{seconds:.2g}",
+        *(f"{float(row[name]):.3g}" if row[name] else "" for name in names),
     ]
 
 

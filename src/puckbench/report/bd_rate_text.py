@@ -4,21 +4,23 @@ from collections.abc import Mapping
 from math import isnan, nan
 from typing import Any
 
-from puckbench.metrics.bjontegaard import LITTLE_OVERLAP, NO_COMMON_RANGE
-from puckbench.metrics.scenes import MIN_CLOUDS
+from puckbench.metrics.bjontegaard import LITTLE_OVERLAP, MIN_POINTS, NO_COMMON_RANGE
+from puckbench.metrics.statistics import NO_VERDICT
 
-FEW_CLOUDS = 10
-"""Number of clouds below which a text states how many clouds were compared."""
 _REASONS = {
     "no_common_range": NO_COMMON_RANGE,
     "little_overlap": LITTLE_OVERLAP,
-    "too_few_points": "fewer than two lossy rates",
+    "too_few_points": f"fewer than {MIN_POINTS} lossy rates",
 }
 _Row = Mapping[Any, Any]
 
 
 def delta_text(row: _Row | None) -> str:
-    """Return a row of the table ``bd_rate`` as text: "−50.0 % (−60.0 % to −40.0 %, 3 clouds)"."""
+    """Return a row of the table ``bd_rate`` as text, with interval, scenes and verdict.
+
+    "−50.0 % (−60.0 % to −40.0 %, 6 scenes, better)"; below six scenes the extremes and "no
+    verdict".
+    """
     value, note = delta_value(row), delta_note(row)
     return f"{value} ({note})" if value and note else value or note
 
@@ -28,52 +30,30 @@ def delta_value(row: _Row | None) -> str:
 
 
 def has_delta(row: _Row | None) -> bool:
-    return row is not None and not _why_not(row)
+    return row is not None and _count(row, "scenes") > 0
 
 
 def delta_note(row: _Row | None) -> str:
-    """Return the interval and number of clouds of a BD-rate, or the reason why there is none."""
+    """Return interval, scenes and verdict of a BD-rate, or the reason why there is none."""
     if row is None:
         return NO_COMMON_RANGE
-    return _why_not(row) or ", ".join(filter(None, (_interval(row), _clouds(row))))
-
-
-def holds_zero(row: _Row) -> bool:
-    low, high = _ends(row)
-    return not (low > 0 or high < 0)
-
-
-def _why_not(row: _Row) -> str:
-    compared = _count(row, "compared")
-    if not compared:
+    if not has_delta(row):
         counts = {name: _number(row, name) for name in _REASONS}
-        reasons = {name: count for name, count in counts.items() if count > 0}
-        return (
-            _REASONS[max(reasons, key=lambda name: reasons[name])] if reasons else NO_COMMON_RANGE
-        )
-    lacks_interval = isnan(_number(row, "bd_rate_percent_low"))
-    return "no interval" if MIN_CLOUDS <= compared < FEW_CLOUDS and lacks_interval else ""
+        most = max(counts, key=lambda name: counts[name])
+        return _REASONS[most] if counts[most] > 0 else NO_COMMON_RANGE
+    return ", ".join(filter(None, (_ends(row), _scenes(row), str(row["verdict"]))))
 
 
-def _interval(row: _Row) -> str:
-    if _count(row, "compared") == 1:
-        return ""
-    low, high = _ends(row)
-    return "" if isnan(low) else f"{percent_text(low)} to {percent_text(high)}"
+def _ends(row: _Row) -> str:
+    names = ("least", "most") if row["verdict"] == NO_VERDICT else ("low", "high")
+    low, high = (_number(row, f"bd_rate_percent_{name}") for name in names)
+    return "" if isnan(low) or low == high else f"{percent_text(low)} to {percent_text(high)}"
 
 
-def _ends(row: _Row) -> tuple[float, float]:
-    ends = ("low", "high") if _count(row, "compared") >= MIN_CLOUDS else ("least", "most")
-    return _number(row, f"bd_rate_percent_{ends[0]}"), _number(row, f"bd_rate_percent_{ends[1]}")
-
-
-def _clouds(row: _Row) -> str:
-    compared, clouds = _count(row, "compared"), _count(row, "clouds")
-    if compared < clouds:
-        return f"{compared} of {clouds} clouds"
-    if compared == 1:
-        return "one cloud"
-    return f"{compared} clouds" if compared < FEW_CLOUDS else ""
+def _scenes(row: _Row) -> str:
+    scenes, compared, clouds = (_count(row, name) for name in ("scenes", "compared", "clouds"))
+    text = "one scene" if scenes == 1 else f"{scenes} scenes"
+    return f"{text}, {compared} of {clouds} clouds" if compared < clouds else text
 
 
 def _count(row: _Row, name: str) -> int:

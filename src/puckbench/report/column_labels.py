@@ -55,14 +55,13 @@ _OF_TABLES = {
     "peak": ("Peak of the PSNRs", ""),
     "reflectance_peak": ("Peak of the PSNR of reflectances", ""),
 }
-_OF_CLOUDS = {"median": "median", "q05": "5 %", "q25": "25 %", "q75": "75 %", "q95": "95 %"}
+_OF_CLOUDS = {"median": "median", "q25": "25 %", "q75": "75 %"}
 _SUFFIXES = {
     "low": "interval from",
     "high": "interval to",
     "half": "half the interval",
-    "arithmetic": "arithmetic mean",
-    "least": "least of the clouds",
-    "most": "greatest of the clouds",
+    "least": "least of the scenes",
+    "most": "greatest of the scenes",
     **_OF_CLOUDS,
 }
 """Meaning of the last part of a column's name."""
@@ -122,6 +121,8 @@ _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     (f"{_MPEG}_mm2", "Mean squared error {}", "mm²", None),
     (f"{_MPEG}_psnr", "PSNR {}", "dB", None),
     (f"{_MPEG}_rms_m", "Root mean square error {}", "m", None),
+    (f"q99_{_KIND}", "99 % quantile of distances, {}", GRID, None),
+    (f"q99_{_KIND}_m", "99 % quantile of distances, {}", "m", None),
     (f"hausdorff_{_KIND}", "Hausdorff distance, {}", GRID, None),
     (f"hausdorff_{_KIND}_m", "Hausdorff distance, {}", "m", None),
     (f"hausdorff_sq_{_KIND}", "Squared Hausdorff distance, {}", SQUARED, None),

@@ -6,7 +6,6 @@ from math import nan
 from typing import TYPE_CHECKING
 
 from puckbench.core.errors import InputError, among, naming
-from puckbench.metrics.bjontegaard import MIN_POINTS
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks
 from puckbench.metrics.tables.rate_deltas import bd_rate
@@ -158,7 +157,7 @@ def _check_rates(
 ) -> None:
     for (dataset, codec), rows in run_rows.groupby(["dataset", "codec"], sort=False):
         rates = list(dict.fromkeys(rows["rate"]))
-        if len(rates) < MIN_POINTS:
+        if len(rates) == 1:
             raise InputError(f"codec {codec!r}: only the rate {rates[0]} on {dataset}: no curve")
         for cloud in dict.fromkeys(run_rows.loc[run_rows["dataset"] == dataset, "cloud"]):
             of_cloud = rows[rows["cloud"] == cloud].set_index("rate")
@@ -187,7 +186,7 @@ def _deltas(
 ) -> pd.DataFrame:
     import pandas as pd
 
-    options = {k: v for k, v in reference.bd_rate.items() if k in ("resamples", "seed")}
+    margin = reference.bd_rate["margin_percent"]
     tables = []
     run_rows, reference_rows = (_judged(table) for table in (run_rows, reference_rows))
     columns = ["dataset", "cloud", "codec", "rate", "bpp", LOSSLESS, PEAK, *qualities]
@@ -197,7 +196,7 @@ def _deltas(
         both = run_rows.loc[run_rows["dataset"].isin(set(rows["dataset"])), columns]
         shared = [name for name in qualities if _measured(both, name) & _measured(rows, name)]
         if shared:
-            table = bd_rate(pd.concat([both, rows]), anchor, shared, **options)
+            table = bd_rate(pd.concat([both, rows]), anchor, shared, margin)
             tables.append(table.assign(anchor=codec))
     if not tables:
         raise InputError(f"{reference.name} has no codec with curves on these clouds")

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from math import floor, isnan, log10, nan
+from typing import TYPE_CHECKING, Any
 
 from puckbench.report.cells import cell_text
 from puckbench.report.column_labels import table_heading
+from puckbench.report.tables import is_bookkeeping
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,20 +19,39 @@ _REPLACED = {
 }  # fmt: skip
 
 
-def latex_table(table: pd.DataFrame) -> str:
-    """Return a LaTeX table (booktabs) with units in its heading and four significant digits.
+MOST_COLUMNS = 12
+_ENDS = ("_low", "_high")
 
-    Missing values are dashes; empty columns are left out.
+
+def latex_table(table: pd.DataFrame) -> str:
+    """Return a LaTeX table (booktabs) with units in its heading.
+
+    An interval stands beside its value, which has as many digits as the interval allows; other
+    numbers have three significant digits. Missing values are dashes; empty columns, those on how
+    values were obtained, and those beyond the twelfth are left out.
     """
-    shown = table.dropna(axis="columns", how="all")
-    names = [str(name) for name in shown]
+    names = [str(name) for name in table if not is_bookkeeping(table[name])]
+    ends = {f"{name}{end}" for name in names for end in _ENDS}
+    names = [name for name in names if name not in ends][:MOST_COLUMNS]
     headings = [table_heading(name, names) for name in names]
     heads = [f"{words} ({unit})" if unit else words for words, unit in headings]
-    alignment = "".join("r" if shown[name].dtype.kind in "fiu" else "l" for name in names)
-    rows = [[cell_text(value) or "--" for value in row] for row in shown.itertuples(index=False)]
+    alignment = "".join("r" if table[name].dtype.kind in "fiu" else "l" for name in names)
+    rows = [[_cell(row, name) or "--" for name in names] for row in table.to_dict("records")]
     head, *body = (" & ".join(map(_escaped, cells)) + r" \\" for cells in [heads, *rows])
     lines = [rf"\begin{{tabular}}{{{alignment}}}", r"\toprule", head, r"\midrule", *body]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _cell(row: Mapping[Any, Any], name: str) -> str:
+    value, (low, high) = row[name], (row.get(f"{name}{end}", nan) for end in _ENDS)
+    if not isinstance(value, float):
+        return cell_text(value)
+    if isnan(value):
+        return ""
+    if not (isnan(low) or isnan(high) or low == high):
+        decimals = max(0, 1 - floor(log10(high - low)))
+        return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def _escaped(text: str) -> str:

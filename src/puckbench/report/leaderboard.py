@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from puckbench.core.files import write_bytes
 from puckbench.io.tables import write_table
 from puckbench.metrics.table_registry import table_entry
-from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds
+from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds, bd_rate_pairs
+from puckbench.metrics.tables.uses import uses
 from puckbench.report.build import build_page
 from puckbench.report.contents import Contents
 from puckbench.report.findings import Findings, findings
@@ -23,15 +24,14 @@ if TYPE_CHECKING:
 
 
 def study_findings(reference: ReferenceResults) -> Findings:
-    errors = reference.table("scan_errors")
-    return findings(reference.metrics, _deltas(reference).get("bd_rate"), errors, reference.style)
+    return findings(reference.metrics, _comparisons(reference), reference.style)
 
 
 def write_study(reference: ReferenceResults, folder: Path) -> Path:
     """Write ``index.html`` and ``tables`` for a study; ``tables/metrics.csv`` contains all rows."""
     tables = folder / "tables"
     summary = table_entry("summary").make(metrics=reference.metrics)
-    tables_by_name = {"summary": summary, **_deltas(reference)}
+    tables_by_name = {"summary": summary, **_comparisons(reference)}
     tables_by_name |= {name: reference.table(name) for name in ("clouds", "scan_errors")}
     present = {name: table for name, table in tables_by_name.items() if table is not None}
     for name, table in present.items():
@@ -51,12 +51,16 @@ def write_study(reference: ReferenceResults, folder: Path) -> Path:
     return page
 
 
-def _deltas(reference: ReferenceResults) -> dict[str, pd.DataFrame]:
+def _comparisons(reference: ReferenceResults) -> dict[str, pd.DataFrame]:
     if reference.metrics["codec"].nunique() < 2:
         return {}
-    options = {name: reference.bd_rate[name] for name in ("anchor", "qualities")}
+    options = dict(reference.bd_rate)
+    margin = options.pop("margin_percent")
+    errors = reference.table("scan_errors")
     return {
-        "bd_rate": bd_rate(reference.metrics, **reference.bd_rate),
+        "uses": uses(reference.metrics, errors, margin),
+        "bd_rate": bd_rate(reference.metrics, **options, margin_percent=margin),
+        "bd_rate_pairs": bd_rate_pairs(reference.metrics, **options, margin_percent=margin),
         "bd_rate_clouds": bd_rate_clouds(reference.metrics, **options),
     }
 

@@ -11,6 +11,7 @@ from puckbench.geometry.cloud import CoordinateFrame, Floats
 from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
+from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.report.column_labels import (
     ColumnLabel,
     column_label,
@@ -120,15 +121,17 @@ def _cells(
 def _quartiles(values: Floats) -> Floats:
     """Return quartiles (3, columns) of values (n, columns), without nan; nan for empty columns.
 
+    Fewer than six values have no quartiles: their median stands for them.
     This is much faster than quantiles of a wide data frame.
     """
-    quartiles = np.full((len(_SHARES), values.shape[1]), np.nan)
+    shares = _SHARES if len(values) >= MIN_SCENES else [0.5] * len(_SHARES)
+    quartiles = np.full((len(shares), values.shape[1]), np.nan)
     is_missing = np.isnan(values)
     whole = ~is_missing.any(axis=0)
-    quartiles[:, whole] = np.quantile(values[:, whole], _SHARES, axis=0)
+    quartiles[:, whole] = np.quantile(values[:, whole], shares, axis=0)
     for column in np.flatnonzero(~whole & ~is_missing.all(axis=0)):
         present = values[~is_missing[:, column], column]
-        quartiles[:, column] = np.quantile(present, _SHARES)
+        quartiles[:, column] = np.quantile(present, shares)
     return quartiles
 
 

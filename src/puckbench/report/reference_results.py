@@ -18,6 +18,7 @@ from pydantic import Field
 from puckbench.core.errors import InputError, among, naming
 from puckbench.core.files import json_of, written_whole
 from puckbench.core.models import Model, parsed
+from puckbench.metrics.tables.rate_deltas import MARGIN_PERCENT
 from puckbench.report.column_labels import is_time, name_in_words
 from puckbench.report.run_record import RunRecord
 
@@ -62,8 +63,7 @@ busy one (docs/notes/times.md)."""
 class _BdRate(Model, extra="ignore"):
     anchor: str
     qualities: tuple[str, ...]
-    resamples: int = Field(2000, ge=1, le=100_000)
-    seed: int = Field(0, ge=0)
+    margin_percent: float = Field(MARGIN_PERCENT, ge=0)
 
 
 class _About(Model, extra="ignore"):
@@ -106,9 +106,8 @@ class ReferenceResults:
 
     @property
     def bd_rate(self) -> Mapping[str, Any]:
-        """Options for the study's Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
-        options: Mapping[str, Any] = self.about["bd_rate"]
-        return options
+        """Options for the study's Bjontegaard deltas."""
+        return parsed(_BdRate, self.about["bd_rate"], "bd_rate").model_dump()
 
     @property
     def record(self) -> RunRecord:

@@ -17,10 +17,11 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 1000
 """Maximum number of rows in the page; the linked file has all."""
-_SPREAD = re.compile(r"(.+)_(q05|q25|q75|q95)")
+_SPREAD = re.compile(r"(.+)_(q25|q75)")
 _BOOKKEEPING = re.compile(
-    "anchor|clouds|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?dropped"
-    "|little_overlap|anchor_lossless|bd_rate_percent_(least|most)|anchor_points|bd_(rate|quality)_status|log_ratio|bd_rate_percent_arithmetic|truth_points_[ab]"
+    "clouds|compared|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?pooled"
+    "|little_overlap|anchor_lossless|anchor_points|bd_(rate|quality)_status|log_ratio"
+    "|truth_points_[ab]"
     "|group|count|scans|weights|digest|(truth_|clean_)?acd_.*"
 )
 """Columns on how values were obtained; like empty columns, they come last and are hidden."""
@@ -63,11 +64,12 @@ def table_html(
 
 def _in_order(table: pd.DataFrame) -> list[str]:
     names = [str(name) for name in table]
-    last = [name for name in names if _is_bookkeeping(table[name])]
+    last = [name for name in names if is_bookkeeping(table[name])]
     return [name for name in names if name not in last] + last
 
 
-def _is_bookkeeping(values: pd.Series[Any]) -> bool:
+def is_bookkeeping(values: pd.Series[Any]) -> bool:
+    """Return whether a column tells how values were obtained, or is empty."""
     return bool(_BOOKKEEPING.fullmatch(str(values.name))) or bool(values.isna().all())
 
 
@@ -94,6 +96,6 @@ def _column(values: pd.Series[Any], names: list[str], frames: Collection[str]) -
     quantile = _SPREAD.fullmatch(name)
     kinds = ["number"] if values.dtype.kind in "fiu" else []
     kinds += ["spread"] if quantile and quantile[1] in names else []
-    kinds += ["bookkeeping"] if _is_bookkeeping(values) else []
+    kinds += ["bookkeeping"] if is_bookkeeping(values) else []
     words, unit = table_heading(name, names)
     return TableColumn(name, words, unit_in_frames(unit, frames), " ".join(kinds))

@@ -10,6 +10,7 @@ from puckbench.jobs.curve_files import read_rows
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows, with_lossless_best, without_lossless
 from puckbench.metrics.peaks import PEAK, with_peaks, without_mixed_peaks
+from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.metrics.table_registry import TABLES
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ _FIRST = (
     *("true", "found", "matched", "precision", "recall", "label_accuracy"),
 )
 """First columns of a table, in this order; further columns follow, sorted by name."""
-SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
+SPREAD = {"q25": 0.25, "q75": 0.75}
 """Quantiles over clouds that accompany each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
 _OF_CLOUDS = ("group", "points", "elongation", "diameter", "scale")
@@ -169,8 +170,8 @@ ROWS = {
 def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     """Medians over the clouds of each data set, codec and rate, and their spread.
 
-    Columns: medians, quartiles (``_q25``, ``_q75``), 5 % and 95 % quantiles (``_q05``, ``_q95``;
-    interpolated between clouds), and the number of clouds. ``lossless`` clouds have only rounding
+    Columns: medians, quartiles of six clouds or more (``_q25``, ``_q75``), and the number of
+    clouds. ``lossless`` clouds have only rounding
     errors and no PSNR; for medians, their PSNR is the highest. PSNRs have no median if the clouds'
     peaks (``peak``) differ.
     """
@@ -181,7 +182,8 @@ def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     groups = table.groupby(keys, sort=False)
     numbers = [name for name in _SUMMARY if name in metrics]
     shares = [
-        groups[numbers].quantile(share).add_suffix(f"_{name}") for name, share in SPREAD.items()
+        groups[numbers].quantile(share).where(groups.size() >= MIN_SCENES).add_suffix(f"_{name}")
+        for name, share in SPREAD.items()
     ]
     medians = groups[numbers].median().assign(clouds=groups.size())
     lossless = table.assign(**{LOSSLESS: lossless_rows(metrics)}).groupby(keys, sort=False)

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.metrics.coordinate_frames import rows_in_metres
+from puckbench.metrics.interpolation import bits_at_error
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
-from puckbench.metrics.tables.storage import bits_at_error, rounding_mm
+from puckbench.metrics.tables.storage import rounding_mm
 
 if TYPE_CHECKING:
     import pandas as pd

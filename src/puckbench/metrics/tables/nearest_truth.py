@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
-from puckbench.metrics.scenes import SCENE, means_over_seeds, median_interval
+from puckbench.metrics.interpolation import bits_to_reach
+from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
 from puckbench.metrics.table_registry import TABLES, TRUTH
 
 if TYPE_CHECKING:
@@ -21,112 +23,127 @@ DISTANCES = {
     "Chamfer, point": "truth_cd_point",
     "D2": "truth_d2_mse",
     "D1": "truth_d1_mse",
+    "99 %": "truth_q99_point",
+    "largest": "truth_hausdorff_point",
 }
+_LENGTHS = ("99 %", "largest")
+"""Distances that are lengths; the others are squared."""
 _CLOUD = ["dataset", "cloud"]
 _EXACT_MM = 0.1
 """Distance below which a scan counts as error-free."""
 
 
 @TABLES.register("nearest_truth", title="How near to the true surface", needs=(TRUTH,))
-def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) -> pd.DataFrame:
-    """Smallest distance to the true surface that each codec reaches at any rate, beside the
-    distance of the noisy scan, and the bits at this best rate.
+def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame:
+    """Distance to the true surface of each codec at each rate, beside that of the noisy scan.
 
     ``distance``: from decoded points to the surface (accuracy), from points of the surface to
-    decoded points (completeness), or both (Chamfer, D2, D1); point to point or point to plane.
-    ``scan_mm``, ``least_mm``: RMS distance of the scan and of the best rate. ``percent_of_scan``:
-    their ratio (below 100: the decoded points are nearer to the truth than the scan). ``rates``:
-    number of rates with a median ratio below 100. ``bpp``: bits per point at the best rate.
-    ``bits_ratio``: the anchor's bits at its smallest distance over the codec's bits at the same
-    distance, interpolated linearly on log-log axes; a lower bound if the codec's lowest rate is as
-    near. Values are medians over scenes of means over seeds, with 95 % bootstrap intervals
-    (``..._low``, ``..._high``). ``reached``: number of scenes with a ``bits_ratio``. Scans without
-    errors are left out.
+    decoded points (completeness), both (Chamfer, D2, D1), or the 99 % quantile and the largest of
+    both (point to point). ``scan_mm``, ``mm``: RMS distance of the scan and of the decoded cloud
+    (for the last two the distance itself). ``percent_of_scan``: their ratio; below 100 the decoded
+    points are nearer to the truth than the scan. Values are geometric means over scenes, with 95 %
+    intervals by Student's t of the logarithm from six scenes on (``low``, ``high``), else the
+    extremes (``least``, ``most``). Scans without errors are left out.
     """
     import pandas as pd
 
+    table: list[dict[str, Any]] = []
+    names = ["dataset", "codec", "distance", "rate"]
+    for keys, part in _distances(metrics, scan_errors).groupby(names, sort=False):
+        share = Estimate.of_ratios(part["mm"] / part["scan_mm"])
+        values = [("", share.mean), ("_low", share.low), ("_high", share.high)]
+        values += [("_least", share.least), ("_most", share.most)]
+        table.append(
+            {
+                **dict(zip(names, keys, strict=True)),
+                "bpp": Estimate.of_ratios(part["bpp"]).mean,
+                "scan_mm": Estimate.of_ratios(part["scan_mm"]).mean,
+                "mm": Estimate.of_ratios(part["mm"]).mean,
+                **{f"percent_of_scan{end}": 100 * value for end, value in values},
+                "scenes": share.scenes,
+            }
+        )
+    return pd.DataFrame(table)
+
+
+@TABLES.register("truth_bits", title="Bits for an equal distance to the truth", needs=(TRUTH,))
+def truth_bits(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) -> pd.DataFrame:
+    """How many times the bits of each codec the anchor needs for the same distance to the true
+    surface, at each of the anchor's rates.
+
+    ``mm``: distance of the anchor at its ``rate`` (as in ``nearest_truth``). ``bits_ratio``: the
+    anchor's bits at this rate over the codec's bits at the same distance, interpolated linearly on
+    log-log axes; a lower bound if the codec's lowest rate is as near. Geometric means over the
+    ``scenes`` in which the codec gets as near, with 95 % intervals from six scenes on; ``of``:
+    number of all scenes.
+    """
+    import pandas as pd
+
+    rows = []
+    distances = _distances(metrics, scan_errors)
+    for (dataset, distance), part in distances.groupby(["dataset", "distance"], sort=False):
+        curves = {
+            str(codec): {scene: rows.sort_values("bpp") for scene, rows in each.groupby(SCENE)}
+            for codec, each in part.groupby("codec", sort=False)
+        }
+        base = part[part["codec"] == anchor]
+        for codec in [name for name in curves if name != anchor]:
+            for rate, goals in base.groupby("rate", sort=False):
+                common = goals[goals[SCENE].isin(curves[codec])]
+                ratio = Estimate.of_ratios(_ratios(common, curves[codec]))
+                rows.append(
+                    {
+                        "dataset": dataset,
+                        "distance": distance,
+                        "codec": codec,
+                        "anchor": anchor,
+                        "rate": rate,
+                        "mm": Estimate.of_ratios(common["mm"]).mean,
+                        "anchor_bpp": Estimate.of_ratios(common["bpp"]).mean,
+                        "bits_ratio": ratio.mean,
+                        "bits_ratio_low": ratio.low,
+                        "bits_ratio_high": ratio.high,
+                        "scenes": ratio.scenes,
+                        "of": len(common),
+                    }
+                )
+    columns = ["dataset", "distance", "codec", "anchor", "rate"]
+    return pd.DataFrame(rows) if rows else pd.DataFrame(columns=columns)
+
+
+def _ratios(goals: pd.DataFrame, curves: dict[Any, pd.DataFrame]) -> Iterator[float]:
+    for scene, bits, goal in goals[[SCENE, "bpp", "mm"]].itertuples(index=False):
+        curve = curves[scene]
+        reached = bits_to_reach(curve["bpp"].to_numpy(), curve["mm"].to_numpy(), goal)
+        yield bits / reached
+
+
+def _distances(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame:
+    """Return distances in mm and bits by data set, codec, distance, rate and scene."""
+    import pandas as pd
+
     columns = {name: column for name, column in DISTANCES.items() if column in scan_errors}
+    columns = {name: column for name, column in columns.items() if column in metrics}
     scans = scan_errors.dropna(subset=list(columns.values()), how="all")
     rows = metrics.merge(scans[[*_CLOUD, *columns.values()]], on=_CLOUD, suffixes=("", "_scan"))
     if not columns or rows.empty:
         raise InputError("scan errors table: no scan with a true surface")
-    table: list[dict[str, Any]] = []
+    parts = []
     for name, column in columns.items():
         scaled = rows.assign(
-            mm=_millimetres(rows, column), scan_mm=_millimetres(rows, f"{column}_scan")
+            distance=name,
+            mm=_millimetres(rows, column, name),
+            scan_mm=_millimetres(rows, f"{column}_scan", name),
         )
-        keys = ["dataset", "codec", "rate"]
-        means = means_over_seeds(scaled, keys, ["bpp", "mm", "scan_mm"])
-        for dataset, part in means[means["scan_mm"] > _EXACT_MM].groupby("dataset", sort=False):
-            curves = {
-                str(codec): _Curves(curve) for codec, curve in part.groupby("codec", sort=False)
-            }
-            for codec, tested in curves.items():
-                about = {"dataset": dataset, "codec": codec, "distance": name}
-                table.append({**about, **tested.row(curves.get(anchor), str(dataset), codec, name)})
-    if not table:
+        parts.append(scaled[scaled["scan_mm"] > _EXACT_MM])
+    scaled = pd.concat(parts)
+    if scaled.empty:
         raise InputError("scan errors table: no scan with errors")
-    return pd.DataFrame(table)
+    keys = ["dataset", "codec", "distance", "rate"]
+    return means_over_seeds(scaled, keys, ["bpp", "mm", "scan_mm"])
 
 
-def _millimetres(rows: pd.DataFrame, column: str) -> Floats:
-    return np.asarray(1000 * np.sqrt(rows[column].to_numpy(float)) / rows["scale"].to_numpy(float))
-
-
-class _Curves:
-    """A codec's distance and bits at each rate, by scene."""
-
-    def __init__(self, rows: pd.DataFrame) -> None:
-        best = rows.loc[rows.groupby(SCENE)["mm"].idxmin()].set_index(SCENE)
-        ratio = rows["mm"] / rows["scan_mm"]
-        self.best = best.assign(percent=100 * best["mm"] / best["scan_mm"])
-        self.rates_below = int((ratio.groupby(rows["rate"]).median() < 1).sum())
-        self.scenes = {
-            scene: curve.sort_values("bpp")[["bpp", "mm"]].to_numpy(float)
-            for scene, curve in rows.groupby(SCENE)
-        }
-
-    def row(self, anchor: _Curves | None, *names: str) -> dict[str, float]:
-        ratios = np.full(0, np.nan) if anchor is None else self._bits_ratios(anchor)
-        reached = ratios[~np.isnan(ratios)]
-        percent_low, percent_high = median_interval(self.best["percent"].to_numpy(float), *names)
-        low, high = median_interval(reached, *names, "bits")
-        return {
-            "scan_mm": float(self.best["scan_mm"].median()),
-            "least_mm": float(self.best["mm"].median()),
-            "percent_of_scan": float(self.best["percent"].median()),
-            "percent_of_scan_low": percent_low,
-            "percent_of_scan_high": percent_high,
-            "rates": self.rates_below,
-            "bpp": float(self.best["bpp"].median()),
-            "bits_ratio": float(np.median(reached)) if len(reached) else np.nan,
-            "bits_ratio_low": low,
-            "bits_ratio_high": high,
-            "scenes": len(self.best),
-            "reached": len(reached),
-        }
-
-    def _bits_ratios(self, anchor: _Curves) -> Floats:
-        common = [scene for scene in self.scenes if scene in anchor.scenes]
-        goals = anchor.best.loc[common, ["bpp", "mm"]].to_numpy(float)
-        ratios = [
-            bits / bits_to_reach(self.scenes[scene][:, 0], self.scenes[scene][:, 1], goal)
-            for scene, (bits, goal) in zip(common, goals, strict=True)
-        ]
-        return np.array(ratios)
-
-
-def bits_to_reach(bits: Floats, distances: Floats, goal: float) -> float:
-    """Return the fewest bits at which a curve's distance is at most `goal`, or nan.
-
-    `bits` (n,) ascend; interpolation is linear in log bits and log distance.
-    """
-    near = np.flatnonzero(distances <= goal)
-    if len(near) == 0:
-        return float("nan")
-    first = near[0]
-    if first == 0:
-        return float(bits[0])
-    pair = slice(first - 1, first + 1)
-    log_distance = np.log(np.maximum(distances[pair], 1e-9))[::-1]
-    return float(np.exp(np.interp(np.log(goal), log_distance, np.log(bits[pair])[::-1])))
+def _millimetres(rows: pd.DataFrame, column: str, distance: str) -> Floats:
+    values = rows[column].to_numpy(float)
+    lengths = values if distance in _LENGTHS else np.sqrt(values)
+    return np.asarray(1000 * lengths / rows["scale"].to_numpy(float))

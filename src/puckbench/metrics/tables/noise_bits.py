@@ -2,14 +2,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from puckbench.core.errors import InputError
 from puckbench.metrics.coordinate_frames import rows_in_frame
-from puckbench.metrics.scenes import SCENE, means_over_seeds, median_interval, with_scenes
+from puckbench.metrics.interpolation import bits_at_error
+from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds, with_scenes
 from puckbench.metrics.table_registry import SEVERAL_NOISES, TABLES
 from puckbench.metrics.tables.against_octree import bits_on_grid
-from puckbench.metrics.tables.storage import ERROR_MM, bits_at_error
+from puckbench.metrics.tables.storage import ERROR_MM
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 _GRID_MM = 1.0
 BITS = ("grid_1_mm", "at_5_mm")
 """Columns of bits per return: lossless or on a 1 mm grid, and at equal error."""
-QUARTILES = {"q25": 0.25, "q75": 0.75}
 _RAYS = (SCENE, "sensor", "turns", "firings")
 """Columns that are equal for clouds of the same rays."""
 _CLOUD = ["dataset", "cloud"]
@@ -27,14 +25,14 @@ _CLOUD = ["dataset", "cloud"]
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     """Bits per return that codecs need for the same rays under several error models.
 
-    Values are averaged over seeds; shown are medians over scenes, quartiles (q25, q75) and 95 %
-    bootstrap intervals (low, high). A cell is empty if no rate of the codec reaches the column's
-    error. ``noise_bits``: entropy of the model's noise at the sensor's range resolution, given
-    incidence and range, after subtraction of each laser's mean error in each turn. ``grid_1_mm``:
-    fewest bits of a rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at
-    a D1 RMS error of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the
-    error model with the least noise. ``models``: number of error models of the rays. ``clouds``:
-    number of scenes.
+    Means over scenes (of means over seeds), with 95 % intervals by Student's t from six scenes on
+    (``low``, ``high``). A cell is empty if no rate of the codec reaches the column's error.
+    ``noise_bits``: entropy of the model's noise at the sensor's range resolution, given incidence
+    and range, after subtraction of each laser's mean error in each turn. ``grid_1_mm``: fewest bits
+    of a rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at a D1 RMS
+    error of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the error
+    model with the least noise; ``saved_..._percent``: by how much fewer bits this quietest model
+    needs. ``models``: number of error models of the rays.
     """
     import pandas as pd
 
@@ -54,22 +52,25 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     rows = rows.merge(quietest, on=["rays", "codec"], how="left", suffixes=("", "_least"))
     for column in BITS:
         rows[f"added_{column}"] = rows[column] - rows[f"{column}_least"]
-    columns = ["noise_bits", *BITS, *(f"added_{column}" for column in BITS)]
+        rows[f"saved_{column}_percent"] = 100 * (1 - rows[f"{column}_least"] / rows[column])
     keys = ["models", "dataset", "error_model", "codec"]
-    table = rows.groupby(keys)[columns].median()
-    for column in BITS:
-        for name, quantile in QUARTILES.items():
-            table[f"{column}_{name}"] = rows.groupby(keys)[column].quantile(quantile)
-    for column in columns:
-        groups = rows.groupby(keys)[column]
-        bounds = [
-            median_interval(part.to_numpy(float), column, *map(str, names))
-            for names, part in groups
-        ]
-        table[[f"{column}_low", f"{column}_high"]] = np.array(bounds)
-    table["clouds"] = rows.groupby(keys).size()
+    table = pd.DataFrame(
+        {**dict(zip(keys, names, strict=True)), **_estimates(part)}
+        for names, part in rows.groupby(keys)
+    )
     order = ["models", "noise_bits", "dataset", "grid_1_mm", "at_5_mm"]
-    return table.reset_index().sort_values(order, ascending=[False, True, True, True, True])
+    return table.sort_values(order, ascending=[False, True, True, True, True])
+
+
+def _estimates(rows: pd.DataFrame) -> dict[str, float]:
+    values: dict[str, float] = {"noise_bits": float(rows["noise_bits"].mean())}
+    columns = [f"{part}_{bits}" for bits in BITS for part in ("added", "saved")]
+    columns = [f"{name}_percent" if name.startswith("saved") else name for name in columns]
+    for column in (*BITS, *columns):
+        estimate = Estimate.of(rows[column])
+        values |= {column: estimate.mean}
+        values |= {f"{column}_low": estimate.low, f"{column}_high": estimate.high}
+    return {**values, "scenes": len(rows)}
 
 
 def _bits(curve: pd.DataFrame) -> dict[str, Any]:

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.core.errors import InputError, among
-from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.metrics.bjontegaard import (
     COMPARED,
@@ -19,14 +19,25 @@ from puckbench.metrics.bjontegaard import (
 )
 from puckbench.metrics.lossless import LOSSLESS, is_shape_metric, lossless_rows
 from puckbench.metrics.peaks import check_peaks
-from puckbench.metrics.scenes import RESAMPLES, SCENE, bootstrap_interval, means_over_seeds
+from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
 from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
 
 METRICS = ("d1_psnr", "d2_psnr")
+MARGIN_PERCENT = 5.0
+"""Largest increase of the bits that counts as none, unless the configuration sets another."""
 _GROUP = ["dataset", "metric", "codec"]
+_OF_CURVE = ("points", "pooled", LOSSLESS)
+"""Columns that describe the codec's curve; ``anchor_...`` describes the anchor's."""
+_LENGTHS = ("_m", "_mm")
+_STATUS = {
+    "no_common_range": NO_COMMON_RANGE,
+    "little_overlap": LITTLE_OVERLAP,
+    "too_few_points": TOO_FEW_POINTS,
+}
+"""Columns that count clouds without a delta, and their status."""
 
 
 @TABLES.register("bd_rate_clouds", title="Bjontegaard deltas per cloud", needs=(SEVERAL_CODECS,))
@@ -35,35 +46,36 @@ def bd_rate_clouds(
 ) -> pd.DataFrame:
     """Bjontegaard deltas of every codec against the anchor on each cloud.
 
-    There is no value if the curves have less than half of the shorter curve's range in common;
-    ``bd_rate_status`` gives the reason. Lossless rates are left out.
+    There is no value if a curve has fewer than four points, or the curves have less than half of
+    the shorter curve's range in common; ``bd_rate_status`` gives the reason. Lossless rates are
+    left out.
 
     Parameters
     ----------
     qualities
-        Columns of the results, in dB if they end in ``_psnr``; else squared distances d, converted
-        to the quality -10 log10 d.
+        Columns of the results, in dB if they end in ``_psnr``; lengths d (``_m``, ``_mm``) are
+        converted to the quality -20 log10 d, other columns, squared distances d, to -10 log10 d.
 
     Returns
     -------
     pd.DataFrame
-        ``shared_range`` is `BjontegaardDelta.overlap`; ``points``, ``dropped`` and ``lossless``
-        count points of a curve, dominated points and lossless rates.
+        ``shared_range`` is `BjontegaardDelta.overlap`; ``points``, ``pooled`` and ``lossless``
+        count points of a curve, points pooled by `rate_distortion_curve`, and lossless rates.
     """
     import pandas as pd
 
     _check(metrics, anchor, qualities)
-    rows: list[dict[str, Any]] = []
-    for metric in qualities:
-        rows_with_quality = _with_quality(metrics, metric)
-        for (dataset, cloud), part in rows_with_quality.groupby(["dataset", "cloud"], sort=False):
-            names = {"dataset": dataset, "metric": metric, "anchor": anchor, "cloud": cloud}
-            names |= {SCENE: part[SCENE].iloc[0]} if SCENE in part else {}
-            rows += [{**names, **row} for row in _against(part, anchor)]
+    rows = [
+        curves.delta(codec, anchor)
+        for curves in _curves(metrics, qualities)
+        for codec in curves.codecs
+        if anchor in curves.codecs and codec != anchor
+    ]
     if not rows:
         raise InputError(f"metrics table: no codec but the anchor {anchor}")
-    leading = [*_GROUP, "anchor", "cloud"]
     table = pd.DataFrame(rows)
+    table["bd_rate_percent"] = 100 * np.expm1(table["log_ratio"])
+    leading = [*_GROUP, "anchor", "cloud", "bd_rate_percent"]
     return table[leading + [name for name in table if name not in leading]]
 
 
@@ -72,53 +84,69 @@ def bd_rate(
     metrics: pd.DataFrame,
     anchor: str,
     qualities: Sequence[str] = METRICS,
-    resamples: int = RESAMPLES,
-    seed: int = 0,
+    margin_percent: float = MARGIN_PERCENT,
 ) -> pd.DataFrame:
     """Bjontegaard deltas of every codec against the anchor, by data set and metric: mean change of
     the rate at equal quality in percent (negative: fewer bits), and of the quality at equal rate in
-    dB, with 95 % bootstrap intervals.
+    dB.
 
     Deltas of each cloud, by PCHIP interpolation of the log rate, are averaged over the seeds of a
-    scene, then over scenes, which the bootstrap resamples. Clouds whose curves have less than half
-    of the shorter range in common, and lossless rates, are counted but not averaged.
+    scene, then over scenes. From six scenes on there are 95 % intervals by Student's t (``low``,
+    ``high``), of the log ratio of the rates, and a ``verdict``: "better", "not worse" by more than
+    the margin, "worse", or "undecided". For fewer scenes see the extremes (``least``, ``most``).
+    Clouds whose curves have less than half of the shorter range in common or fewer than four
+    points, and lossless rates, are counted but not averaged.
 
     Returns
     -------
     pd.DataFrame
-        ``bd_rate_percent`` comes from the mean log rate ratio of the ``compared`` clouds, so that
-        swapping codec and anchor inverts the ratio; ``..._arithmetic`` is the mean of percentages.
-        ``shared_range`` is a median; ``dropped`` and ``lossless`` are sums.
+        ``bd_rate_percent`` comes from the mean log rate ratio of the ``scenes`` with a delta, so
+        that swapping codec and anchor inverts the ratio. ``shared_range`` is a median; ``pooled``
+        and ``lossless`` are sums over clouds.
+    """
+    return _per_data_set(bd_rate_clouds(metrics, anchor, qualities), margin_percent)
+
+
+@TABLES.register("bd_rate_pairs", title="Every codec against every other", needs=(SEVERAL_CODECS,))
+def bd_rate_pairs(
+    metrics: pd.DataFrame,
+    anchor: str,
+    qualities: Sequence[str] = METRICS,
+    margin_percent: float = MARGIN_PERCENT,
+) -> pd.DataFrame:
+    """Bjontegaard deltas, as in ``bd_rate``, between all pairs of codecs: the codec's rate relative
+    to that of the codec in the column ``anchor``. Rankings are made from these.
     """
     import pandas as pd
 
-    clouds = bd_rate_clouds(metrics, anchor, qualities)
+    _check(metrics, anchor, qualities)
+    rows = [
+        row
+        for curves in _curves(metrics, qualities)
+        for codec, other in combinations(curves.codecs, 2)
+        for row in _both_ways(curves.delta(codec, other))
+    ]
+    if not rows:
+        raise InputError(f"metrics table: no codec but the anchor {anchor}")
+    return _per_data_set(pd.DataFrame(rows), margin_percent)
+
+
+def _both_ways(row: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return a row of `_Curves.delta`, and the row with codec and anchor exchanged."""
+    swapped = dict(row)
+    for mine, theirs in (("codec", "anchor"), *((name, f"anchor_{name}") for name in _OF_CURVE)):
+        swapped[mine], swapped[theirs] = row[theirs], row[mine]
+    return [row, swapped | {name: -row[name] for name in ("log_ratio", "bd_quality_db")}]
+
+
+def _per_data_set(clouds: pd.DataFrame, margin_percent: float) -> pd.DataFrame:
+    import pandas as pd
+
     rows = []
-    for names, part in clouds.groupby(_GROUP, sort=False):
-        label = [str(name) for name in names]
-        rng = generator(seed, "bd_rate", *label)
-        values = {**dict(zip(_GROUP, label, strict=True)), "anchor": anchor}
-        rows.append({**values, **_means(part, resamples, rng), **_counts(part)})
+    for names, part in clouds.groupby([*_GROUP, "anchor"], sort=False):
+        keys = dict(zip([*_GROUP, "anchor"], names, strict=True))
+        rows.append({**keys, **_means(part, margin_percent), **_counts(part)})
     return pd.DataFrame(rows)
-
-
-def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Return the mean ln(rate / anchor rate) at equal quality of each scene with a value, (n,)."""
-    both = metrics[metrics["codec"].isin([anchor, tested])]
-    clouds = bd_rate_clouds(both, anchor, [quality])
-    return means_over_seeds(clouds, (), ["log_ratio"])["log_ratio"].dropna().to_numpy(float)
-
-
-def is_below_zero(differences: Floats, seed: int = 0) -> bool:
-    """Return whether the mean of paired differences (n,) is significantly negative.
-
-    The 95 % interval must be negative or, with too few values for an interval, every value.
-    """
-    rng = generator(seed, "paired differences")
-    high = bootstrap_interval(differences, RESAMPLES, rng)[1]
-    if np.isnan(high):
-        high = max(differences, default=np.nan)
-    return bool(high < 0)
 
 
 def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None:
@@ -137,6 +165,45 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
     check_peaks(metrics, qualities)
 
 
+class _Curves:
+    """The curves of all codecs on a cloud, and their numbers of lossless rates, by codec."""
+
+    def __init__(self, names: dict[str, Any], rows: pd.DataFrame) -> None:
+        self.names = names
+        self.codecs = {
+            str(codec): _curve(part) for codec, part in rows.groupby("codec", sort=False)
+        }
+
+    def delta(self, codec: str, anchor: str) -> dict[str, Any]:
+        (tested, lossless), (base, exact) = self.codecs[codec], self.codecs[anchor]
+        difference = bjontegaard_delta(base, tested)
+        return {
+            **self.names,
+            "codec": codec,
+            "anchor": anchor,
+            "log_ratio": _number(difference.log_ratio),
+            "bd_rate_status": difference.rate_status,
+            "bd_quality_db": _number(difference.quality_db),
+            "bd_quality_status": difference.quality_status,
+            "shared_range": difference.overlap,
+            "points": len(tested.quality),
+            "anchor_points": len(base.quality),
+            "pooled": tested.pooled,
+            "anchor_pooled": base.pooled,
+            LOSSLESS: lossless,
+            f"anchor_{LOSSLESS}": exact,
+        }
+
+
+def _curves(metrics: pd.DataFrame, qualities: Sequence[str]) -> Iterator[_Curves]:
+    for metric in qualities:
+        rows = _with_quality(metrics, metric)
+        for (dataset, cloud), part in rows.groupby(["dataset", "cloud"], sort=False):
+            names = {"dataset": dataset, "metric": metric, "cloud": cloud}
+            names |= {SCENE: part[SCENE].iloc[0]} if SCENE in part else {}
+            yield _Curves(names, part)
+
+
 def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
     lossless = lossless_rows(metrics) & is_shape_metric(column)
     quality = np.where(lossless, np.nan, _quality(metrics, column))
@@ -153,40 +220,14 @@ def _quality(metrics: pd.DataFrame, column: str) -> Floats:
     values = metrics[column].to_numpy(dtype=float)
     if column.endswith("_psnr"):
         return values
+    factor = -20 if column.endswith(_LENGTHS) else -10
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(values > 0, -10 * np.log10(values), np.nan)
-
-
-def _against(part: pd.DataFrame, anchor: str) -> list[dict[str, Any]]:
-    curves = {str(codec): _curve(rows) for codec, rows in part.groupby("codec", sort=False)}
-    if anchor not in curves:
-        return []
-    base, exact = curves.pop(anchor)
-    return [
-        {"codec": codec, **_compared(base, tested), LOSSLESS: lossless, f"anchor_{LOSSLESS}": exact}
-        for codec, (tested, lossless) in curves.items()
-    ]
+        return np.where(values > 0, factor * np.log10(values), np.nan)
 
 
 def _curve(rows: pd.DataFrame) -> tuple[RateDistortionCurve, int]:
     result = rate_distortion_curve(rows["bpp"].to_numpy(float), rows["quality"].to_numpy(float))
     return result, int(rows[LOSSLESS].sum())
-
-
-def _compared(base: RateDistortionCurve, tested: RateDistortionCurve) -> dict[str, Any]:
-    difference = bjontegaard_delta(base, tested)
-    return {
-        "bd_rate_percent": _number(difference.rate_percent),
-        "bd_rate_status": difference.rate_status,
-        "bd_quality_db": _number(difference.quality_db),
-        "bd_quality_status": difference.quality_status,
-        "shared_range": difference.overlap,
-        "points": len(tested.quality),
-        "anchor_points": len(base.quality),
-        "dropped": tested.dropped,
-        "anchor_dropped": base.dropped,
-        "log_ratio": _number(difference.log_ratio),
-    }
 
 
 def _number(value: float | None) -> float:
@@ -198,43 +239,31 @@ def _counts(part: pd.DataFrame) -> dict[str, Any]:
     return {
         "clouds": len(part),
         "compared": int((status == COMPARED).sum()),
-        "no_common_range": int((status == NO_COMMON_RANGE).sum()),
-        "little_overlap": int((status == LITTLE_OVERLAP).sum()),
-        "too_few_points": int((status == TOO_FEW_POINTS).sum()),
+        **{name: int((status == value).sum()) for name, value in _STATUS.items()},
         "quality_compared": int((part["bd_quality_status"] == COMPARED).sum()),
         "shared_range": float(part["shared_range"].median()),
-        "dropped": int(part["dropped"].sum()),
-        "anchor_dropped": int(part["anchor_dropped"].sum()),
+        "pooled": int(part["pooled"].sum()),
+        "anchor_pooled": int(part["anchor_pooled"].sum()),
         LOSSLESS: int(part[LOSSLESS].sum()),
         f"anchor_{LOSSLESS}": int(part[f"anchor_{LOSSLESS}"].sum()),
     }
 
 
-def _means(part: pd.DataFrame, resamples: int, rng: np.random.Generator) -> dict[str, float]:
-    scenes = means_over_seeds(part, (), ("bd_rate_percent", "log_ratio", "bd_quality_db"))
-    percent = scenes["bd_rate_percent"].dropna()
-    logs = scenes["log_ratio"].dropna().to_numpy()
-    low, high = bootstrap_interval(logs, resamples, rng)
-    gains = scenes["bd_quality_db"].dropna().to_numpy()
-    gain_low, gain_high = bootstrap_interval(gains, resamples, rng)
+def _means(part: pd.DataFrame, margin_percent: float) -> dict[str, Any]:
+    scenes = means_over_seeds(part, (), ("log_ratio", "bd_quality_db"))
+    ratio, gain = (Estimate.of(scenes[name]) for name in ("log_ratio", "bd_quality_db"))
     return {
-        "bd_rate_percent": _percent(_mean(logs)),
-        "bd_rate_percent_low": _percent(low),
-        "bd_rate_percent_high": _percent(high),
-        "bd_rate_percent_arithmetic": _mean(percent.to_numpy()),
-        "bd_rate_percent_median": float(percent.median()),
-        "bd_rate_percent_q25": float(percent.quantile(0.25)),
-        "bd_rate_percent_q75": float(percent.quantile(0.75)),
-        "bd_rate_percent_least": float(percent.min()),
-        "bd_rate_percent_most": float(percent.max()),
-        "bd_quality_db": _mean(gains),
-        "bd_quality_db_low": gain_low,
-        "bd_quality_db_high": gain_high,
+        "bd_rate_percent": _percent(ratio.mean),
+        "bd_rate_percent_low": _percent(ratio.low),
+        "bd_rate_percent_high": _percent(ratio.high),
+        "bd_rate_percent_least": _percent(ratio.least),
+        "bd_rate_percent_most": _percent(ratio.most),
+        "verdict": ratio.verdict(float(np.log1p(margin_percent / 100))),
+        "scenes": ratio.scenes,
+        "bd_quality_db": gain.mean,
+        "bd_quality_db_low": gain.low,
+        "bd_quality_db_high": gain.high,
     }
-
-
-def _mean(values: Floats) -> float:
-    return float(values.mean()) if len(values) else np.nan
 
 
 def _percent(log_ratio: float) -> float:

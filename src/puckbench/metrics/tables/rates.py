@@ -9,41 +9,46 @@ from puckbench.metrics.table_registry import TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
-_MM = 1000
+_SQUARED = {"d1_rms_mm": "d1_rms_m", "d2_rms_mm": "d2_rms_m", "truth_d2_rms_mm": "truth_d2_rms_m"}
+_LARGEST = {"q99_mm": "q99_point_m", "largest_mm": "hausdorff_point_m"}
 
 
-@TABLES.register("rates", title="Bytes, errors and times at each rate")
+@TABLES.register("rates", title="Bits, errors and times at each rate")
 def rates(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Size, errors and times of each codec at each rate, over all clouds of a data set.
+    """Bits per point, errors in mm, and times of each codec at each rate of a data set.
 
-    ``bytes``: sum of the streams. ``ratio``: bytes of the users' files per byte of the streams;
-    empty if clouds do not come from files. ``rms_mm``, ``largest_mm``: RMS and largest
-    point-to-point distance (D1), in mm, each the maximum of both directions. ``encode_s``,
-    ``decode_s``: sums over the clouds.
+    ``bpp``: mean over the clouds. ``d1_rms_mm``, ``d2_rms_mm``: RMS distance, point to point and
+    point to plane, the larger of both directions. ``q99_mm``, ``largest_mm``: 99 % quantile and
+    largest of the distances, point to point; the worst of the clouds. ``range_rms_mm``: RMS error
+    of the ranges, for clouds of a sensor's returns. ``truth_d2_rms_mm``: RMS distance to the true
+    surface, point to plane. RMS are over clouds, too. ``encode_s``, ``decode_s``: seconds for a
+    million points. ``file_ratio``: bytes of the users' files per byte of the streams. Columns that
+    do not apply to any cloud are left out.
     """
     import pandas as pd
 
     keys = ["dataset", "codec", "rate"]
-    return pd.DataFrame(
+    table = pd.DataFrame(
         {**dict(zip(keys, names, strict=True)), **_row(rows)}
         for names, rows in metrics.groupby(keys, sort=False)
     )
+    return table.dropna(axis="columns", how="all")
 
 
 def _row(rows: pd.DataFrame) -> dict[str, Any]:
-    import pandas as pd
+    points, size = rows["points_in"].sum(), rows["bytes"].sum()
+    values = {"clouds": len(rows), "bpp": float(rows["bpp"].mean())}
+    values |= {k: 1000 * _rms(rows[v]) for k, v in _SQUARED.items() if v in rows}
+    values |= {k: 1000 * float(rows[v].max()) for k, v in _LARGEST.items() if v in rows}
+    if "range_rms_mm" in rows:
+        values["range_rms_mm"] = _rms(rows["range_rms_mm"])
+    for name in ("encode_s", "decode_s"):
+        if name in rows:
+            values[name] = 1e6 * float(rows[name].sum(min_count=len(rows))) / float(points)
+    if "file_bytes" in rows:
+        values["file_ratio"] = rows["file_bytes"].sum(min_count=len(rows)) / size
+    return values
 
-    size = rows["bytes"].sum()
-    files, rms, largest = (
-        rows[name] if name in rows else pd.Series(dtype=float)
-        for name in ("file_bytes", "d1_rms_m", "hausdorff_point_m")
-    )
-    return {
-        "clouds": len(rows),
-        "bytes": int(size),
-        "ratio": files.sum(min_count=len(rows)) / size,
-        "rms_mm": _MM * float(np.sqrt((rms**2).mean())),
-        "largest_mm": _MM * float(largest.max()),
-        "encode_s": float(rows["encode_s"].sum()),
-        "decode_s": float(rows["decode_s"].sum()),
-    }
+
+def _rms(values: pd.Series[float]) -> float:
+    return float(np.sqrt((values**2).mean()))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.metrics.coordinate_frames import rows_in_metres
+from puckbench.metrics.interpolation import bits_at_error
 from puckbench.metrics.table_registry import SPINS_OR_RECORDINGS, TABLES
 
 if TYPE_CHECKING:
@@ -18,9 +19,11 @@ to the grid have larger errors."""
 _MEDIANS = {
     "bits_per_return": "bpp",
     "mbit_per_s": "mbit_per_s",
-    "rms_mm": "d1_rms_mm",
+    "d1_rms_mm": "d1_rms_mm",
     "d2_rms_mm": "d2_rms_mm",
-    "truth_rms_mm": "truth_d2_rms_mm",
+    "q99_mm": "q99_mm",
+    "largest_mm": "largest_mm",
+    "truth_d2_rms_mm": "truth_d2_rms_mm",
     "range_rms_mm": "range_rms_mm",
     "range_max_mm": "range_max_mm",
     "returns_lost": "returns_lost",
@@ -30,7 +33,16 @@ _MEDIANS = {
     "encode_real_time": "encode_real_time",
     "decode_real_time": "decode_real_time",
 }
-_IN_METRES = ("d1_rms", "d2_rms", "truth_d2_rms")
+_IN_METRES = {
+    "d1_rms_mm": "d1_rms_m",
+    "d2_rms_mm": "d2_rms_m",
+    "q99_mm": "q99_point_m",
+    "largest_mm": "hausdorff_point_m",
+    "truth_d2_rms_mm": "truth_d2_rms_m",
+}
+AT_ERROR = {"bits_at_5_mm": "d1_rms_mm", "bits_at_5_mm_d2": "d2_rms_mm"}
+AT_ERROR |= {"bits_at_5_mm_range": "range_rms_mm"}
+"""Columns of bits at an equal error, and the error."""
 
 
 @TABLES.register("storage", title="What to store a sensor's data in", needs=(SPINS_OR_RECORDINGS,))
@@ -39,17 +51,19 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
     over clouds.
 
     ``kept``: ``exact``; ``1 mm``, as exact as on a 1 mm grid; or ``less``, listed last. Further
-    columns: bits per return, megabits per second at the sensor's speed, RMS errors (D1, D2, point
-    to plane to the true surface, ranges) in mm, numbers of returns lost and added, milliseconds per
-    turn, and coding speed relative to the sensor on one thread (2: twice as fast).
-    ``bits_at_5_mm``: bits per return at a D1 RMS error of 5 mm, interpolated linearly on log-log
-    axes; empty if no rates enclose this error.
+    columns: bits per return, megabits per second at the sensor's speed, RMS errors (D1, D2, D2 to
+    the true surface, ranges), the 99 % quantile and the largest of the distances (point to point)
+    in mm, numbers of returns lost and added, milliseconds per turn, and coding speed relative to
+    the sensor on one thread (2: twice as fast). ``bits_at_5_mm``, ``..._d2``, ``..._range``: bits
+    per return at an RMS error of 5 mm by D1, D2 and of the ranges, interpolated linearly on log-log
+    axes; empty if no rates enclose this error. Equal D1 favours codecs whose errors lie along the
+    rays: at the same D1 an octree has 1/√3 of their range error.
     """
     import pandas as pd
 
     rows = rows_in_metres(metrics)
-    present = [name for name in _IN_METRES if f"{name}_m" in rows]
-    rows = rows.assign(**{f"{name}_mm": 1000 * rows[f"{name}_m"] for name in present})
+    present = {name: column for name, column in _IN_METRES.items() if column in rows}
+    rows = rows.assign(**{name: 1000 * rows[column] for name, column in present.items()})
     table = pd.DataFrame(
         {"dataset": dataset, "codec": codec, **_row(part)}
         for (dataset, codec), part in rows.groupby(["dataset", "codec"], sort=False)
@@ -65,12 +79,17 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
 def _row(rows: pd.DataFrame) -> dict[str, Any]:
     finest = _of_least_error(rows)
     curves = [curve for _, curve in rows.groupby("cloud")]
-    at_error = [bits_at_error(curve["bpp"], curve["d1_rms_mm"], ERROR_MM) for curve in curves]
     return {
         "rate": finest["rate"].iloc[0],
         "kept": _kept(finest["d1_rms_mm"].median()),
         **{name: finest[column].median() for name, column in _MEDIANS.items() if column in finest},
-        "bits_at_5_mm": float(np.median(at_error)),
+        **{
+            name: float(
+                np.median([bits_at_error(curve["bpp"], curve[error], ERROR_MM) for curve in curves])
+            )
+            for name, error in AT_ERROR.items()
+            if error in rows
+        },
         "clouds": len(curves),
     }
 
@@ -90,18 +109,3 @@ def _kept(error_mm: float) -> str:
 def rounding_mm(grid_mm: float) -> float:
     """Return the RMS error, in mm, of rounding points to a grid, plus a tolerance."""
     return _ROUNDING * grid_mm / 2
-
-
-def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:
-    """Return the bits at the error `at_mm`; nan outside the range of lossy rates.
-
-    Interpolation is linear in log bits and log error.
-    """
-    error, rate = error_mm.to_numpy(float), bits.to_numpy(float)
-    lossy = error > 0
-    error, rate = error[lossy], rate[lossy]
-    if len(error) < 2 or not error.min() <= at_mm <= error.max():
-        return float("nan")
-    order = np.argsort(error)
-    log_bits = np.interp(np.log(at_mm), np.log(error[order]), np.log(rate[order]))
-    return float(np.exp(log_bits))

@@ -43,9 +43,7 @@ def spins(plan: Plan) -> Options | None:
 
 @NEEDS.register("truth")
 def scans_with_truth(plan: Plan) -> Options | None:
-    return (
-        {"anchor": plan.anchor} if any(data.is_scanned_from_truth for data in plan.coded) else None
-    )
+    return _if(any(data.is_scanned_from_truth for data in plan.coded))
 
 
 @NEEDS.register("noises")

@@ -1,0 +1,264 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.metrics.interpolation import bits_to_reach
+from puckbench.metrics.lossless import lossless_rows
+from puckbench.metrics.statistics import (
+    MIN_SCENES,
+    NO_VERDICT,
+    SCENE,
+    UNDECIDED,
+    WORSE,
+    Estimate,
+    with_scenes,
+)
+from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
+from puckbench.metrics.tables.rate_deltas import MARGIN_PERCENT
+from puckbench.metrics.timing import ranked_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NOISE_MM = 1.5
+"""RMS error (D2) above which scans have errors other than the rounding of ranges."""
+_MM = {
+    "d1_rms_mm": "d1_rms_m",
+    "largest_mm": "hausdorff_point_m",
+    "truth_q99_mm": "truth_q99_point_m",
+    "truth_d2_rms_mm": "truth_d2_rms_m",
+}
+_CURVE = ["bpp", "seconds", "real_time", "lossless", "ranked", *_MM]
+_ZERO = 1e-6
+"""Interpolated value (mm, s) below which a value counts as zero."""
+SHOWN = ("bpp", "error_mm", "largest_mm", "seconds")
+
+
+class Curve:
+    """A codec's values on a cloud by rate, in the order of the bits: columns of `_CURVE`, (k,)."""
+
+    def __init__(self, rows: pd.DataFrame) -> None:
+        order = np.argsort(rows["bpp"].to_numpy())
+        self.rates = [str(rows["rate"].iloc[place]) for place in order]
+        self.columns = {name: rows[name].to_numpy(float)[order] for name in _CURVE}
+        self.bits = self.columns["bpp"]
+
+    def within(self, column: str, limit: float, kept: NDArray[np.bool_] | bool = True) -> float:
+        """Return the fewest bits at which a column is at most `limit`, or nan."""
+        kept = kept & ~np.isnan(self.columns[column])
+        return bits_to_reach(self.bits[kept], self.columns[column][kept], limit)
+
+    def at(self, bits: float, column: str) -> float:
+        """Return a column's value, interpolated on log-log axes; nan are left out."""
+        values = self.columns[column]
+        known = ~np.isnan(values)
+        if not known.any():
+            return float("nan")
+        logs = np.log(np.maximum(values[known], _ZERO / 10))
+        value = float(np.exp(np.interp(np.log(bits), np.log(self.bits[known]), logs)))
+        return value if value > _ZERO else 0.0
+
+
+@dataclass(frozen=True)
+class Use:
+    """A use of codecs, for which they are ranked.
+
+    Parameters
+    ----------
+    words
+        What is asked for.
+    error
+        Column of the error that is shown in ``error_mm``.
+    choose
+        Function that returns the bits at which a codec serves the use on a cloud, or nan if it does
+        not, from its curve there and the rate that is nearest to the truth in the other scenes.
+    by_error
+        Whether the least error is the best; by default the fewest bits are.
+    in_time
+        Whether the ranking depends on measured times.
+    """
+
+    words: str
+    error: str
+    choose: Callable[[Curve, str], float]
+    by_error: bool = False
+    in_time: bool = False
+
+
+def _within(column: str, limit: float) -> Callable[[Curve, str], float]:
+    return lambda curve, _: curve.within(column, limit)
+
+
+def _lossless(curve: Curve, _: str) -> float:
+    return float(min(curve.bits[curve.columns["lossless"] > 0], default=np.nan))
+
+
+def _in_real_time(curve: Curve, _: str) -> float:
+    return curve.within("d1_rms_mm", 5.0, curve.columns["real_time"] >= 1)
+
+
+def _nearest(curve: Curve, nearest: str) -> float:
+    return float(curve.bits[curve.rates.index(nearest)]) if nearest in curve.rates else np.nan
+
+
+USES: Mapping[str, Use] = {
+    "archive": Use("archive without loss", "d1_rms_mm", _lossless),
+    "within_5_mm": Use("RMS error of at most 5 mm (D1)", "d1_rms_mm", _within("d1_rms_mm", 5.0)),
+    "map": Use(
+        "map: 99 % of points within 50 mm of the true surface",
+        "truth_q99_mm",
+        _within("truth_q99_mm", 50.0),
+    ),
+    "nearest": Use("nearest to the true surface (D2)", "truth_d2_rms_mm", _nearest, by_error=True),
+    "real_time": Use(
+        "at most 5 mm, coded and decoded as fast as the sensor turns, on one thread",
+        "d1_rms_mm",
+        _in_real_time,
+        in_time=True,
+    ),
+}
+FEWEST, NEAREST = "fewest bits", "nearest"
+
+
+@TABLES.register("uses", title="Which codec for what", needs=(SEVERAL_CODECS,))
+def uses(
+    metrics: pd.DataFrame,
+    scan_errors: pd.DataFrame | None = None,
+    margin_percent: float = MARGIN_PERCENT,
+) -> pd.DataFrame:
+    """Codecs that serve a use, the best first, by data set.
+
+    ``use``: ``archive`` (lossless rates); ``within_5_mm`` (D1 RMS error of at most 5 mm); ``map``
+    (99 % of the distances between decoded points and the true surface, either way, at most 50 mm);
+    ``nearest`` (least RMS distance of a noisy scan to the true surface, D2, at the rate that is
+    best in the other scenes); ``real_time`` (5 mm, coded and decoded no slower than the sensor
+    turns, on one thread).
+    ``bpp``: fewest bits per point, interpolated on log-log axes between rates; ``error_mm``: the
+    error that the use is about; ``largest_mm``: largest distance to the original, point to point;
+    ``seconds``: to encode and decode a million points; geometric means over scenes. ``ratio``: bits
+    (``nearest``: error) relative to the best codec, with 95 % interval by Student's t from six
+    scenes on. ``verdict``: "fewest bits" or "nearest" if the best is better than each other codec;
+    of others, "worse", "not worse" by more than the margin, or "undecided"; "no verdict" below six
+    scenes, or if times were not measured three times without other jobs. Codecs that serve the use
+    in some scenes alone come last, without a verdict.
+    """
+    import pandas as pd
+
+    rows = with_scenes(metrics).assign(
+        lossless=lossless_rows(metrics), ranked=ranked_rows(metrics), seconds=_seconds(metrics)
+    )
+    rows = rows.assign(real_time=_real_time(rows), **_in_mm(rows))
+    noisy = _noisy(scan_errors)
+    table: list[dict[str, Any]] = []
+    for dataset, part in rows.groupby("dataset", sort=False):
+        scenes = part[SCENE].nunique()
+        curves = {
+            str(codec): (
+                of_codec,
+                [(scene, Curve(each)) for (scene, _), each in of_codec.groupby([SCENE, "cloud"])],
+            )
+            for codec, of_codec in part.groupby("codec", sort=False)
+        }
+        for name, use in USES.items():
+            if use.by_error and dataset not in noisy:
+                continue
+            served = {
+                codec: values
+                for codec, of_codec in curves.items()
+                if len(values := _served(*of_codec, use))
+            }
+            margin = float(np.log1p(margin_percent / 100))
+            table += [
+                {"dataset": dataset, "use": name, **row}
+                for row in _ranked(served, scenes, use, margin)
+            ]
+    columns = ["dataset", "use", "codec", *SHOWN, "ratio", "ratio_low", "ratio_high"]
+    return pd.DataFrame(table, columns=[*columns, "verdict", "scenes"])
+
+
+def _noisy(scan_errors: pd.DataFrame | None) -> set[str]:
+    """Return the data sets of scans with errors."""
+    if scan_errors is None or "truth_d2_rms_m" not in scan_errors:
+        return set()
+    medians = scan_errors.groupby("dataset")["truth_d2_rms_m"].median()
+    return set(medians.index[1000 * medians > _NOISE_MM])
+
+
+def _in_mm(rows: pd.DataFrame) -> dict[str, Any]:
+    return {name: 1000 * rows[column] if column in rows else np.nan for name, column in _MM.items()}
+
+
+def _seconds(rows: pd.DataFrame) -> Any:
+    times = rows.reindex(columns=["encode_s", "decode_s"]).sum(axis=1, min_count=2)
+    return 1e6 * times / rows["points_in"]
+
+
+def _real_time(rows: pd.DataFrame) -> Any:
+    speeds = rows.reindex(columns=["encode_real_time", "decode_real_time"])
+    threads = rows.reindex(columns=["threads"])["threads"]
+    return speeds.min(axis=1, skipna=False).where(threads.eq(1))
+
+
+def _served(rows: pd.DataFrame, curves: list[tuple[Any, Curve]], use: Use) -> pd.DataFrame:
+    """Return the values of a codec that serves a use, by scene (means over seeds)."""
+    import pandas as pd
+
+    nearest = _nearest_rates(rows) if use.by_error else {}
+    values = []
+    for scene, curve in curves:
+        bits = use.choose(curve, nearest.get(scene, ""))
+        if np.isfinite(bits):
+            shown = {"error_mm": use.error, "largest_mm": "largest_mm", "seconds": "seconds"}
+            row = {name: curve.at(bits, column) for name, column in shown.items()}
+            ranked = float(curve.columns["ranked"].all())
+            values.append({SCENE: scene, "bpp": bits, **row, "ranked": ranked})
+    return pd.DataFrame(values).groupby(SCENE).mean() if values else pd.DataFrame()
+
+
+def _nearest_rates(rows: pd.DataFrame) -> dict[Any, str]:
+    """Return, by scene, the rate with the least mean log distance to the truth in all others."""
+    errors = rows.groupby([SCENE, "rate"])["truth_d2_rms_mm"].mean().unstack()
+    logs: pd.DataFrame = errors.dropna(axis="columns", how="all").transform("log")
+    if logs.empty:
+        return {}
+    others = {scene: logs.drop(scene) if len(logs) > 1 else logs for scene in logs.index}
+    return {scene: str(each.mean().idxmin()) for scene, each in others.items()}
+
+
+def _ranked(
+    served: Mapping[str, pd.DataFrame], scenes: int, use: Use, margin: float
+) -> Iterator[dict[str, Any]]:
+    score = "error_mm" if use.by_error else "bpp"
+    whole = {codec: values for codec, values in served.items() if len(values) == scenes}
+    order = sorted(whole, key=lambda codec: Estimate.of_ratios(whole[codec][score]).mean)
+    ratios = {
+        codec: Estimate.of(np.log(whole[codec][score] / whole[order[0]][score]))
+        for codec in order[1:]
+    }
+    is_timed = all(values["ranked"].all() for values in whole.values()) or not use.in_time
+    can_rank = is_timed and scenes >= MIN_SCENES
+    for codec in [*order, *(codec for codec in served if codec not in whole)]:
+        values, verdict = served[codec], NO_VERDICT
+        ratio = {"ratio": 1.0} if codec in order else {}
+        if codec in ratios:
+            estimate = ratios[codec]
+            ends = {"": estimate.mean, "_low": estimate.low, "_high": estimate.high}
+            ratio = {f"ratio{end}": float(np.exp(value)) for end, value in ends.items()}
+            if can_rank:
+                verdict = WORSE if estimate.low > 0 else estimate.verdict(margin)
+        elif codec in order and can_rank and ratios:
+            is_best = all(other.low > 0 for other in ratios.values())
+            verdict = (NEAREST if use.by_error else FEWEST) if is_best else UNDECIDED
+        shown = {name: _mean(values[name]) for name in SHOWN}
+        yield {"codec": codec, **shown, **ratio, "verdict": verdict, "scenes": len(values)}
+
+
+def _mean(values: pd.Series[float]) -> float:
+    if values.eq(0).all():
+        return 0.0
+    return Estimate.of_ratios(values[values > 0]).mean
