@@ -6,7 +6,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import add_rows_legend, line_handle, set_title
+from puckbench.figures.panels import add_fitting_legend, line_handle, set_title
 from puckbench.figures.plot_styles import error_model_colour
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
@@ -57,7 +57,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     require_numbers(metrics, ("bpp", "d1_rms_m"), "metrics")
     bits = noise_bits(metrics, clouds)
     bits = bits[bits["models"] == bits["models"].max()]
-    bits = bits[bits["clouds"] == bits["clouds"].max()]
+    bits = bits[bits["scenes"] == bits["scenes"].max()]
     noise = bits.groupby("error_model")["noise_bits"].mean().sort_values(kind="stable")
     markers = _markers(list(noise.index))
     panel_lines = [_lines(bits, column, list(noise.index), style) for column in _PANELS]
@@ -77,7 +77,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     handles.append(line_handle("range of the models", **_JOINED))
     if scenes >= MIN_SCENES:
         handles.append(line_handle("95 % interval", **_INTERVAL))
-    add_rows_legend(figure, handles, 3)
+    add_fitting_legend(figure, handles, style)
     return figure
 
 
@@ -95,15 +95,13 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyle) -> list[Line]:
-    tables = [
-        bits.pivot_table(index="codec", columns="error_model", values=name, aggfunc="mean").reindex(
-            columns=models
-        )
+    low, values, high = (
+        bits.groupby(["codec", "error_model"])[name].mean().unstack().reindex(columns=models)
         for name in (f"{column}_low", column, f"{column}_high")
-    ]
-    order = tables[1].dropna(how="all").median(axis=1).sort_values(kind="stable").index
+    )
+    order = values.dropna(how="all").median(axis=1).sort_values(kind="stable").index
     return [
-        (style.of_codec(codec).title, np.array([table.loc[codec] for table in tables], float))
+        (style.of_codec(codec).title, np.array([t.loc[codec] for t in (low, values, high)], float))
         for codec in order
     ]
 
