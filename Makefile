@@ -63,7 +63,7 @@ site: docs
 
 pictures: learned
 	$(IN_VENV) snakemake --cores $(CORES) results/figures/fig_6_3.png
-	$(BIN)/python -m benchmarks.pictures
+	$(BIN)/python docs/extensions/pictures.py
 
 STUDY ?= default
 STUDY_CONFIG = config/$(STUDY:default=config).yaml

@@ -4,22 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+import sys
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from benchmarks.clouds import scanned_room
-from benchmarks.pictures import (
-    KEY,
-    NOT_SHIPPED,
-    PICTURES,
-    PICTURES_FOLDER,
-    Picture,
-    main,
-    stamp,
-    stamp_in,
-    write_picture,
-)
-from benchmarks.primitives_picture import draw_primitives
 from PIL import Image
 
 from puckbench.core.errors import InputError
@@ -29,46 +20,54 @@ from puckbench.jobs.preparation import prepare
 from puckbench.scenes.rooms import make_room
 from tests.support.pages import ROOT
 
+sys.path.append(str(ROOT / "docs" / "extensions"))
+pictures: Any = import_module("pictures")
 
-@pytest.mark.parametrize("name", PICTURES)
+
+@pytest.mark.parametrize("name", pictures.PICTURES)
 def test_a_picture_is_as_new_as_its_data(name: str) -> None:
-    found = stamp_in(PICTURES_FOLDER / f"{name}.png")
-    assert found == stamp(PICTURES[name]), "older than its data: run `make pictures`"
+    found = pictures.stamp_in(pictures.PICTURES_FOLDER / f"{name}.png")
+    assert found == pictures.stamp(pictures.PICTURES[name]), (
+        "older than its data: run `make pictures`"
+    )
 
 
 def test_every_picture_is_drawn_or_says_why_not_and_is_on_a_page() -> None:
-    files = {path.stem for path in PICTURES_FOLDER.glob("*.png")}
-    assert files == PICTURES.keys() | NOT_SHIPPED.keys()
+    files = {path.stem for path in pictures.PICTURES_FOLDER.glob("*.png")}
+    assert files == pictures.PICTURES.keys() | pictures.NOT_SHIPPED.keys()
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     shown = re.findall(r"pictures/(\w+)\.png", "\n".join(path.read_text() for path in pages))
     assert set(shown) == files
 
 
 def test_a_picture_of_a_table_carries_the_digest_of_its_file(tmp_path: Path) -> None:
-    write_picture("noise_cost", tmp_path / "a.png", tmp_path)
-    write_picture("noise_cost", tmp_path / "b.png", tmp_path)
+    pictures.write_picture("noise_cost", tmp_path / "a.png", tmp_path)
+    pictures.write_picture("noise_cost", tmp_path / "b.png", tmp_path)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    about = json.loads(stamp_in(tmp_path / "a.png") or "")
+    about = json.loads(pictures.stamp_in(tmp_path / "a.png") or "")
     assert (about["figure"], list(about["data"])) == ("noise_cost", ["evidence.parquet"])
     with Image.open(tmp_path / "a.png") as image:
-        assert set(image.info) <= {KEY, "dpi"}
+        assert set(image.info) <= {pictures.KEY, "dpi"}
 
 
 def test_a_picture_is_not_drawn_of_another_cloud(tmp_path: Path) -> None:
-    for name in json.loads(stamp(PICTURES["rooms"]))["data"]:
+    for name in json.loads(pictures.stamp(pictures.PICTURES["rooms"]))["data"]:
         write_cloud(tmp_path / "clouds" / f"{name}.ply", _room())
     with pytest.raises(InputError, match=r"rooms_raw/.*not the cloud of the reference results"):
-        write_picture("rooms", tmp_path / "rooms.png", tmp_path)
+        pictures.write_picture("rooms", tmp_path / "rooms.png", tmp_path)
     assert not (tmp_path / "rooms.png").exists()
 
 
 def test_other_data_or_another_figure_change_the_stamp() -> None:
-    stamps = {stamp(Picture(*of)) for of in (("a", "default"), ("b", "default"), ("a", "sweeps"))}
+    stamps = {
+        pictures.stamp(pictures.Picture(*of))
+        for of in (("a", "default"), ("b", "default"), ("a", "sweeps"))
+    }
     assert len(stamps) == 3
 
 
 def test_the_largest_distances_are_on_the_scale_of_the_picture_of_primitives() -> None:
-    figure = draw_primitives(_room(), make_room("office_1", seed=1), "r1")
+    figure = pictures.draw_primitives(_room(), make_room("office_1", seed=1), "r1")
     titles = [axes.get_title() for axes in figure.axes[:4]]
     most = [float(re.findall(r"at most (\d+) mm", titles[place])[0]) for place in (0, 3)]
     low, high = figure.axes[4].get_ylim()
@@ -81,7 +80,7 @@ def test_an_unknown_picture_is_named(
 ) -> None:
     monkeypatch.setattr("sys.argv", ["pictures", "nothing"])
     with pytest.raises(SystemExit):
-        main()
+        pictures.main()
     assert "no picture nothing (known: rooms, " in capsys.readouterr().err
 
 

@@ -477,15 +477,25 @@ def test_clouds_of_different_elongation_are_not_joined() -> None:
 
 
 def test_figure_6_4_shows_quartiles_median_and_mean() -> None:
-    counts = [100, 200, 300, 400, 9000]
-    table = pd.DataFrame({"dataset": "rooms", "cloud": list("abcde"), "points": counts})
+    counts = [100, 200, 200, 300, 400, 400, 9000]
+    table = pd.DataFrame({"dataset": "rooms", "cloud": list("abcdefg"), "points": counts})
     axes = draw("fig_6_4", clouds=table).axes[0]
     drawn = [set(np.asarray(line.get_ydata()).tolist()) for line in axes.get_lines()]
     assert {300.0} in drawn  # median
-    assert {2000.0} in drawn  # mean
+    assert {sum(counts) / 7} in drawn  # mean
     assert {200.0, 400.0} in drawn  # quartiles
     assert axes.get_ylim()[1] > 9000  # few clouds: each is drawn
-    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Rooms\n(n = 5)"]
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Rooms\n(n = 7)"]
+
+
+def test_figure_6_4_has_no_quartiles_of_few_clouds() -> None:
+    table = pd.DataFrame({"dataset": "rooms", "cloud": range(5), "points": [1, 2, 3, 4, 10]})
+    figure = draw("fig_6_4", clouds=table)
+    drawn = [set(line.get_ydata()) for line in figure.axes[0].get_lines() if len(line.get_ydata())]
+    assert {2.0, 4.0} not in drawn
+    assert {3.0} in drawn
+    texts = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert texts == {"median", "mean", "cloud"}
 
 
 @pytest.mark.parametrize(("clouds", "last"), [(12, "cloud"), (13, "mean")])

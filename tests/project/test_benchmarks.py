@@ -37,7 +37,6 @@ STARTED: dict[str, tuple[str, ...]] = {
     "performance.planning": ("{small}",),
     "performance.puck": ("{capture}", "--repeats", "0"),
     "performance.scan_speed": ("--errors", "none", "--repeats", "1", "--step", "8"),
-    "pictures": ("noise_cost", "--out", "{folder}"),
     "same_results": ("{folder}", "{folder}"),
 }
 """Script -> its arguments; names in braces are those of `files`."""
@@ -45,7 +44,6 @@ NOT_STARTED = {
     "checks.blender.cast": "needs Blender's Python",
     "checks.blender.compare": "needs Blender's Python",
     "clouds": "is a module of the scripts",
-    "primitives_picture": "is a module of the script pictures",
     "tmc3": "is a module of the scripts",
     "turns": "is a module of the scripts",
 }

@@ -6,7 +6,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import add_rows_legend, line_handle, set_title
+from puckbench.figures.panels import add_fitting_legend, line_handle, set_title
 from puckbench.figures.plot_styles import error_model_colour
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _PANELS = {"grid_1_mm": "Lossless, or on a grid of 1 mm", "at_5_mm": "At a D1 error of 5 mm"}
 _MARKERS = "osD^vP"
+_JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}
 _INTERVAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
 _LINE_IN, _AROUND_IN = 0.145, 1.1
 """Height of a codec's line, and of the figure without these lines, inches."""
@@ -73,9 +74,10 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
         set_title(axes, f"{title} (n = {scenes})", 1, style)
     panels[-1].set_xlabel(f"Bits per return, {BETTER}")
     handles = [line_handle(error_model_title(name), **mark) for name, mark in markers.items()]
+    handles.append(line_handle("range of the models", **_JOINED))
     if scenes >= MIN_SCENES:
         handles.append(line_handle("95 % interval", **_INTERVAL))
-    add_rows_legend(figure, handles, 3)
+    add_fitting_legend(figure, handles, style)
     return figure
 
 
@@ -93,15 +95,13 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyle) -> list[Line]:
-    tables = [
-        bits.pivot_table(index="codec", columns="error_model", values=name, aggfunc="mean").reindex(
-            columns=models
-        )
+    low, values, high = (
+        bits.groupby(["codec", "error_model"])[name].mean().unstack().reindex(columns=models)
         for name in (f"{column}_low", column, f"{column}_high")
-    ]
-    order = tables[1].dropna(how="all").median(axis=1).sort_values(kind="stable").index
+    )
+    order = values.dropna(how="all").median(axis=1).sort_values(kind="stable").index
     return [
-        (style.of_codec(codec).title, np.array([table.loc[codec] for table in tables], float))
+        (style.of_codec(codec).title, np.array([t.loc[codec] for t in (low, values, high)], float))
         for codec in order
     ]
 
@@ -111,12 +111,7 @@ def _draw_lines(
 ) -> None:
     positions = np.arange(len(lines))
     for position, (_, (low, values, high)) in zip(positions, lines, strict=True):
-        axes.plot(
-            [np.nanmin(values), np.nanmax(values)],
-            [position, position],
-            color="#bbbbbb",
-            linewidth=1.2,
-        )
+        axes.plot([np.nanmin(values), np.nanmax(values)], [position, position], **_JOINED)
         if intervals:
             axes.hlines([position] * len(low), low, high, zorder=4, **_INTERVAL)
     for number, marker in enumerate(markers):

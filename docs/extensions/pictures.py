@@ -1,6 +1,6 @@
 """Pictures of the documentation, of the shipped reference results and the default run's clouds.
 
-    python -m benchmarks.pictures [NAME ...] [--results results] [--out docs/pictures]
+    python docs/extensions/pictures.py [NAME ...] [--results results] [--out docs/pictures]
 
 `make pictures` makes the clouds first. A picture carries the digests of its data, which a test
 compares with those of the shipped results.
@@ -11,14 +11,15 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.primitives_picture import draw_primitives
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
+from primitives_picture import draw_primitives
 
 from puckbench.core.errors import InputError
 from puckbench.figures.drawing import lay_out, save_figure
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-PICTURES_FOLDER = Path(__file__).parents[1] / "docs" / "pictures"
+PICTURES_FOLDER = Path(__file__).parents[1] / "pictures"
 KEY = "puckbench"
 """Name of the text in a PNG file that has the figure and the digests of its data."""
 DRIVES = "drives"
@@ -177,7 +178,7 @@ def write_picture(name: str, path: Path, results: Path) -> None:
     text = PngInfo()
     text.add_text(KEY, stamp(picture))
     with Image.open(path) as image:
-        small = image.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+        small = image.convert("RGB").quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
     small.save(path, optimize=True, pnginfo=text)
 
 
@@ -192,7 +193,7 @@ def main() -> None:
     for name in options.names or PICTURES:
         path = options.out / f"{name}.png"
         write_picture(name, path, options.results)
-        print(path)
+        sys.stdout.write(f"{path}\n")
 
 
 if __name__ == "__main__":
