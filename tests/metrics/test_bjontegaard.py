@@ -191,7 +191,7 @@ def test_the_margin_is_in_percent_of_the_bits(percent: float, verdict: str) -> N
 
 def test_pairs_are_compared_directly_both_ways() -> None:
     """Two codecs' ratio to each other is that of each scene, without the anchor between."""
-    table = metrics({"a": [1] * 6, "b": list(SIX), "c": list(2 * SIX * [1, 1.1] * 3)})
+    table = metrics({"a": [1] * 6, "b": list(SIX), "c": list(2 * SIX * np.array([1, 1.1] * 3))})
     keys = ["codec", "anchor"]
     pairs = bd_rate_pairs(table, "a", ["d1_psnr"]).set_index(keys)
     assert set(pairs.index) == {(x, y) for x in "abc" for y in "abc" if x != y}
