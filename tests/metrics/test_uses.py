@@ -131,7 +131,7 @@ def _near(codec: str, errors_mm: list[list[float]]) -> pd.DataFrame:
 
 def test_the_nearest_takes_the_rate_that_is_best_in_the_other_scenes() -> None:
     """In one scene the other rate is better, which its own choice must not know."""
-    x = _near("x", [[1.0, 6.0]] + 5 * [[4.0, 3.0]])
+    x = _near("x", [[2.9, 6.0]] + 5 * [[4.0, 3.0]])
     y = _near("y", 6 * [[8.0, 9.0]])
     table = _used("nearest", x, y, scan_errors=pd.DataFrame([SCAN]))
     assert table["error_mm"].to_dict() == pytest.approx({"x": (6 * 3**5) ** (1 / 6), "y": 8})
