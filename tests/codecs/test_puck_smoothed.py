@@ -213,9 +213,11 @@ def test_range_errors_of_moved_points_are_those_of_the_points(tmp_path: Path) ->
         assert rows[name]["returns_lost"] == rows[name]["returns_added"] == 0
     assert rows["puck"]["range_rms_mm"] == rows["puck"]["range_max_mm"] == 0
     moved = rows["puck_smoothed"]
-    offsets = np.linalg.norm(decoded.xyz - returns.points(), axis=1)
-    assert moved["range_rms_mm"] == pytest.approx(1000 * rms(offsets), rel=0.1)
     assert 0 < moved["range_rms_mm"] < moved["range_max_mm"]
+    points = returns.points()
+    offsets = np.einsum("ij,ij->i", decoded.xyz - points, points) / np.linalg.norm(points, axis=1)
+    # Where another point is the nearest, its offset is less.
+    assert moved["range_rms_mm"] == pytest.approx(1000 * rms(offsets), rel=0.2)
 
 
 def test_second_returns_stay() -> None:

@@ -22,6 +22,7 @@ from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import PointCloud
 from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
+from puckbench.metrics.tables.uses import uses
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text
@@ -464,6 +465,20 @@ def test_lossless_rates_are_named() -> None:
     metrics = _two_codecs(lossless=[True, False])
     assert findings(metrics, {}, FigureStyle()).lossless == "Draco r1 (1 cloud)"
     assert findings(_two_codecs(), {}, FigureStyle()).lossless == ""
+
+
+def test_a_table_without_rows_is_left_out(tmp_path: Path) -> None:
+    """No codec serves a use."""
+    metrics = _curves(gpcc=[1.0], draco=[0.5])
+    metrics.to_csv(tmp_path / "metrics.csv", index=False)
+    uses(metrics).to_csv(tmp_path / "uses.csv", index=False)
+    pd.DataFrame({"mine": [1]}).to_csv(tmp_path / "mine.csv", index=False)
+    tables = {name: str(tmp_path / f"{name}.csv") for name in ("uses", "mine")}
+    contents = Contents(metrics=str(tmp_path / "metrics.csv"), tables=tables)
+    page = build_page(contents, {}, tmp_path)
+    assert 'id="table-mine"' in page
+    assert 'id="table-uses"' not in page
+    assert "Which codec for what" not in page
 
 
 def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(

@@ -46,7 +46,7 @@ def rows_of(codec: str, bits: float) -> pd.DataFrame:
             "codec_version": "1",
         }
         for number, (dataset, cloud) in enumerate(CLOUDS)
-        for rate in range(1, 5)
+        for rate in range(1, 6)
     )
 
 
