@@ -234,7 +234,6 @@ def test_puck_by_key_turns_codes_every_turn_alone() -> None:
     assert sizes["puck", 2] < 0.95 * sizes["puck_key_turns", 2]
 
 
-
 def test_a_configuration_has_variants_of_its_own() -> None:
     changes = {
         "class": "gpcc_arena",

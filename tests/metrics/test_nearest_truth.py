@@ -96,9 +96,13 @@ def test_bits_are_those_of_the_anchor_over_those_of_the_codec() -> None:
 
 def test_between_rates_bits_are_interpolated() -> None:
     """From 2 times the error at 1 bit to 0.5 times at 4: the scan's own error at 2 bits."""
-    table = truth_bits(_rows({"gpcc": (2, 1.0, 1.5), "own": (2, 0.5, 0.5)}, SIX), _scans(SIX), "gpcc")
+    table = truth_bits(
+        _rows({"gpcc": (2, 1.0, 1.5), "own": (2, 0.5, 0.5)}, SIX), _scans(SIX), "gpcc"
+    )
     row = table.set_index("rate").loc["r1"]
-    assert row[["bits_ratio", "bits_ratio_low", "bits_ratio_high"]].tolist() == pytest.approx([2] * 3)
+    assert row[["bits_ratio", "bits_ratio_low", "bits_ratio_high"]].tolist() == pytest.approx(
+        [2] * 3
+    )
 
 
 def test_a_codec_that_never_comes_as_near_has_no_ratio() -> None:

@@ -54,7 +54,8 @@ def test_finest_rates_and_a_common_error() -> None:
 def test_rates_of_different_errors_stand_apart() -> None:
     """The most bits are not the finest rate, and what loses more is not above what is exact."""
     rows = _rows().query("codec == 'puck'").assign(
-        d2_rms_m=0.001, truth_d2_rms_m=0.009, q99_point_m=0.004, hausdorff_point_m=0.012, returns_added=3, encode_ms_per_turn=7.0
+        d2_rms_m=0.001, truth_d2_rms_m=0.009, q99_point_m=0.004, hausdorff_point_m=0.012,
+        returns_added=3, encode_ms_per_turn=7.0,
     )  # fmt: skip
     grid = rows.assign(codec="laz", d1_rms_m=rows["d1_rms_m"] + 0.0005)
     coarse = rows.assign(codec="reno", bpp=rows["bpp"] / 100, d1_rms_m=0.002)

@@ -167,7 +167,8 @@ def test_bd_rates_stand_first_and_bookkeeping_behind_a_fold(opened: Opened) -> N
         "[...document.querySelectorAll('#table-bd_rate th')]"
         ".filter((head) => head.offsetWidth).map((head) => head.title)"
     )
-    assert page.run(shown)[:4] == ["dataset", "metric", "codec", "bd_rate_percent"]
+    first = ["dataset", "metric", "codec", "anchor", "bd_rate_percent"]
+    assert page.run(shown)[:5] == first
     assert {"compared", "lossless"} < set(page.run(shown))
     assert "little_overlap" not in page.run(shown)
     page.click("#table-bd_rate .controls .box:last-of-type input")

@@ -318,7 +318,10 @@ NONE = {**FEW, "bd_rate_percent": np.nan, "compared": 0, "scenes": 0}
             {"clouds": 12, "compared": 9},
             "−50.0 % (−60.0 % to −40.0 %, 6 scenes, 9 of 12 clouds, better)",
         ),
-        ({**FEW, "scenes": 5, "compared": 5}, "−50.0 % (−70.0 % to −5.0 %, 5 scenes, 5 of 6 clouds, no verdict)"),
+        (
+            {**FEW, "scenes": 5, "compared": 5},
+            "−50.0 % (−70.0 % to −5.0 %, 5 scenes, 5 of 6 clouds, no verdict)",
+        ),
         (
             {**FEW, "scenes": 1, "clouds": 1, "compared": 1}
             | {"bd_rate_percent_least": -50.0, "bd_rate_percent_most": -50.0},
@@ -399,7 +402,9 @@ def test_a_codec_that_met_only_some_of_the_others_wins_nothing() -> None:
 
 def test_findings_have_the_bd_rates_of_all_codecs() -> None:
     metrics = _curves(gpcc=[1.0] * 6, draco=DRACO, laz=WORSE)
-    tables = {make.__name__: make(metrics, "gpcc", ["d1_psnr"]) for make in (bd_rate, bd_rate_pairs)}
+    tables = {
+        make.__name__: make(metrics, "gpcc", ["d1_psnr"]) for make in (bd_rate, bd_rate_pairs)
+    }
     found = findings(metrics, tables, FigureStyle())
     (rooms,) = found.datasets
     assert (found.anchor, rooms.title, rooms.clouds) == ("G-PCC", "Rooms", 6)
