@@ -59,6 +59,8 @@ def build_page(
 ) -> str:
     """Return the HTML page, which depends only on the arguments and the files in `contents`.
 
+    Tables without rows are left out.
+
     Parameters
     ----------
     machine
@@ -76,7 +78,8 @@ def build_page(
     register_user_plugins(contents.own_figures, contents.own_tables)
     style = FigureStyle.from_config(*contents.style)
     metrics = None if contents.metrics is None else read_table(Path(contents.metrics))
-    tables = {name: read_table(Path(file)) for name, file in contents.tables.items()}
+    read = {name: read_table(Path(file), True) for name, file in contents.tables.items()}
+    tables = {name: table for name, table in read.items() if len(table)}
     scan_errors = tables.get("scan_errors")
     data: dict[str, Any] = {}
     page_parts: dict[str, Any] = {"tables": list(_tables(contents, tables, folder, style))}

@@ -135,8 +135,13 @@ def _length_text(value: float) -> str:
 
 def _verdict_text(rows: list[dict[Any, Any]], style: FigureStyle) -> str:
     best, *others = rows
+    if isnan(best["ratio"]):
+        return "none in every scene"
     if not others:
         return "the only one"
+    others = [row for row in others if not isnan(row["ratio"])]
+    if not others:
+        return "the only one in every scene"
     if best["verdict"] in (FEWEST, NEAREST):
         rival = style.of_codec(others[0]["codec"]).title
         ratio, low, high = (others[0][name] for name in ("ratio", "ratio_low", "ratio_high"))
@@ -193,15 +198,18 @@ def ranking_text(pairs: pd.DataFrame, style: FigureStyle) -> str:
     rows = pairs.to_dict("records")
     if max(row["scenes"] for row in rows) < MIN_SCENES:
         return f"no verdict: fewer than {MIN_SCENES} scenes with comparable curves"
-    codecs = style.ordered_codecs(pairs["codec"])
+    codecs, clouds = style.ordered_codecs(pairs["codec"]), max(row["clouds"] for row in rows)
     for codec in codecs:
         against = [row for row in rows if row["codec"] == codec]
-        if all(row["verdict"] == BETTER and row["compared"] == row["clouds"] for row in against):
+        if len(against) == len(codecs) - 1 and all(
+            row["verdict"] == BETTER and row["compared"] == clouds for row in against
+        ):
             closest = max(against, key=lambda row: float(row["bd_rate_percent"]))
             title, rival = (style.of_codec(name).title for name in (codec, closest["anchor"]))
             return f"{title} needs the fewest bits; next {rival}: {delta_text(closest)}"
     beaten = {row["anchor"] for row in rows if row["verdict"] == BETTER}
     unbeaten = [style.of_codec(codec).title for codec in codecs if codec not in beaten]
-    apart = sum(row["compared"] < row["clouds"] for row in rows) // 2
-    unknown = f"; {apart} of {len(rows) // 2} pairs not comparable in all scenes" if apart else ""
+    count = len(codecs) * (len(codecs) - 1) // 2
+    apart = count - sum(row["compared"] == clouds for row in rows) // 2
+    unknown = f"; {apart} of {count} pairs not comparable in all scenes" if apart else ""
     return f"no codec is better than every other; not beaten: {', '.join(unbeaten)}{unknown}"
