@@ -2,7 +2,7 @@
 
     python docs/extensions/pictures.py [NAME ...] [--results results] [--out docs/pictures]
 
-`make pictures` makes the clouds first. A picture carries the digests of its data, which a test
+`make pages` makes the clouds first. A picture carries the digests of its data, which a test
 compares with those of the shipped results.
 """
 

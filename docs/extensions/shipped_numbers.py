@@ -1,7 +1,7 @@
 """Numbers of the pages, from the shipped reference results.
 
 ``<!-- shown: NAME -->...<!-- end -->`` in a page holds what the function of that name below
-returns, in Markdown. ``python docs/extensions/shipped_numbers.py`` (`make numbers`) writes them
+returns, in Markdown. ``python docs/extensions/shipped_numbers.py`` (`make pages`) writes them
 again; a test fails if a page is older than the results.
 """
 

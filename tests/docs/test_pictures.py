@@ -27,9 +27,7 @@ pictures: Any = import_module("pictures")
 @pytest.mark.parametrize("name", pictures.PICTURES)
 def test_a_picture_is_as_new_as_its_data(name: str) -> None:
     found = pictures.stamp_in(pictures.PICTURES_FOLDER / f"{name}.png")
-    assert found == pictures.stamp(pictures.PICTURES[name]), (
-        "older than its data: run `make pictures`"
-    )
+    assert found == pictures.stamp(pictures.PICTURES[name]), "older than its data: run `make pages`"
 
 
 def test_every_picture_is_drawn_or_says_why_not_and_is_on_a_page() -> None:

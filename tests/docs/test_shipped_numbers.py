@@ -11,7 +11,7 @@ from tests.support.pages import ROOT
 
 @pytest.fixture(scope="module")
 def numbers() -> ModuleType:
-    """The module that writes numbers into the pages (`make numbers`)."""
+    """The module that writes numbers into the pages (`make pages`)."""
     file = ROOT / "docs" / "extensions" / "shipped_numbers.py"
     spec = importlib.util.spec_from_file_location("shipped_numbers", file)
     assert spec is not None
