@@ -169,7 +169,7 @@ def test_bd_rates_stand_first_and_bookkeeping_behind_a_fold(opened: Opened) -> N
     )
     first = ["dataset", "metric", "codec", "anchor", "bd_rate_percent"]
     assert page.run(shown)[:5] == first
-    assert {"compared", "lossless"} < set(page.run(shown))
+    assert {"verdict", "scenes", "lossless"} < set(page.run(shown))
     assert "little_overlap" not in page.run(shown)
     page.click("#table-bd_rate .controls .box:last-of-type input")
     assert "little_overlap" in page.run(shown)

@@ -15,14 +15,14 @@ _TEXT_COLUMNS = ("dataset", "cloud", "scene", "group", "codec", "rate")
 _DAMAGE = (ValueError, NotImplementedError, LookupError, TypeError, AttributeError)
 
 
-def read_table(path: Path, may_be_empty: bool = False) -> pd.DataFrame:
-    """Read a CSV or Parquet file; raise InputError if it has no rows, unless it `may_be_empty`."""
+def read_table(path: Path) -> pd.DataFrame:
+    """Read a CSV or Parquet file; raise InputError if it has no rows."""
     try:
         with naming(path), reading("table", *_DAMAGE):
             table = _read(path)
     except OSError as error:
         raise unreadable(path, error) from error
-    if len(table) == 0 and not may_be_empty:
+    if len(table) == 0:
         raise InputError(f"{path}: the table has no rows")
     return table
 
