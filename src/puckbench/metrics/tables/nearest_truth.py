@@ -79,7 +79,7 @@ def truth_bits(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) ->
     anchor's bits at this rate over the codec's bits at the same distance, interpolated linearly on
     log-log axes; a lower bound if the codec's lowest rate is as near. Geometric means over the
     ``scenes`` in which the codec gets as near, with 95 % intervals from six scenes on; ``of``:
-    number of all scenes.
+    number of scenes that both coded.
     """
     import pandas as pd
 
