@@ -123,6 +123,22 @@ def which_codec() -> str:
     return lines(list(columns), rows)
 
 
+@shown
+def recordings() -> str:
+    """Bits of one turn of each recording in the note, and those of the nearest rival."""
+    text = (ROOT / "docs" / "notes" / "recordings.md").read_text(encoding="utf-8")
+    found = [
+        re.search(rf"^\| `{name}` \| (.*) \|$", text, re.MULTILINE) for name in ("puck", "jpegxl")
+    ]
+    puck, rival = (np.array(row[1].split(" | ")[:-1], float) for row in found if row)
+    ratio = Estimate.of_ratios(rival / puck)
+    times = interval(ratio.mean, ratio.low, ratio.high, 2)
+    return (
+        f"{len(puck)} recordings of as many sensors, a turn each, without loss: `puck` needs "
+        f"{puck.min():.1f} to {puck.max():.1f} bits per return, JPEG XL of the range image {times} times as many"
+    )
+
+
 # ---- the cost of noise
 
 _NOISE_CODECS = ("puck", "jpegxl", "gpcc_predictive", "gpcc_angular", "gpcc", "draco")
