@@ -1,30 +1,98 @@
-"""The numbers of the page on odometry are those of the shipped results."""
+"""The tables and numbers of the page on odometry are those of the shipped results."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+import pandas as pd
 import pytest
 
 from puckbench.io.tables import read_table
+from puckbench.lidar.drives import AZIMUTH, KEPT, NONE
 from puckbench.metrics.tables.odometry_bits import odometry_bits
+from puckbench.metrics.tables.odometry_differences import ALL, odometry_differences
 from puckbench.report.reference_results import OF_DRIVES
 from tests.support.bench import ROOT
 
 PAGE = (ROOT / "docs" / "explanation" / "odometry.md").read_text(encoding="utf-8")
-NAMES = {"straight, errors `vlp16`": "straight_vlp16", "turning": "turning", "stop": "stop_and_go"}
+NAMES = {"straight": "straight", "turning": "turning", ALL: "all streets", "rooms": "rooms"}
+VARIANTS = {
+    ("gpcc", AZIMUTH): "`gpcc`, azimuth times",
+    ("gpcc", NONE): "`gpcc`, no times",
+    ("puck", KEPT): "`puck`",
+}
+DIGITS = {"%": 2, "mm": 1}
 
 
-@pytest.mark.parametrize(("begins", "dataset"), NAMES.items())
-def test_bits_that_odometry_needs_are_those_of_the_study(begins: str, dataset: str) -> None:
-    bits = odometry_bits(read_table(OF_DRIVES / "drives.parquet"))
-    rows = bits[(bits["dataset"] == dataset) & (bits["measure"] == "drift_percent")]
-    (line,) = [line for line in PAGE.splitlines() if line.startswith(f"| {begins}")]
-    for row in rows.itertuples():
-        assert f"{row.bits:.2f} ({row.rate.replace('mm', ' mm')})" in line
-        assert f"{row.undecoded:.2f} %" in line
+@cache
+def drives() -> pd.DataFrame:
+    return read_table(OF_DRIVES / "drives.parquet")
 
 
-def test_drift_of_each_error_model_is_that_of_the_study() -> None:
-    drives = read_table(OF_DRIVES / "drives.parquet")
-    straight = drives[drives["dataset"].str.startswith("straight")]
-    for (model, codec, rate), rows in straight.groupby(["error_model", "codec", "rate"]):
-        if rate == "times" or (codec == "puck" and rate in ("200mm", "500mm")):
-            lines = [line for line in PAGE.splitlines() if line.startswith(f"| `{model}`")]
-            assert f"{rows['drift_percent'].mean():.2f} %" in lines[0], (model, codec, rate)
+def bits_lines() -> Iterator[str]:
+    bits = odometry_bits(drives())
+    for dataset, name in NAMES.items():
+        for odometry, rows in bits[bits["dataset"] == dataset].groupby("odometry", sort=False):
+            by_variant = rows.set_index(["codec", "times"])
+            first = rows.iloc[0]
+            cells = [_needed(by_variant.loc[variant]) for variant in VARIANTS]
+            before = f"{first['undecoded']:.{DIGITS[first['unit']]}f} {first['unit']}"
+            yield f"| {name} ({first['trajectories']}) | {odometry} | {before} | {' | '.join(cells)} |"
+
+
+def _needed(row: pd.Series) -> str:
+    return f"{row['bits']:.2f} ({_rate(row['rate'])})" if row["rate"] else "none"
+
+
+def _rate(rate: str) -> str:
+    return rate.replace("mm", " mm")
+
+
+def difference_lines() -> Iterator[str]:
+    table = odometry_differences(drives())
+    for dataset in (ALL, "turning", "rooms"):
+        for odometry in table["odometry"].unique():
+            for (codec, times), variant in VARIANTS.items():
+                rows = table[(table["dataset"] == dataset) & (table["odometry"] == odometry)]
+                rows = rows[(rows["codec"] == codec) & (rows["times"] == times)]
+                cells = [_difference(row) for _, row in rows.sort_values("bits").iterrows()]
+                yield f"| {NAMES[dataset]}, {odometry} | {variant} | {' | '.join(cells)} |"
+
+
+def _difference(row: pd.Series) -> str:
+    digits = DIGITS[row["unit"]]
+    low, middle, high = (f"{row[name]:+.{digits}f}" for name in ("low", "difference", "high"))
+    return f"{middle} ({low} to {high})"
+
+
+@pytest.mark.parametrize("line", [*bits_lines(), *difference_lines()])
+def test_lines_of_the_tables_are_those_of_the_study(line: str) -> None:
+    assert line in PAGE.splitlines()
+
+
+def sentences() -> Iterator[str]:
+    """Yield the parts of the page's sentences that have numbers of the study."""
+    table = odometry_differences(drives()).set_index(
+        ["dataset", "odometry", "codec", "times", "rate"]
+    )
+    at = {name: table.loc[("turning", name)] for name in ("KISS-ICP", "GICP")}
+    for name, rows in at.items():
+        before = rows["undecoded"].iloc[0]
+        untimed = rows.loc[("undecoded", NONE, "no times"), "value"]
+        timed = rows.loc[("gpcc", AZIMUTH, "200mm"), "value"]
+        coded = rows.loc[("gpcc", NONE, "200mm"), "value"]
+        yield f"{name} drifts by {before:.2f} %, without times by {untimed:.2f} %"
+        yield f"`gpcc` at 200 mm by {timed:.2f} % with azimuth times and {coded:.2f} % without"
+    units = drives()[drives()["codec"] == "undecoded"]
+    units = units[units["times"] == KEPT]
+    streets, rooms = units[units["dataset"] != "rooms"], units[units["dataset"] == "rooms"]
+    ways = streets["length_m"]
+    yield f"{len(streets)} streets and {len(rooms)} rooms"
+    yield f"{ways.min():.0f} to {ways.max():.0f} m in a street"
+    yield f"{rooms['length_m'].min():.1f} to {rooms['length_m'].max():.1f} m in a room"
+
+
+@pytest.mark.parametrize("words", sentences())
+def test_sentences_have_the_numbers_of_the_study(words: str) -> None:
+    assert words in " ".join(PAGE.split())

@@ -1,8 +1,6 @@
-"""The figure of odometry shows the error that the drives have."""
+"""The figure of odometry shows the measure that the drives have, and says what is drawn."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -10,42 +8,52 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.figures.odometry import draw_odometry
 from puckbench.figures.style import FigureStyle
+from tests.metrics.test_odometry_bits import drives
 
-LONG, SHORT = {"ate_m": 0.2, "drift_percent": 2.0}, {"ate_m": 0.1, "drift_percent": None}
-
-
-def drives(**errors: dict[str, float | None]) -> pd.DataFrame:
-    """An undecoded drive and a codec at two rates, in each data set, with these errors."""
-    rows: list[dict[str, Any]] = []
-    for dataset, values in errors.items():
-        common = {"dataset": dataset, "cloud": "a", "has_times": False, "lost_turns": 0, **values}
-        rows.append({**common, "codec": "undecoded", "rate": "no times", "bpp": None})
-        rows += [{**common, "codec": "draco", "rate": f"{n}mm", "bpp": 1.0 * n} for n in (1, 2)]
-    return pd.DataFrame(rows).astype(dict.fromkeys(LONG, float))
+LONG = drives("a")
+SHORT = drives("b", column="ate_m", scale=0.1)
 
 
 @pytest.mark.parametrize(
-    ("table", "label", "shown"),
+    ("table", "labels"),
     [
-        (drives(a=LONG), "Drift (%)", {"A"}),
-        (drives(a=LONG, b=SHORT), "Drift (%)", {"A"}),
-        (drives(a=SHORT, b=SHORT), "Absolute error (m)", {"A", "B"}),
-        (drives(a=SHORT).drop(columns="drift_percent"), "Absolute error (m)", {"A"}),
+        (LONG, {"A (n = 6), KISS-ICP": "Drift added (%)"}),
+        (SHORT, {"B (n = 6), KISS-ICP": "Error added (mm)"}),
+        (
+            pd.concat([LONG, SHORT]),
+            {"A (n = 6), KISS-ICP": "Drift added (", "B (n = 6), KISS-ICP": "Error added (mm)"},
+        ),
+        (drives("a", count=1), {"A (n = 1), KISS-ICP": "Drift added ("}),
     ],
-    ids=["long", "long_and_short", "short", "no_drift"],
+    ids=["long", "short", "both", "one"],
 )
-def test_short_drives_have_their_absolute_error_where_none_has_a_drift(
-    table: pd.DataFrame, label: str, shown: set[str]
+def test_each_panel_has_the_measure_of_its_drives(
+    table: pd.DataFrame, labels: dict[str, str]
 ) -> None:
     figure = draw_odometry(table, FigureStyle())
-    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
-    labels = [axes.get_ylabel() for axes in figure.axes] + [figure.get_supylabel(), *texts]
-    assert any(each.startswith(label) for each in labels), labels
-    titles = {axes.get_title().split(" ")[0].split("\n")[0] for axes in figure.axes}
-    assert titles - {""} == shown
+    shown = {axes.get_title().replace("\n", " "): axes.get_ylabel() for axes in figure.axes}
+    assert shown.keys() == labels.keys()
+    assert all(shown[title].startswith(label) for title, label in labels.items())
+
+
+def test_legend_names_codecs_times_margin_and_lost_turns() -> None:
+    table = LONG.assign(lost_turns=(LONG["rate"] == "500mm").astype(int))
+    figure = draw_odometry(table, FigureStyle())
+    (legend,) = figure.legends
+    words = {text.get_text() for text in legend.get_texts()}
+    assert {"margin", "turns lost", "undecoded, no times"} < words
+    assert len(words) == 5  # the codec with times from azimuths, and without
+
+
+def test_two_odometries_are_two_rows() -> None:
+    both = LONG.assign(gicp_drift_percent=LONG["drift_percent"], gicp_lost_turns=0)
+    titles = [
+        axes.get_title().replace("\n", " ") for axes in draw_odometry(both, FigureStyle()).axes
+    ]
+    assert titles == ["A (n = 6), KISS-ICP", "A (n = 6), GICP"]
 
 
 def test_without_any_complete_error_there_is_no_figure() -> None:
-    table = drives(a=SHORT).assign(ate_m=[0.1, 0.1, None])
-    with pytest.raises(InputError, match="no data set of which all drives have an error"):
+    table = SHORT.assign(ate_m=None)
+    with pytest.raises(InputError, match="no results of odometry"):
         draw_odometry(table, FigureStyle())

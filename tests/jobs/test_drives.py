@@ -1,6 +1,7 @@
 """Drives of data sets: KITTI's poses, poses by path, and none."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from puckbench.core.errors import InputError
 from puckbench.jobs.drive import DriveOfClouds
 from puckbench.lidar.drives import read_drive
+from puckbench.metrics.tasks.odometry import estimated_poses
 
 TURNS = 4
 CAMERA = np.array([[0.0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, 0.3], [0, 0, 0, 1]])
@@ -47,9 +49,10 @@ def kitti(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def job(folder: Path, poses: str | None = None) -> DriveOfClouds:
+def job(folder: Path, poses: str | None = None, **more: Any) -> DriveOfClouds:
     names = tuple(f"00_{number:06d}" for number in range(TURNS))
-    return DriveOfClouds(loader="kitti", names=names, options={"path": str(folder)}, poses=poses)
+    settings = {"loader": "kitti", "names": names, "options": {"path": str(folder)}}
+    return DriveOfClouds(**settings, poses=poses, **more)
 
 
 def test_kitti_drive_has_the_poses_of_its_lidar(kitti: Path) -> None:
@@ -67,6 +70,37 @@ def test_without_poses_odometry_gives_them(kitti: Path) -> None:
     assert drive.about["poses"] == "KISS-ICP on the undecoded turns"
     moved = np.linalg.norm(drive.poses_at(0.5)[-1, :3, 3])
     assert moved == pytest.approx(1.5, abs=0.3)
+
+
+def test_reference_without_poses_has_the_options_of_the_task(kitti: Path) -> None:
+    """So the undecoded turns deviate from it by nothing."""
+    (kitti / "poses" / "00.txt").unlink()
+    options = {"max_range_m": 20.0, "voxel_m": 0.3}
+    job(kitti, odometry={**options, "skip": 2}).run(kitti / "drive.zip")
+    drive = read_drive(kitti / "drive.zip")
+    again = estimated_poses(drive.turns, False, **options)
+    np.testing.assert_allclose(drive.poses_at(0.5), again, atol=1e-7)
+    assert not np.allclose(estimated_poses(drive.turns, False, 100.0, 1.0), again, atol=1e-4)
+
+
+def test_poses_of_kittis_camera_by_path_are_turned_to_the_lidar(kitti: Path) -> None:
+    """They move along z; the calibration is beside them, or in KITTI's own folders."""
+    (kitti / "poses").rename(kitti / "mine")
+    file = kitti / "mine" / "00.txt"
+    job(kitti, str(file)).run(kitti / "drive.zip")
+    np.testing.assert_allclose(
+        read_drive(kitti / "drive.zip").poses_at(0.5), lidar_poses(), atol=1e-7
+    )
+    moved = kitti / "elsewhere" / "here" / "00.txt"
+    moved.parent.mkdir(parents=True)
+    file.rename(moved)
+    with pytest.raises(InputError, match=r"00.txt: these poses move along z, .*calib.txt"):
+        job(kitti, str(moved)).run(kitti / "drive.zip")
+    moved.write_text(rows_of(lidar_poses()))
+    job(kitti, str(moved)).run(kitti / "drive.zip")
+    np.testing.assert_allclose(
+        read_drive(kitti / "drive.zip").poses_at(0.5), lidar_poses(), atol=1e-7
+    )
 
 
 def test_poses_of_another_length_and_times_that_run_back_are_refused(kitti: Path) -> None:

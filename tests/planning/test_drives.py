@@ -1,5 +1,6 @@
 """Plans of drives, and the entries that are refused."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,7 +18,10 @@ DRIVE = {
 
 def workflow(**drive: Any) -> Workflow:
     config: dict[str, Any] = {
-        "scenes": {"street": {"loader": "street", "options": {"streets": 1}}},
+        "scenes": {
+            "street": {"loader": "street", "options": {"streets": 1}},
+            "streets": {"loader": "street", "options": {"streets": 3}},
+        },
         "datasets": {},
         "drives": {"way": {**DRIVE, **drive}},
         "codecs": {"draco": {}, "puck": {}, "gpcc_predictive": {}, "packets_xz": {}},
@@ -35,6 +39,40 @@ def test_each_scene_and_seed_is_a_drive_and_each_codec_codes_it() -> None:
     assert len(drives.rows) == 2 + len(drives.curves) == 2 * 4
     assert '"seed":7' in drives.drive("way", "street_1-7").record
     assert drives.encode("way", "puck").record != drives.encode("way", "draco").record
+
+
+def test_each_scene_has_its_trajectory() -> None:
+    motions = {
+        "street_1": {"duration_s": 3, "speed_m_s": 5},
+        "street_3": {"duration_s": 4, "speed_m_s": 8, "start": [-20, 0]},
+    }
+    config = workflow(trajectories=motions, scenes="streets").drives
+    assert config.entries["way"].drives == ("street_1-1", "street_3-1")
+    first, third = (config.drive("way", f"street_{number}-1") for number in (1, 3))
+    assert '"speed_m_s":5' in first.record
+    assert '"start":[-20' in third.record
+    assert first.code != third.code
+    assert config.encode("way", "puck").record == config.encode("way", "puck").record
+
+
+def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Path) -> None:
+    for number in range(2):
+        (tmp_path / f"turn_{number}.xyz").write_text("0 0 1\n1 0 1\n")
+    clouds = {"loader": "point_clouds", "options": {"path": str(tmp_path)}}
+    config = {
+        "scenes": {"clouds": clouds},
+        "datasets": {},
+        "drives": {
+            "real": {
+                "scenes": "clouds",
+                "make": "cloud",
+                "tasks": {"odometry": {"max_range_m": 20, "voxel_m": 0.2}},
+            }
+        },
+        "codecs": {"draco": {}},
+    }
+    record = Workflow(config).drives.drive("real", "turn").record
+    assert '"odometry":{"max_range_m":20,"voxel_m":0.2}' in record
 
 
 def test_table_and_figure_of_odometry_are_made_if_it_is_a_task() -> None:
@@ -55,6 +93,10 @@ def test_table_and_figure_of_odometry_are_made_if_it_is_a_task() -> None:
         ({"codecs": ["dracos"]}, "no codec 'dracos'.*did you mean 'draco'"),
         ({"tasks": {"odometri": {}}}, "unknown task 'odometri'.*did you mean 'odometry'"),
         ({"tasks": {"odometry": {"voxel": 1}}}, "task odometry: options: .*'voxel'"),
+        (
+            {"trajectories": {"street_2": {"duration_s": 3, "speed_m_s": 5}}},
+            "drives.way: trajectories: no scene 'street_2' in street",
+        ),
         ({"errors": "vlp61"}, "drives.way: unknown error model 'vlp61'"),
     ],
 )

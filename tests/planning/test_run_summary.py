@@ -79,19 +79,21 @@ def test_drives_have_means_of_the_tasks_results(tmp_path: Path) -> None:
     folder = tmp_path / "tables"
     folder.mkdir()
     (folder / "drives.csv").write_text(
-        "dataset,cloud,codec,rate,bpp,encode_s,seed,near_m,ate_m,odometry_skip,odometry\n"
-        "push,a,undecoded,times,,,1,0.5,0.02,5,kiss\n"
-        "push,b,undecoded,times,,,2,0.7,0.04,5,kiss\n"
-        "push,a,draco,20mm,2,0.1,1,0.5,0.03,5,kiss\n"
-        "push,b,draco,20mm,4,0.2,2,,0.05,5,kiss\n"
+        "dataset,cloud,codec,rate,bpp,encode_s,seed,near_m,ate_m,odometry_skip,odometry,times\n"
+        "push,a,undecoded,times,,,1,0.5,0.02,5,kiss,kept\n"
+        "push,b,undecoded,times,,,2,0.7,0.04,5,kiss,kept\n"
+        "push,a,draco,20mm,2,0.1,1,0.5,0.03,5,kiss,azimuth\n"
+        "push,b,draco,20mm,4,0.2,2,,0.05,5,kiss,azimuth\n"
+        "push,a,draco,20mm,2,0.1,1,0.9,0.3,5,kiss,none\n"
     )
     lines = list(closing_lines(tmp_path, FigureStyle(), "draco", 0, TABLES))
     assert lines[0].split("  ")[-1] == "near_m"
-    assert [line.split() for line in lines[1:3]] == [
+    assert [line.split() for line in lines[1:4]] == [
         ["Push", "undecoded", "times", "2", "0.03", "0.6"],
-        ["Push", "Draco", "20mm", "2", "3", "0.04", "0.5"],
+        ["Push", "Draco", "20mm,", "azimuth", "times", "2", "3", "0.04", "0.5"],
+        ["Push", "Draco", "20mm,", "no", "times", "1", "2", "0.3", "0.9"],
     ]
-    assert lines[3].startswith("Means over drives")
+    assert lines[4].startswith("Means over drives")
 
 
 def test_many_results_of_drives_are_in_a_file(tmp_path: Path) -> None:

@@ -4,111 +4,150 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.figures.checks import require_numbers, require_rows
+from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import (
-    add_legend,
+    add_fitting_legend,
     fitted_limits,
-    label_outer,
     line_handle,
-    panel_grid,
-    panels_abreast,
     set_log,
     set_title,
-    titled,
 )
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
-from puckbench.figures.style import FigureStyle
+from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
+from puckbench.lidar.drives import AZIMUTH, KEPT, NONE
+from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.metrics.table_registry import ODOMETRY, UNDECODED
-from puckbench.metrics.tables.odometry_bits import (
-    ABSOLUTE,
-    DRIFT,
-    Reference,
-    mean_curve,
-    reference_of,
+from puckbench.metrics.tables.odometry_differences import (
+    ALL,
+    MEASURES,
+    ODOMETRIES,
+    odometry_differences,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PANEL_IN = 1.8
-_LINES: dict[bool, Any] = {True: "-", False: (0, (3, 2))}
-"""Line styles of undecoded drives with and without times of firings."""
-_COLUMNS = ("dataset", "cloud", "codec", "rate", "has_times", "lost_turns", ABSOLUTE)
-_MEASURES = {DRIFT: ("Drift (%)", (0.1, 100.0)), ABSOLUTE: ("Absolute error (m)", (0.01, 10.0))}
-"""Labels and default limits of the error, by column; the first column with values is shown."""
+_PANEL_IN, _AROUND_IN = 1.75, 0.75
+_COLUMNS = ("dataset", "cloud", "codec", "rate", "times")
+_TIMES = {KEPT: "own times", AZIMUTH: "times from azimuths", NONE: "no times"}
+_OFFSET = {KEPT: 1.0, AZIMUTH: 0.985, NONE: 1.015}
+"""Factors of bits that keep bars of one rate apart."""
+_MARGIN_COLOUR, _NO_TIMES_LINE = "#dcdcdc", (0, (4, 2))
+_LOST: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 3.0, "linestyle": ""}
 
 
-@FIGURES.register(
-    "odometry", title="Drift of odometry against bits", category="Drives", needs=(ODOMETRY,)
-)
+@FIGURES.register("odometry", title="Odometry after decoding", category="Drives", needs=(ODOMETRY,))
 def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Drift of KISS-ICP on decoded turns, mean over lengths of 10, 20 and 50 m and over drives; if
-    all are shorter than 10 m, the absolute error of positions.
-    Grey: undecoded drives with times of firings (solid) and without (dashed), and 95 % intervals of
-    the means (Student's t).
+    """Error of odometry that coding adds, against bits per return, for each odometry and data set:
+    the drift or, if a drive is too short for a drift, the absolute error of positions, minus that
+    of the same drive without coding. The axis is linear below the margin, else logarithmic.
 
-    Large markers: the lowest rate from which on a codec's drift is at most the interval's upper end
-    or 1.2 times the mean. Hollow markers: turns were lost (estimated motion is wrong by more than
-    0.5 m or 5 degrees). Beside longer drives, those shorter than 10 m are not shown. n: drives.
+    Markers: means over n drives; bars: 95 % intervals (Student's t) for 6 or more drives, else a
+    dot for each drive. A codec is as good as none where the whole bar is below the margin (grey).
+    Dashed: undecoded drives whose points have no times. Crosses: turns were lost.
     """
+    from matplotlib.figure import Figure
+
     require_rows(drives, _COLUMNS, "drives")
-    measures = [name for name in _MEASURES if name in drives]
-    require_numbers(drives, tuple(measures), "drives")
-    complete = {name: _complete(drives, name) for name in measures}
-    measure = next((name for name, rows in complete.items() if len(rows)), "")
-    if not measure:
-        raise InputError("drives table: no data set of which all drives have an error")
-    rows, (label, limits_y) = complete[measure], _MEASURES[measure]
+    rows = odometry_differences(drives)
+    rows = rows[rows["dataset"] != ALL]
     names = style.ordered_datasets(rows["dataset"])
-    abreast = panels_abreast(len(names))
-    figure, panels = panel_grid(len(names), abreast, _PANEL_IN, style)
-    codecs = rows[rows["codec"] != UNDECODED]
-    limits = fitted_limits(codecs["bpp"].to_numpy(float), (0.1, 30.0))
-    errors = fitted_limits(rows[measure].to_numpy(float), limits_y)
-    for axes, name in zip(panels, names, strict=True):
-        set_log(axes, "x", limits, minor=False)
-        set_log(axes, "y", errors, minor=False)
-        dataset_rows = rows[rows["dataset"] == name]
-        _draw_panel(axes, dataset_rows, measure, style)
-        set_title(axes, titled(style.title(name), dataset_rows), abreast, style)
-    label_outer(panels, abreast, f"Bits per return, {BETTER}", f"{label}, {BETTER}")
-    labels = {True: "undecoded", False: "undecoded, without times"}
-    handles = [line_handle(labels[k], linewidth=0.9, linestyle=_LINES[k]) for k in labels]
-    add_legend(figure, style.ordered_codecs(codecs["codec"]), style, handles)
+    odometries = [name for name in ODOMETRIES if name in set(rows["odometry"])]
+    width = style.width_in or (PAGE_WIDTH_IN if len(names) > 1 else COLUMN_WIDTH_IN)
+    figure = Figure(figsize=(width, _PANEL_IN * len(odometries) + _AROUND_IN))
+    grid = figure.subplots(len(odometries), len(names), sharex="all", squeeze=False)
+    bits = rows["bits"].to_numpy(float)
+    for line, odometry in zip(grid, odometries, strict=True):
+        before = ""
+        for axes, name in zip(line, names, strict=True):
+            panel = rows[(rows["dataset"] == name) & (rows["odometry"] == odometry)]
+            set_log(axes, "x", fitted_limits(bits, (0.1, 30.0)), minor=False)
+            if panel.empty:
+                axes.set_axis_off()
+                continue
+            measure = str(panel["measure"].iloc[0])
+            _set_differences(axes, rows[rows["measure"] == measure])
+            _draw_panel(axes, panel, style)
+            title = f"{style.title(name)} (n = {panel['trajectories'].iloc[0]}), {odometry}"
+            set_title(axes, title, len(names), style)
+            if measure != before:
+                added = "Drift added" if measure == MEASURES[0].name else "Error added"
+                axes.set_ylabel(f"{added} ({panel['unit'].iloc[0]}), {BETTER}")
+            before = measure
+    figure.supxlabel(f"Bits per return, {BETTER}", fontsize=style.font_size)
+    add_fitting_legend(figure, _handles(rows, style), style)
     return figure
 
 
-def _complete(drives: pd.DataFrame, measure: str) -> pd.DataFrame:
-    """Return the rows of the data sets whose drives all have values."""
-    values = drives.groupby("dataset")[measure]
-    return drives[values.transform(lambda column: column.notna().all())]
+def _set_differences(axes: Axes, rows: pd.DataFrame) -> None:
+    from matplotlib.ticker import NullLocator, StrMethodFormatter, SymmetricalLogLocator
+
+    linear = next(each.margin for each in MEASURES if each.name == rows["measure"].iloc[0])
+    ends = rows[["low", "high", "difference"]].to_numpy(float)
+    axes.set_yscale("symlog", linthresh=linear)
+    low, high = min(np.nanmin(ends), 0.0), max(np.nanmax(ends), linear)
+    axes.set_ylim(min(1.3 * low, -0.5 * linear), 1.6 * high)
+    axes.yaxis.set_major_locator(SymmetricalLogLocator(linthresh=linear, base=10))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_locator(NullLocator())
 
 
-def _draw_panel(axes: Axes, rows: pd.DataFrame, measure: str, style: FigureStyle) -> None:
-    references: dict[bool, Reference] = {}
-    for has_times in sorted(rows[rows["codec"] == UNDECODED]["has_times"].unique()):
-        reference = references[bool(has_times)] = reference_of(rows, measure, bool(has_times))
-        axes.axhspan(reference.low, reference.high, color="#dddddd", linewidth=0, zorder=1)
-        line = _LINES[bool(has_times)]
-        axes.axhline(reference.mean, color="#444444", linewidth=0.9, linestyle=line, zorder=2)
-    for codec in style.ordered_codecs(rows["codec"]):
-        if codec == UNDECODED:
-            continue
-        curve = mean_curve(rows[rows["codec"] == codec], measure)
-        reference = references[bool(curve["has_times"].all())]
-        bits, errors = curve["bpp"].to_numpy(float), curve[measure].to_numpy(float)
+def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
+    axes.axhspan(0, rows["margin"].iloc[0], color=_MARGIN_COLOUR, linewidth=0, zorder=1)
+    untimed = rows[(rows["codec"] == UNDECODED) & (rows["times"] == NONE)]
+    for value in untimed["difference"]:
+        axes.axhline(value, color="#444444", linewidth=0.9, linestyle=_NO_TIMES_LINE, zorder=2)
+    coded = rows[rows["codec"] != UNDECODED]
+    for codec in style.ordered_codecs(coded["codec"]):
         look = style.of_codec(codec)
-        common: dict[str, Any] = {"color": look.colour, "zorder": 3}
-        axes.plot(bits, errors, linestyle=look.line, **common)
-        common |= {"marker": look.marker, "linestyle": ""}
-        lost = curve["lost_turns"].to_numpy() > 0
-        axes.plot(bits[~lost], errors[~lost], **common)
-        axes.plot(bits[lost], errors[lost], markerfacecolor="white", **common)
-        good = np.logical_and.accumulate((errors <= reference.most)[::-1])[::-1]
-        if good.any():
-            first = int(np.argmax(good))
-            axes.plot(bits[first], errors[first], markersize=2.2 * style.marker_size, **common)
+        ordered = coded[coded["codec"] == codec].sort_values("bits")
+        for times, curve in ordered.groupby("times"):
+            bits = curve["bits"].to_numpy(float) * _OFFSET[str(times)]
+            middle = curve["difference"].to_numpy(float)
+            common: dict[str, Any] = {"color": look.colour, "zorder": 3}
+            if curve["trajectories"].iloc[0] >= MIN_SCENES:
+                axes.vlines(bits, curve["low"], curve["high"], linewidth=1.0, **common)
+            else:
+                for column in ("least", "most"):
+                    axes.plot(bits, curve[column], marker=".", markersize=2, linestyle="", **common)
+            axes.plot(bits, middle, linestyle=(0, (1, 3)), linewidth=0.7, **common)
+            axes.plot(bits, middle, **_marker(look, str(times)), zorder=4)
+            lost = curve["lost_turns"].to_numpy(float) > 0
+            axes.plot(bits[lost], middle[lost], zorder=5, **_LOST)
+
+
+def _marker(look: Any, times: str) -> dict[str, Any]:
+    face = "white" if times == NONE else look.colour
+    return {
+        "marker": look.marker,
+        "color": look.colour,
+        "markerfacecolor": face,
+        "markersize": 4.2,
+        "linestyle": "",
+    }
+
+
+def _handles(rows: pd.DataFrame, style: FigureStyle) -> list[Artist]:
+    from matplotlib.patches import Patch
+
+    coded = rows[rows["codec"] != UNDECODED]
+    handles: list[Artist] = []
+    for codec in style.ordered_codecs(coded["codec"]):
+        present = set(coded[coded["codec"] == codec]["times"])
+        look = style.of_codec(codec)
+        handles += [
+            line_handle(f"{look.title}, {words}", **_marker(look, times))
+            for times, words in _TIMES.items()
+            if times in present
+        ]
+    untimed = {"linewidth": 0.9, "linestyle": _NO_TIMES_LINE}
+    if ((rows["codec"] == UNDECODED) & (rows["times"] == NONE)).any():
+        handles.append(line_handle("undecoded, no times", **untimed))
+    handles.append(Patch(color=_MARGIN_COLOUR, label="margin"))
+    if (coded["lost_turns"] > 0).any():
+        handles.append(line_handle("turns lost", **_LOST))
+    return handles

@@ -23,6 +23,41 @@ def read_poses(path: Path) -> tuple[Floats | None, Floats]:
         return poses_of(read_bytes(path))
 
 
+def files_of_poses(path: str | Path) -> list[Path]:
+    """Return a file of poses and, if there is one, the ``calib.txt`` that belongs to it.
+
+    It is beside the poses, or in KITTI's folder: ``sequences/00/calib.txt`` for ``poses/00.txt``.
+    """
+    path = Path(path)
+    places = (path.parent, path.parent.parent / "sequences" / path.stem)
+    found = [place / "calib.txt" for place in places if (place / "calib.txt").is_file()]
+    return [path, *found[:1]]
+
+
+def read_lidar_poses(path: Path) -> Floats:
+    """Read a LiDAR's poses (n, 4, 4) from a file.
+
+    Poses in KITTI's form, which are those of its camera (z forward), are converted by their
+    calib.txt (`files_of_poses`). Without it, they are taken as the LiDAR's.
+
+    Raises InputError if they move along z, as a camera's do, and there is no calib.txt.
+    """
+    times, poses = read_poses(path)
+    if times is not None:
+        return poses
+    _, *calibrations = files_of_poses(path)
+    if calibrations:
+        camera = read_kitti_calibration(calibrations[0])
+        return np.linalg.inv(camera) @ poses @ camera
+    right, forward, up = np.abs(np.diff(poses[:, :3, 3], axis=0)).sum(axis=0)
+    if up > max(right, forward):
+        fault = (
+            "these poses move along z, as those of KITTI's camera: put its calib.txt beside them"
+        )
+        raise InputError(f"{path}: {fault}")
+    return poses
+
+
 def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
     """Return times and poses from a file's content, as `read_poses` does."""
     lines = data.decode("utf-8-sig", errors="replace").splitlines()

@@ -12,10 +12,10 @@ from puckbench.core.progress import Progress
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
 from puckbench.geometry.cloud import Floats
-from puckbench.io.poses import read_poses
+from puckbench.io.poses import read_lidar_poses
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.scan import Scanning
-from puckbench.lidar.drives import Drive, check_times, turn_of, write_drive
+from puckbench.lidar.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
 from puckbench.lidar.returns import HOUR_US
 from puckbench.lidar.sweep import Sweep
 from puckbench.lidar.turns import clock_steps
@@ -60,13 +60,15 @@ class DriveOfClouds(Job):
     """Collect consecutive clouds of a data set into a drive.
 
     Poses, one in the middle of each turn, come from the file `poses` (TUM or KITTI), else from the
-    data set, else from KISS-ICP.
+    data set, else from KISS-ICP with the options of the task ``odometry``. The last are no truth:
+    errors of decoded turns are then deviations from the undecoded trajectory.
     """
 
     loader: str
     names: tuple[str, ...]
     options: dict[str, Any] = Field({})
     poses: str | None = None
+    odometry: dict[str, Any] = Field({})
     seed: int = 0
 
     def plugins(self) -> Iterable[str | None]:
@@ -93,9 +95,9 @@ class DriveOfClouds(Job):
         clouds = tuple(turn for turn in turns if turn is not None)
         times = starts + turn_s / 2
         if poses is None:
-            from puckbench.metrics.tasks.odometry import estimated_poses, moment_of
+            from puckbench.metrics.tasks.odometry import estimated_poses, moment_of, settings_of
 
-            poses = estimated_poses(clouds, is_moving, 100.0, 1.0)
+            poses = estimated_poses(clouds, is_moving, *settings_of(**self.odometry))
             times = starts + moment_of(clouds) * turn_s
         last = poses[-1] @ np.linalg.inv(poses[-2]) @ poses[-1]  # goes on as it did
         times = np.append(times, 2 * times[-1] - times[-2])
@@ -103,15 +105,18 @@ class DriveOfClouds(Job):
 
     def _poses(self, scenes: list[Scene]) -> tuple[Floats | None, str]:
         if self.poses:
-            poses = read_poses(Path(self.poses))[1]
+            poses = read_lidar_poses(Path(self.poses))
             if len(poses) != len(scenes):
                 counts = f"{len(poses)} poses for {len(scenes)} turns"
                 raise InputError(f"{self.poses}: {counts}: one for each turn is needed")
+            if self.loader == "kitti" and self.options.get("returns"):
+                axes = "returns of KITTI have other axes than its poses"
+                raise InputError(f"poses: {axes}: put them where KITTI has them, poses/00.txt")
             return poses, Path(self.poses).name
         poses_of_scenes = [scene.pose for scene in scenes if scene.pose is not None]
         if len(poses_of_scenes) == len(scenes):
             return np.array(poses_of_scenes), "of the data set"
-        return None, "KISS-ICP on the undecoded turns"
+        return None, UNDECODED_POSES
 
 
 def _sensor(scene: Scene) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,11 @@ from puckbench.io.archives import read_archive, write_archive
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import RECORD, STREAM, write_rows
 from puckbench.jobs.registry import JOBS
-from puckbench.lidar.drives import Drive, read_drive
+from puckbench.lidar.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import task_results
+
+_UNDECODED_RATES = {KEPT: "times", AZIMUTH: "azimuth times", NONE: "no times"}
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,10 @@ def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
 class MeasureDrive(TimedJob):
     """Evaluate tasks on the decoded turns of a drive, or on the original turns.
 
-    `tasks` maps names to options. Turns coded as points lose the order and times of firings.
+    `tasks` maps names to options. The column ``times`` says where points have their times from:
+    ``kept`` by codecs of returns, by ``azimuth``, or ``none``. Turns coded as points lose the
+    firings, and are measured both with the times of their azimuths and without times. Azimuths give
+    times if the drive has returns, and the sensor moves during a turn.
     """
 
     dataset: str
@@ -115,7 +120,7 @@ class MeasureDrive(TimedJob):
         return *super().plugins(), *self.tasks
 
     def run(self, drive: Path, rows: Path, curve: Path | None = None) -> dict[str, Any]:
-        """Write a row per rate; without `curve`, rows of the drive with times and without times."""
+        """Write a row per rate and kind of times; without `curve`, those of the drive itself."""
         original = read_drive(drive)
         about = {**original.about, "digest": _digest(original)}
         described = {"dataset": self.dataset, "cloud": drive.stem, **about}
@@ -124,17 +129,20 @@ class MeasureDrive(TimedJob):
         else:
             with naming(curve):
                 coded = read_coded_drive(curve)
-                results = [self._decoded(original, item) for item in coded.values()]
+                results = [row for item in coded.values() for row in self._decoded(original, item)]
         write_rows(rows, [{**described, **row} for row in results])
         return {"rates": len(results)}
 
     def _undecoded(self, drive: Drive) -> Iterable[dict[str, Any]]:
-        bare = tuple(PointCloud(turn.xyz) for turn in drive.turns)
-        has_times = any(turn.returns is not None for turn in drive.turns)
-        for turns, rate in [(drive.turns, "times")] * has_times + [(bare, "no times")]:
-            yield self._row(drive, turns, {"codec": UNDECODED, "rate": rate})
+        if _is_timed(drive, drive.turns):
+            kept = {"codec": UNDECODED, "rate": _UNDECODED_RATES[KEPT]}
+            yield self._row(drive, drive.turns, kept, KEPT)
+        for times, turns in _of_points(drive, drive.turns):
+            yield self._row(
+                drive, turns, {"codec": UNDECODED, "rate": _UNDECODED_RATES[times]}, times
+            )
 
-    def _decoded(self, drive: Drive, coded: CodedDrive) -> dict[str, Any]:
+    def _decoded(self, drive: Drive, coded: CodedDrive) -> Iterable[dict[str, Any]]:
         name, record = str(self.codec), coded.record
         if len(coded.streams) != len(drive.turns):
             raise InputError(f"{len(coded.streams)} coded turns for a drive of {len(drive.turns)}")
@@ -144,20 +152,38 @@ class MeasureDrive(TimedJob):
             for turn in timed.result:
                 check_points(turn.xyz, f"codec {name}: decoded points")
         row = {**record, **timed.costs("decode"), **run_environment(self.alone)}
-        return self._row(drive, timed.result, row)
+        if _is_timed(drive, timed.result):
+            yield self._row(drive, timed.result, row, KEPT)
+            return
+        for times, turns in _of_points(drive, timed.result):
+            yield self._row(drive, turns, row, times)
 
     def _row(
-        self, drive: Drive, turns: Sequence[PointCloud], record: Mapping[str, Any]
+        self, drive: Drive, turns: Sequence[PointCloud], record: Mapping[str, Any], times: str
     ) -> dict[str, Any]:
         row = {
             **record,
-            "has_times": all(turn.returns is not None for turn in turns),
+            "times": times,
             "turns": len(turns),
             "points_in": drive.points,
             "points_out": sum(map(len, turns)),
             "puckbench_version": __version__,
         }
         return {**row, **task_results(self.tasks, drive, turns, row)}
+
+
+def _is_timed(drive: Drive, turns: Sequence[PointCloud]) -> bool:
+    return drive.turn_s > 0 and all(turn.returns is not None for turn in turns)
+
+
+def _of_points(
+    drive: Drive, turns: Sequence[PointCloud]
+) -> Iterator[tuple[str, tuple[PointCloud, ...]]]:
+    """Yield turns of points with the times of their azimuths, where there are any, and without."""
+    if _is_timed(drive, drive.turns):
+        both = zip(turns, drive.turns, strict=True)
+        yield AZIMUTH, tuple(timed_by_azimuth(turn, original) for turn, original in both)
+    yield NONE, tuple(PointCloud(turn.xyz) for turn in turns)
 
 
 def _digest(drive: Drive) -> str:

@@ -25,6 +25,12 @@ from puckbench.io.clouds import cloud_bytes, read_cloud
 from puckbench.io.poses import poses_of, tum_bytes
 from puckbench.lidar.returns import Returns, read_firings, write_firings
 
+KEPT, AZIMUTH, NONE = "kept", "azimuth", "none"
+"""Values of the column ``times``: where the times of a decoded turn's points come from."""
+UNDECODED_POSES = "KISS-ICP on the undecoded turns"
+"""Value of the column ``poses`` for drives without true poses."""
+TURN_SHARE = "turn_share"
+"""Field of a turn's points: their times as fractions of the turn's duration, from 0 to 1."""
 _POSES, _ABOUT = "poses.tum", "drive.json"
 _GAP = 1.5
 """Largest time between turns, as a multiple of the median."""
@@ -121,6 +127,39 @@ def firing_shares(returns: Returns) -> Floats:
     azimuths = returns.column_azimuths(turn)
     passed = np.mod(azimuths - azimuths[0].min(), 2 * np.pi) / (2 * np.pi)
     return np.asarray(passed[columns, lasers])
+
+
+def azimuth_shares(points: Floats, returns: Returns) -> Floats:
+    """Return the time of each point (n, 3), m, by its azimuth, as a fraction of the turn, 0 to 1.
+
+    `returns` are those of the original turn: their first azimuth and direction of rotation are the
+    only values taken from them. A sensor all of whose lasers fire at the column's azimuth, as a
+    virtual sensor or a VLP-16, has exact times; others have errors of the lasers' azimuths. A point
+    that coding moved across the first azimuth gets the other end of the turn.
+    """
+    clockwise = returns.beams.clockwise
+    azimuths = np.arctan2(points[:, 0] if clockwise else -points[:, 0], points[:, 1])
+    (turn,) = returns.turns
+    begun = returns.column_azimuths(turn)[0].min()
+    return np.asarray(np.mod(azimuths - begun, 2 * np.pi) / (2 * np.pi))
+
+
+def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
+    """Return a decoded turn's points with `TURN_SHARE` by azimuth; `original` has returns."""
+    if original.returns is None:
+        raise InputError("the original turn has no returns, whose first azimuth is needed")
+    shares = azimuth_shares(turn.xyz, original.returns)
+    return PointCloud(turn.xyz, fields={TURN_SHARE: shares})
+
+
+def shares_of(turn: PointCloud) -> Floats | None:
+    """Return the times of a turn's points as fractions of the turn, (n,), or None.
+
+    They come from the firings of `returns`, else from the field `TURN_SHARE`.
+    """
+    if turn.returns is not None:
+        return firing_shares(turn.returns)
+    return turn.fields.get(TURN_SHARE)
 
 
 def write_drive(path: Path, drive: Drive) -> None:

@@ -20,6 +20,7 @@ from pydantic import ConfigDict, NonNegativeInt, PositiveFloat, model_validator
 from puckbench.core.errors import InputError, among
 from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats
+from puckbench.lidar.motion import Motion
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows
 
@@ -227,7 +228,8 @@ def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
     """Create a sweep from the name of a preset, or from values such as ``{"duration_s": 1.0}``.
 
     Missing values are those of the ``preset`` (default: ``thesis``). A ``trajectory``, rows of
-    poses or a file's path, determines the duration unless ``duration_s`` is set.
+    poses, a file's path, or values of a `Motion`, determines the duration unless ``duration_s`` is
+    set.
     """
     options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
     name = options.pop("preset", "thesis")
@@ -235,6 +237,8 @@ def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
         raise InputError(f"unknown sweep {name!r}{among(name, SWEEPS)}")
     if isinstance(options.get("trajectory"), str):
         options["trajectory"] = read_rows(Path(options["trajectory"]))
+    if isinstance(options.get("trajectory"), Mapping):
+        options["trajectory"] = parsed(Motion, options["trajectory"], "trajectory").rows()
     if "duration_s" not in options:
         options |= _duration(options.get("trajectory"))
     return parsed(Sweep, {**SWEEPS[name], **options}, f"sweep {name}")

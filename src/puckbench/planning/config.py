@@ -210,7 +210,13 @@ class DriveConfig(Sensing):
         "a drive.",
     )
     seeds: tuple[Seed, ...] = Field(
-        (1, 2, 3), min_length=1, description="Seeds of the sensor's errors, one drive for each."
+        (1,), min_length=1, description="Seeds of the sensor's errors, one drive for each."
+    )
+    trajectories: dict[str, Options | str | tuple[tuple[float, ...], ...]] = Field(
+        {},
+        description="Trajectories by scene, instead of the sweep's `trajectory`: rows of poses, a "
+        "file, or a motion by a few numbers, `{duration_s: 10, speed_m_s: 8}`. Only these scenes "
+        "are driven through.",
     )
     rates: tuple[RateName, ...] = Field(
         ("1000mm", "500mm", "200mm", "100mm", "50mm", "20mm"),
@@ -219,15 +225,24 @@ class DriveConfig(Sensing):
     )
     poses: str | None = Field(
         None,
-        description="File of poses, one for each turn (`make: cloud`): TUM or KITTI. By default "
-        "those of the data set or, without any, those of odometry on the undecoded turns.",
+        description="File of poses, one for each turn (`make: cloud`): TUM or KITTI. KITTI's own "
+        "are those of a camera: they need KITTI's `calib.txt` beside them or in its folder. By "
+        "default those of the data set or, without any, those of odometry on the undecoded turns.",
     )
     tasks: dict[str, Options] = Field(
-        {"odometry": {}, "registration": {}},
+        {"odometry": {}, "gicp_odometry": {}},
         min_length=1,
         description="Tasks with their options: names, or your own functions, `module:function` or "
         "`path/to/file.py:function`.",
     )
+
+    def of_scene(self, scene: str) -> DriveConfig:
+        """Return the settings of the drive through a scene, with its trajectory in the sweep."""
+        if scene not in self.trajectories:
+            return self
+        sweep = {"preset": self.sweep} if isinstance(self.sweep, str) else self.sweep
+        changed = {**sweep, "trajectory": self.trajectories[scene]}
+        return self.model_copy(update={"sweep": changed, "trajectories": {}})
 
 
 class CodecConfig(Model):

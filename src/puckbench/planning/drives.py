@@ -7,7 +7,8 @@ from functools import cached_property
 from typing import Any
 
 from puckbench.codecs.facts import find_rate
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import InputError, among, naming
+from puckbench.io.poses import files_of_poses
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
@@ -87,30 +88,34 @@ class DriveJobs:
     def source(self, name: str, drive: str) -> dict[str, str | list[str]]:
         """Return the scene file of a virtual drive, the scene's description, and other files."""
         entry = self.entries[name]
-        file = f"{self.plan.results}/scenes/{entry.scenes.name}/{entry.scans[drive][0]}"
-        others = files_of_scan(entry.settings)
+        scene = entry.scans[drive][0]
+        file = f"{self.plan.results}/scenes/{entry.scenes.name}/{scene}"
+        others = files_of_scan(entry.settings.of_scene(scene))
         return {"scene": f"{file}.ply", "about": f"{file}.json", "files": others}
 
     def files(self, name: str, drive: str) -> dict[str, list[str]]:
         """Return the files of a drive's clouds and poses."""
         entry = self.entries[name]
         files = (file for cloud in entry.clouds[drive] for file in entry.scenes.files(cloud))
-        poses = [entry.settings.poses] if entry.settings.poses else []
-        return {"clouds": list(dict.fromkeys(files)), "poses": poses}
+        poses = map(str, files_of_poses(entry.settings.poses)) if entry.settings.poses else ()
+        return {"clouds": list(dict.fromkeys(files)), "poses": list(poses)}
 
     def drive(self, name: str, drive: str) -> PlannedJob:
         entry = self.entries[name]
         if drive in entry.scans:
-            modules, also = code_of_scan(entry.settings)
-            record = VirtualDrive(**entry.settings.scan_settings(*entry.scans[drive]))
-            digest = self.plan.digest_of(files_of_scan(entry.settings))
-            return planned(record, *modules, also=f"{also} {entry.settings.scenes} {digest}")
+            scene, seed = entry.scans[drive]
+            settings = entry.settings.of_scene(scene)
+            modules, also = code_of_scan(settings)
+            record = VirtualDrive(**settings.scan_settings(scene, seed))
+            digest = self.plan.digest_of(files_of_scan(settings))
+            return planned(record, *modules, also=f"{also} {settings.scenes} {digest}")
         scenes = entry.scenes
         record_of_clouds = DriveOfClouds(
             loader=scenes.loader,
             names=entry.clouds[drive],
             options=scenes.options,
             poses=entry.settings.poses,
+            odometry=entry.settings.tasks.get("odometry", {}),
             seed=scenes.seed,
         )
         inputs = self.files(name, drive)
@@ -155,12 +160,14 @@ class DriveJobs:
         with naming(where):
             for task, options in value.tasks.items():
                 checked_task(task, options)
-            _check_sweep(value)
+            for scene in value.trajectories or ("",):
+                _check_sweep(value.of_scene(scene))
             refuse_paths(file for scene in scenes.chosen for file in scenes.files(scene))
             refuse_paths(filter(None, [value.poses]))
             scans, clouds = {}, {}
             if value.is_scan:
-                scans = {f"{s}-{seed}": (s, seed) for s in scenes.chosen for seed in value.seeds}
+                driven = _driven(value, scenes)
+                scans = {f"{s}-{seed}": (s, seed) for s in driven for seed in value.seeds}
             else:
                 clouds = consecutive(scenes.chosen)
                 if value.poses and len(clouds) > 1:
@@ -195,6 +202,14 @@ class DriveJobs:
             if named or metric_rates:
                 rates[codec] = named or metric_rates
         return rates
+
+
+def _driven(value: DriveConfig, scenes: ScenePlan) -> tuple[str, ...]:
+    for scene in value.trajectories:
+        if scene not in scenes.chosen:
+            choices = among(scene, scenes.chosen)
+            raise InputError(f"trajectories: no scene '{scene}' in {scenes.name}{choices}")
+    return tuple(value.trajectories) or scenes.chosen
 
 
 def _check_sweep(value: DriveConfig) -> None:

@@ -9,6 +9,8 @@ from typing import Any
 
 from puckbench.figures.style import FigureStyle
 from puckbench.jobs.curve_files import REMARK
+from puckbench.lidar.drives import AZIMUTH, NONE
+from puckbench.metrics.table_registry import UNDECODED
 from puckbench.report.bd_rate_text import delta_text, has_delta
 
 Row = dict[str, str]
@@ -45,11 +47,13 @@ _MAX_RATES = 24
 _MAX_REMARKS = 10
 _NO_TASK = re.compile(
     r"dataset|cloud|codec|rate|points_.*|bytes|bpp|(encode|decode)_.*|turns|seed|length_m|repeats"
-    r"|threads|has_times|timed_alone"
+    r"|threads|times|timed_alone|gicp_length_m"
 )
 """Names of columns of drives that are not results of tasks."""
 _FIRST_TASKS = ("drift_percent", "ate_m", "lost_turns")
 _MAX_TASKS = 5
+_TIMES = {AZIMUTH: ", azimuth times", NONE: ", no times"}
+"""What follows the rate of drives whose codec does not keep the times of firings."""
 REPORT = "report.html"
 _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 
@@ -87,10 +91,11 @@ def _median_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[st
 
 def _drive_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[str]:
     path = results / "tables" / "drives.csv"
-    groups: dict[tuple[str, str, str], list[Row]] = {}
+    groups: dict[tuple[str, ...], list[Row]] = {}
     rows = _rows(path)
     for row in rows:
-        groups.setdefault((row["dataset"], row["codec"], row["rate"]), []).append(row)
+        key = (row["dataset"], row["codec"], row["rate"], row.get("times", ""))
+        groups.setdefault(key, []).append(row)
     if len(groups) > _MAX_RATES:
         yield f"Tasks on drives at each rate: {path}"
         return
@@ -126,9 +131,10 @@ def _is_number(text: str) -> bool:
 def _drive_cells(rows: Sequence[Row], columns: Sequence[str], style: FigureStyle) -> list[str]:
     first = rows[0]
     values = {name: [float(row[name]) for row in rows if row[name]] for name in ("bpp", *columns)}
+    times = "" if first["codec"] == UNDECODED else _TIMES.get(first.get("times", ""), "")
     return [
         style.title(first["dataset"]),
-        f"{style.of_codec(first['codec']).title} {first['rate']}",
+        f"{style.of_codec(first['codec']).title} {first['rate']}{times}",
         str(len(rows)),
         *(f"{fmean(numbers):.3g}" if numbers else "" for numbers in values.values()),
     ]

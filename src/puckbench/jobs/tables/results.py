@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 METRIC_KEYS = ("dataset", "cloud", "codec", "rate")
 CLOUD_KEYS = ("dataset", "cloud")
 RECOVERY_KEYS = (*METRIC_KEYS, "kind")
+DRIVE_KEYS = (*METRIC_KEYS, "times")
 _FIRST = (
     *(*RECOVERY_KEYS, "group", "points_in", "points_out", "points", "bytes", "bpp"),
     *("d1_psnr", "d2_psnr", "peak", "lossless"),
@@ -147,11 +148,12 @@ def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 @TABLES.register("drives", title="Tasks on drives", gathered=True)
 def drive_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Tasks of a robot on the decoded turns of drives, one row per drive, codec and rate.
+    """Tasks of a robot on the decoded turns of drives, one row per drive, codec, rate and kind of
+    times.
 
-    Columns: bits per point (``bpp``), seconds for all turns, whether decoded turns have the times
-    of firings (``has_times``), and the values and settings of each task. The codec ``undecoded``
-    means the original drive, with and without times.
+    Columns: bits per point (``bpp``), seconds for all turns, where the times of decoded points come
+    from (``times``: ``kept`` by the codec, from the points' ``azimuth``, ``none``), and the values
+    and settings of each task. The codec ``undecoded`` means the original drive.
     """
     return read_rows(files)
 
@@ -161,7 +163,7 @@ ROWS = {
     "clouds": (cloud_rows, CLOUD_KEYS),
     "scan_errors": (scan_error_rows, CLOUD_KEYS),
     "recovery": (recovery_rows, RECOVERY_KEYS),
-    "drives": (drive_rows, METRIC_KEYS),
+    "drives": (drive_rows, DRIVE_KEYS),
 }
 """Tables of result rows: the function that reads rows from files, and the key columns."""
 

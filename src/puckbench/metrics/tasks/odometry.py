@@ -1,8 +1,14 @@
-"""Odometry by KISS-ICP on decoded turns, and errors against the sensor's true poses.
+"""Odometry on decoded turns, and errors against the sensor's true poses.
+
+Two programs estimate the poses: KISS-ICP, which matches points to points, and scan-to-map GICP with
+small_gicp, as in that project's example `kitti_odometry.py`, which matches distributions. Both
+assume that the sensor moves during a turn as it did during the last one; so they need some turns
+to settle if the first turn is already in motion.
 
 References
 ----------
 I. Vizzo et al., "KISS-ICP: In Defense of Point-to-Point ICP", RA-L 2023.
+K. Koide, "small_gicp: Efficient and parallel algorithms for point cloud registration", JOSS 2024.
 A. Geiger et al., "Are we ready for Autonomous Driving?", CVPR 2012 (errors over lengths).
 M. Grupp, evo, github.com/MichaelGrupp/evo.
 """
@@ -18,17 +24,27 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.lidar.drives import Drive, firing_shares
+from puckbench.lidar.drives import Drive, shares_of
 from puckbench.metrics.task_registry import TASKS
 
 LENGTHS_M = (10, 20, 50)
 KITTI_LENGTHS_M = tuple(range(100, 900, 100))
-_LOST_M, _LOST_DEG = 0.5, 5.0
-"""Errors of the estimated motion since the previous turn above which a turn is lost."""
+GICP = "gicp_"
+"""Prefix of the columns of GICP; those of KISS-ICP have none."""
+_LOST_SHARE = 0.5
+_LOST_M, _LOST_DEG = (0.05, 0.5), (1.0, 5.0)
+"""A turn is lost if its estimated motion is wrong by more than half of the true motion, by at least
+the first and at any rate by the second value."""
+_LENGTHS_IN_A_PATH = 2
+"""Fewest times that a length must fit into the path for a drift over it."""
 _TOLERANCE = 0.1
 """Largest relative deviation of a pair's distance from the nominal one."""
 _THREADS = 1
-"""With more threads, the order of sums, and thus KISS-ICP's poses, may vary."""
+"""With more threads, the order of sums, and thus the poses, may vary."""
+_SKIP = 15
+_FINER = 4
+"""Voxels of GICP's map in a row over those of a turn (1 m and 0.25 m in small_gicp's example)."""
+_NEIGHBOURS = 10
 
 
 @TASKS.register("odometry", needs=("kiss_icp", "evo"))
@@ -37,18 +53,17 @@ def odometry(
     decoded: Sequence[PointCloud],
     max_range_m: float = 100.0,
     voxel_m: float | None = None,
-    skip: int = 5,
+    skip: int = _SKIP,
 ) -> dict[str, Any]:
     """Return KISS-ICP's drift, absolute error and number of lost turns.
 
-    Turns with returns are corrected for the sensor's motion, to the end of the turn. Turns without
-    returns are not corrected; their poses are those at the middle of the turn. `voxel_m` is by
-    default a hundredth of `max_range_m`, as in KISS-ICP. The first `skip` turns, when KISS-ICP does
-    not know the motion yet, do not count.
+    Turns whose points have times are corrected for the sensor's motion, to the end of the turn.
+    Others are not corrected; their poses are those at the middle of the turn. `voxel_m` is by
+    default a hundredth of `max_range_m`, as in KISS-ICP. The first `skip` turns, while KISS-ICP
+    settles, do not count.
     """
-    if len(decoded) < skip + 2:
-        raise InputError(f"task odometry: {len(decoded)} turns, of which it skips {skip}")
-    voxel_m = max_range_m / 100 if voxel_m is None else voxel_m
+    _check_turns("odometry", decoded, skip)
+    max_range_m, voxel_m = settings_of(max_range_m, voxel_m)
     estimated = estimated_poses(decoded, drive.turn_s > 0, max_range_m, voxel_m)
     settings = {
         "odometry": f"kiss-icp {version('kiss-icp')}",
@@ -61,9 +76,41 @@ def odometry(
     return {**pose_errors(true[skip:], estimated[skip:]), **settings}
 
 
+@TASKS.register("gicp_odometry", needs=("small_gicp", "evo"))
+def gicp_odometry(
+    drive: Drive,
+    decoded: Sequence[PointCloud],
+    max_range_m: float = 100.0,
+    voxel_m: float | None = None,
+    skip: int = _SKIP,
+) -> dict[str, Any]:
+    """Return the drift, absolute error and number of lost turns of scan-to-map GICP.
+
+    Columns and options are those of the task ``odometry``, with the prefix ``gicp_``. `voxel_m` is
+    the size of the map's voxels, in which GICP keeps a normal distribution; those of a turn are a
+    fourth as large, and points are matched at most `voxel_m` apart.
+    """
+    _check_turns("gicp_odometry", decoded, skip)
+    max_range_m, voxel_m = settings_of(max_range_m, voxel_m)
+    estimated = gicp_poses(decoded, drive.turn_s > 0, max_range_m, voxel_m)
+    true = drive.poses_at(moment_of(decoded))
+    errors = pose_errors(true[skip:], estimated[skip:])
+    length = errors.pop("length_m")
+    settings = {"voxel_m": voxel_m, "max_range_m": max_range_m, "skip": skip, "length_m": length}
+    named = {f"{GICP}{name}": value for name, value in {**errors, **settings}.items()}
+    return {**named, "gicp": f"small_gicp {version('small_gicp')}"}
+
+
+def settings_of(
+    max_range_m: float = 100.0, voxel_m: float | None = None, skip: int = _SKIP
+) -> tuple[float, float]:
+    """Return the range and the voxel size, m, of an odometry with a task's options."""
+    return max_range_m, max_range_m / 100 if voxel_m is None else voxel_m
+
+
 def moment_of(turns: Sequence[PointCloud]) -> float:
     """Return the time, as a fraction of a turn, at which estimated poses hold."""
-    return 1.0 if all(turn.returns is not None for turn in turns) else 0.5
+    return 1.0 if all(shares_of(turn) is not None for turn in turns) else 0.5
 
 
 def estimated_poses(
@@ -71,7 +118,7 @@ def estimated_poses(
 ) -> Floats:
     """Return KISS-ICP's poses (n, 4, 4) of turns, relative to the first.
 
-    Points are corrected for motion if turns have returns and the sensor `is_moving` during a turn.
+    Points are corrected for motion if they have times and the sensor `is_moving` during a turn.
     """
     check_installed("kiss_icp")
     from kiss_icp.config import KISSConfig
@@ -82,10 +129,74 @@ def estimated_poses(
     config.registration.max_num_threads = _THREADS
     pipeline, poses, none = KissICP(config), [], np.zeros(0)
     for turn in turns:
-        shares = firing_shares(turn.returns) if turn.returns and is_moving else none
-        pipeline.register_frame(np.ascontiguousarray(turn.xyz), shares)
+        shares = shares_of(turn) if is_moving else None
+        pipeline.register_frame(np.ascontiguousarray(turn.xyz), none if shares is None else shares)
         poses.append(pipeline.last_pose)
     return np.array(poses)
+
+
+def gicp_poses(
+    turns: Sequence[PointCloud], is_moving: bool, max_range_m: float, voxel_m: float
+) -> Floats:
+    """Return scan-to-map GICP's poses (n, 4, 4) of turns, relative to the first.
+
+    Points are corrected for motion as in `estimated_poses`.
+    """
+    check_installed("small_gicp")
+    from small_gicp import GaussianVoxelMap, align, preprocess_points
+
+    surroundings = GaussianVoxelMap(voxel_m)
+    surroundings.set_lru(horizon=100, clear_cycle=10)
+    pose, motion = np.eye(4), np.eye(4)
+    poses: list[Floats] = []
+    for turn in turns:
+        near = np.linalg.norm(turn.xyz, axis=1) <= max_range_m
+        points, shares = turn.xyz[near], shares_of(turn) if is_moving else None
+        if shares is not None:
+            points = at_end_of_turn(points, shares[near], motion)
+        source, _ = preprocess_points(points, voxel_m / _FINER, _NEIGHBOURS, _THREADS)
+        if poses:
+            found = align(
+                surroundings,
+                source,
+                pose @ motion,
+                max_correspondence_distance=voxel_m,
+                num_threads=_THREADS,
+            ).T_target_source
+            pose, motion = found, np.linalg.inv(pose) @ found
+        surroundings.insert(source, pose)
+        poses.append(pose)
+    return np.array(poses)
+
+
+def at_end_of_turn(points: Floats, shares: Floats, motion: Floats) -> Floats:
+    """Return points (n, 3), m, in the sensor's coordinates at the end of the turn.
+
+    `shares` (n,) are their times from 0 to 1, and `motion` (4, 4) the sensor's motion in a turn,
+    which has a constant velocity and angular velocity.
+    """
+    from scipy.spatial.transform import Rotation
+
+    axis = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+    angle = float(np.linalg.norm(axis))
+    back = shares - 1
+    turned = Rotation.from_rotvec(back[:, None] * axis).apply(points)
+    if angle < 1e-9:
+        return np.asarray(turned + back[:, None] * motion[:3, 3])
+    cross = np.cross(np.eye(3), axis / angle)  # the matrix of the cross product with the axis
+
+    def moved(share: Floats) -> Floats:  # integral of the rotation from 0 to each share
+        sine, cosine = np.sin(share * angle) / angle, (1 - np.cos(share * angle)) / angle
+        parts = (share, np.eye(3)), (cosine, cross), (share - sine, cross @ cross)
+        return np.asarray(sum(part[:, None, None] * matrix for part, matrix in parts))
+
+    velocity = np.linalg.solve(moved(np.ones(1))[0], motion[:3, 3])
+    return np.asarray(turned + moved(back) @ velocity)
+
+
+def _check_turns(task: str, decoded: Sequence[PointCloud], skip: int) -> None:
+    if len(decoded) < skip + 2:
+        raise InputError(f"task {task}: {len(decoded)} turns, of which it skips {skip}")
 
 
 def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
@@ -93,10 +204,11 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
 
     The drift over a path length is the mean error of all pairs of poses that are this length apart,
     divided by the length. ``drift_percent`` (translation) and ``drift_deg_per_m`` (rotation) are
-    means over those lengths of 10, 20 and 50 m that fit into the drive. ``drift_50m_...`` is for
-    one length, ``kitti_...`` for 100 to 800 m. ``ate_m`` is the RMS distance of positions after the
-    best rigid alignment. A turn is lost if the motion since the last turn is wrong by more than 0.5
-    m or 5 degrees.
+    means over those lengths of 10, 20 and 50 m that fit twice into the path. ``drift_50m_...`` is
+    for one length, ``kitti_...`` for 100 to 800 m. ``ate_m`` is the RMS distance of positions after
+    the best rigid alignment. A turn is lost if the motion since the last turn is wrong by more than
+    half of the true motion (errors below 0.05 m and 1 degree never count, those above 0.5 m and 5
+    degrees always do): an estimate that stands still is lost while the sensor moves.
     """
     check_installed("evo")
     from evo.core.metrics import PoseRelation, Unit
@@ -104,11 +216,15 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     both = _paths(true, estimated)
     steps_m = _relative_errors(both, PoseRelation.translation_part, 1, Unit.frames)
     steps_deg = _relative_errors(both, PoseRelation.rotation_angle_deg, 1, Unit.frames)
-    lost = int(np.count_nonzero((steps_m > _LOST_M) | (steps_deg > _LOST_DEG)))
-    whole_m = float(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1).sum())
+    moved_m = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
+    lost_m = np.clip(_LOST_SHARE * moved_m, *_LOST_M)
+    lost_deg = np.clip(_LOST_SHARE * _turned_deg(true), *_LOST_DEG)
+    lost = int(np.count_nonzero((steps_m > lost_m) | (steps_deg > lost_deg)))
+    whole_m = float(moved_m.sum())
     absolute_m = _absolute_error(true, estimated)
     results: dict[str, Any] = {"length_m": whole_m, "lost_turns": lost, "ate_m": absolute_m}
-    for name, lengths in (("drift", LENGTHS_M), ("kitti", KITTI_LENGTHS_M)):
+    fitting = tuple(each for each in LENGTHS_M if _LENGTHS_IN_A_PATH * each <= whole_m)
+    for name, lengths in (("drift", fitting), ("kitti", KITTI_LENGTHS_M)):
         values = {length: drift for length in lengths if len(drift := _drift(both, length))}
         for unit, column in (("percent", 0), ("deg_per_m", 1)):
             means = {length: float(drift[column]) for length, drift in values.items()}
@@ -116,6 +232,13 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
                 results[f"{name}_{unit}"] = float(np.mean(list(means.values())))
             results |= {f"{name}_{length}m_{unit}": value for length, value in means.items()}
     return results
+
+
+def _turned_deg(poses: Floats) -> Floats:
+    from scipy.spatial.transform import Rotation
+
+    turned = poses[:-1, :3, :3].transpose(0, 2, 1) @ poses[1:, :3, :3]
+    return np.degrees(Rotation.from_matrix(turned).magnitude())
 
 
 def check_installed(package: str) -> None:

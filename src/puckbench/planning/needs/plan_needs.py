@@ -17,7 +17,8 @@ def several_codecs(plan: Plan) -> Options | None:
 
 @NEEDS.register("odometry")
 def odometry_on_drives(plan: Plan) -> Options | None:
-    return _if(any("odometry" in drive.tasks for drive in plan.drives.values()))
+    tasks = {task for drive in plan.drives.values() for task in drive.tasks}
+    return _if(bool(tasks & {"odometry", "gicp_odometry"}))
 
 
 @NEEDS.register("attributes")
