@@ -135,7 +135,8 @@ def recordings() -> str:
     times = interval(ratio.mean, ratio.low, ratio.high, 2)
     return (
         f"{len(puck)} recordings of as many sensors, a turn each, without loss: `puck` needs "
-        f"{puck.min():.1f} to {puck.max():.1f} bits per return, JPEG XL of the range image {times} times as many"
+        f"{puck.min():.1f} to {puck.max():.1f} bits per return, JPEG XL of the range image {times} "
+        "times as many"
     )
 
 

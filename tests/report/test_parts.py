@@ -431,6 +431,28 @@ RIVAL = {"ratio": 1.5, "ratio_low": 1.2, "ratio_high": 1.9, "verdict": "worse"}
 PART = {"ratio": np.nan, "verdict": "no verdict", "scenes": 4}
 
 
+def test_findings_name_the_codec_of_fewest_bits_that_odometry_needs() -> None:
+    drive = {"dataset": "street", "odometry": "kiss_icp", "unit": "%", "trajectories": 8}
+    drive |= {"undecoded": 0.4, "margin": 0.1, "value": 0.45}
+    table = pd.DataFrame(
+        [
+            {**drive, "codec": "draco", "bits": 3.0, "verdict": "not worse"},
+            {**drive, "codec": "gpcc", "bits": 0.8, "verdict": "not worse"},
+            {**drive, "codec": "puck", "bits": np.nan, "verdict": "no rate suffices"},
+            {**drive, "dataset": "yard", "codec": "gpcc", "bits": np.nan, "verdict": "no verdict"},
+        ]
+    )
+    street, yard = findings(None, {"odometry_bits": table}, FigureStyle()).uses
+    assert (street.clouds, street.codec, street.bits, street.scenes) == (
+        "street",
+        "G-PCC",
+        "0.8",
+        "8",
+    )
+    assert street.verdict == "not worse by more than 0.1 % than 0.4 %"
+    assert (yard.codec, yard.bits, yard.verdict) == ("\N{EN DASH}", "\N{EN DASH}", "no verdict")
+
+
 def test_the_best_for_a_use_has_its_numbers_and_its_rival() -> None:
     row = _use_row(_use("draco", verdict="fewest bits"), _use("gpcc", **RIVAL))
     assert (row.use, row.clouds, row.codec) == ("RMS error of at most 5 mm (D1)", "Rooms", "Draco")

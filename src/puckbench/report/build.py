@@ -86,6 +86,7 @@ def build_page(
     page_parts: dict[str, Any] = {"tables": list(_tables(contents, tables, folder, style))}
     if metrics is not None:
         data["curves"] = plot_payload(metrics, style)
+    if metrics is not None or "odometry_bits" in tables:
         page_parts["findings"] = findings(metrics, tables, style)
     if contents.examples:
         data["clouds"] = viewer_payload(contents, metrics, scan_errors, style)

@@ -74,9 +74,14 @@ class Findings:
 
 
 def findings(
-    metrics: pd.DataFrame, tables: Mapping[str, pd.DataFrame], style: FigureStyle
+    metrics: pd.DataFrame | None, tables: Mapping[str, pd.DataFrame], style: FigureStyle
 ) -> Findings:
-    """Return the findings from the tables ``uses``, ``bd_rate`` and ``bd_rate_pairs``, if any."""
+    """Return the findings from the tables ``uses``, ``bd_rate``, ``bd_rate_pairs`` and
+    ``odometry_bits``, if any. Without `metrics`, of a run of drives alone, only the last counts.
+    """
+    drives = tuple(_drive_rows(tables["odometry_bits"], style)) if "odometry_bits" in tables else ()
+    if metrics is None:
+        return Findings(drives, ())
     deltas, pairs = tables.get("bd_rate"), tables.get("bd_rate_pairs")
     datasets = style.ordered_datasets(metrics["dataset"])
     anchor = "" if deltas is None else style.of_codec(deltas["anchor"].iloc[0]).title
@@ -84,7 +89,7 @@ def findings(
     if deltas is not None and pairs is not None:
         of_datasets = [_of_dataset(name, metrics, deltas, pairs, style) for name in datasets]
     rows = tuple(_use_rows(tables["uses"], datasets, style)) if "uses" in tables else ()
-    return Findings(rows, tuple(of_datasets), anchor, lossless_text(metrics, style))
+    return Findings((*rows, *drives), tuple(of_datasets), anchor, lossless_text(metrics, style))
 
 
 def lossless_text(metrics: pd.DataFrame, style: FigureStyle) -> str:
@@ -127,6 +132,31 @@ def _use_row(rows: list[dict[Any, Any]], use: str, clouds: str, style: FigureSty
         verdict=_verdict_text(rows, style),
         is_decided=best["verdict"] in (FEWEST, NEAREST),
     )
+
+
+def _drive_rows(table: pd.DataFrame, style: FigureStyle) -> Iterator[UseRow]:
+    for (dataset, odometry), part in table.groupby(["dataset", "odometry"], sort=False):
+        rows = part.sort_values("bits", na_position="last").to_dict("records")
+        best = rows[0]
+        enough = best["verdict"] == NOT_WORSE
+        verdict = str(best["verdict"])
+        if enough:
+            title, unit = style.of_codec(best["codec"]).title, best["unit"]
+            verdict += (
+                f" by more than {best['margin']:.2g} {unit} than {best['undecoded']:.2g} {unit}"
+            )
+        yield UseRow(
+            use=f"odometry ({odometry}) as good as without coding",
+            clouds=style.title(str(dataset)),
+            codec=title if enough else _DASH,
+            bits=f"{best['bits']:.3g}" if enough else _DASH,
+            error=f"{best['value']:.2g}\N{NO-BREAK SPACE}{best['unit']}" if enough else _DASH,
+            largest=_DASH,
+            seconds=_DASH,
+            scenes=str(best["trajectories"]),
+            verdict=verdict,
+            is_decided=False,
+        )
 
 
 def _length_text(value: float) -> str:
