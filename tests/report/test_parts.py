@@ -444,7 +444,7 @@ def test_findings_name_the_codec_of_fewest_bits_that_odometry_needs() -> None:
     )
     street, yard = findings(None, {"odometry_bits": table}, FigureStyle()).uses
     assert (street.clouds, street.codec, street.bits, street.scenes) == (
-        "street",
+        "Street",
         "G-PCC",
         "0.8",
         "8",
