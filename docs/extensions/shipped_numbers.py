@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from puckbench.figures.binning import ordered_rates
 from puckbench.metrics.statistics import MIN_SCENES, SCENE, Estimate, with_scenes
 from puckbench.metrics.tables.nearest_truth import nearest_truth, truth_bits
 from puckbench.metrics.tables.noise_bits import noise_bits
 from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
 from puckbench.metrics.tables.uses import uses
 from puckbench.report.bd_rate_text import delta_text
-from puckbench.report.findings import findings
+from puckbench.report.findings import findings, short_title
 from puckbench.report.reference_results import ReferenceResults, read_reference
 
 ROOT = Path(__file__).parents[2]
@@ -369,6 +370,50 @@ def primitives_deltas() -> str:
 @shown
 def draco_deltas() -> str:
     return deltas("draco", ["rooms", "objects", "turns_measured", "streets_measured"])
+
+
+def _growth(codec: str) -> tuple[int, list[str], list[float]]:
+    """Return the number of clouds of the default run, the rates at which bits or D1 do not grow,
+    and the ratios of the bits of successive rates.
+    """
+    metrics = results("default").metrics
+    clouds = list(metrics[metrics["codec"] == codec].groupby(["dataset", "cloud"], sort=False))
+    worse, ratios = [], []
+    for (dataset, cloud), rows in clouds:
+        curve = rows.set_index("rate").loc[ordered_rates(set(rows["rate"]))]
+        ratios += list((curve["bpp"] / curve["bpp"].shift()).dropna())
+        falls = (curve["bpp"].diff() <= 0) | (curve["d1_psnr"].diff() <= 0)
+        worse += [f"{dataset}/{cloud} {rate}" for rate in curve.index[falls]]
+    return len(clouds), worse, ratios
+
+
+def growth_text(codec: str) -> str:
+    clouds, worse, ratios = _growth(codec)
+    exceptions = f", except at {', '.join(worse)}" if worse else ""
+    return (
+        f"On the {clouds} clouds of the default run bits and D1 grow from each rate to the next"
+        f"{exceptions}; bits grow {min(ratios):.2f} to {max(ratios):.2f} times"
+    )
+
+
+@shown
+def pcgcv1_growth() -> str:
+    return growth_text("pcgcv1_plus")
+
+
+@shown
+def pcgcv2_growth() -> str:
+    return growth_text("pcgcv2_plus")
+
+
+@shown
+def learned_deltas() -> str:
+    texts = [
+        f"`{codec}` {_delta(codec, 'objects', metric)} ({short_title(metric)})"
+        for codec in ("pcgcv2_plus", "pcgcv1_plus")
+        for metric in ("d1_psnr", "d2_psnr")
+    ]
+    return "; ".join(texts)
 
 
 @shown
