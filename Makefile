@@ -4,6 +4,7 @@
 # make fuzz   damaged streams and files for decoders and readers, for SECONDS=300 in all; fails on a crash, hang or blow-up
 # make mutants  small changes of the code, which tests have to notice (MODULES=metrics/density)
 # make docs   build the documentation into site/, with the reference results (also: make site)
+# make pages  the documentation's pictures and numbers, from the reference results and the default run's clouds
 # make reference STUDY=default   run a study, if need be, and keep its results as reference results;
 #             with MORE=config/sweeps_reno.yaml laid over it, under that file's name
 # make setup  .venv without torch            make learned   add torch and odometry, which a run needs
@@ -20,7 +21,7 @@ IN_VENV := PATH="$(BIN):$$PATH"
 # Hundreds of processes import the same modules.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs site reference data lock dist clean
+.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs site pages reference data lock dist clean
 .NOTPARALLEL:
 
 run: learned
@@ -59,6 +60,11 @@ docs: setup-test
 	@echo "Documentation: site/index.html"
 
 site: docs
+
+pages: learned
+	$(IN_VENV) snakemake --cores $(CORES) results/figures/fig_6_3.png
+	$(BIN)/python docs/extensions/pictures.py
+	$(BIN)/python docs/extensions/shipped_numbers.py
 
 STUDY ?= default
 STUDY_CONFIG = config/$(STUDY:default=config).yaml

@@ -63,42 +63,54 @@ def _study(reference: Any) -> str:
     page = f'<p><a href="{folder}/index.html">Curves, tables, and how they were made</a>'
     page += f' (<a href="{folder}/tables/metrics.csv">all rows</a>)</p>'
     lines = [f"## {reference.title} (`{reference.name}`)", f"{facts}.", page]
-    told = [f"BD-rates are against {found.anchor}."] if found.anchor else []
-    told += [f"Not timed: {escape(reference.not_timed)}."] if reference.not_timed else []
-    lines += [" ".join([*told, *([_MEDIANS] if found.is_timed else [])])]
+    told = [f"Not timed: {escape(reference.not_timed)}."] if reference.not_timed else []
+    lines += [*told, _uses(found.uses)] if found.uses else told
+    if found.anchor:
+        lines += [f"BD-rates are against {found.anchor}."]
     for dataset in found.datasets:
         clouds = "1 cloud" if dataset.clouds == 1 else f"{dataset.clouds} clouds"
-        lines += [f"### {dataset.title}, {clouds}", _ranking(dataset)]
-    return "\n\n".join(lines)
+        statements = [f"* {head}: {text}." for head, text in dataset.statements.items() if text]
+        lines += [f"### {dataset.title}, {clouds}", "\n".join(statements), _deltas(dataset)]
+    return "\n\n".join(filter(None, lines))
 
 
-_MEDIANS = "Times: medians over clouds and rates."
+def _uses(rows: Iterable[Any]) -> str:
+    """The best codec for each use, as a table."""
+    shown = {
+        "Use": "use", "Clouds": "clouds", "Codec": "codec", "Bits per point": "bits",
+        "Error": "error", "Largest error": "largest", "Scenes": "scenes", "Verdict": "verdict",
+    }  # fmt: skip
+    return _table(list(shown), [[(getattr(row, k), "") for k in shown.values()] for row in rows])
 
 
-def _ranking(dataset: Any) -> str:
-    """The codecs of a data set, the best first, as HTML that a narrow window shows as cards."""
-    heads = "".join(f'<th scope="col">{escape(column.head)}</th>' for column in dataset.columns)
-    rows = "\n".join(
-        f'<tr><th scope="row">{escape(codec["title"])}</th>'
-        f"{''.join(_cell(column, codec['name']) for column in dataset.columns)}</tr>"
-        for codec in sorted(dataset.codecs, key=lambda codec: _rank(dataset.columns, codec))
+def _deltas(dataset: Any) -> str:
+    """The BD-rates of a data set's codecs, as a table."""
+    columns = dataset.columns.values()
+    rows = [
+        [(codec["title"], ""), *((cell.text, cell.note) for cell in cells)]
+        for codec in dataset.codecs
+        for cells in [[column[codec["name"]] for column in columns]]
+    ]
+    return _table(["Codec", *dataset.columns], rows)
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[tuple[str, str]]]) -> str:
+    """Rows of values with remarks below, as HTML that a narrow window shows as cards."""
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
+    body = "\n".join(
+        f'<tr><th scope="row">{escape(cells[0][0])}</th>'
+        + "".join(
+            f'<td data-head="{escape(name)}">{escape(text)}'
+            f"{f'<small>{escape(note)}</small>' if note else ''}</td>"
+            for name, (text, note) in zip(heads[1:], cells[1:], strict=True)
+        )
+        + "</tr>"
+        for cells in rows
     )
-    head = f'<thead><tr><th scope="col">Codec</th>{heads}</tr></thead>'
-    return f'<table class="docutils ranking">\n{head}\n<tbody>\n{rows}\n</tbody></table>'
-
-
-def _rank(columns: Sequence[Any], codec: Mapping[str, str]) -> float:
-    """Place of a codec in the first column; one that cannot be compared there stands last."""
-    rank = columns[0].cells[codec["name"]].rank if columns else None
-    return float("inf") if rank is None else float(rank)
-
-
-def _cell(column: Any, codec: str) -> str:
-    """A value with its remark below; the best one is bold."""
-    cell = column.cells[codec]
-    text = f"<strong>{escape(cell.text)}</strong>" if codec == column.best else escape(cell.text)
-    note = f"<small>{escape(cell.note)}</small>" if cell.note else ""
-    return f'<td data-head="{escape(column.head)}">{text}{note}</td>'
+    return (
+        f'<table class="docutils ranking">\n<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}\n</tbody></table>"
+    )
 
 
 def command_line() -> str:

@@ -115,7 +115,7 @@ def measures(
     peak
         As in `compare`.
     """
-    from puckbench.metrics.sensor_metrics import range_errors
+    from puckbench.metrics.sensor_metrics import decoded_range_errors
 
     original, decoded = _cloud(original), _cloud(decoded)
     _check_peak(peak)
@@ -123,7 +123,7 @@ def measures(
     metrics |= attribute_metrics(original, decoded, metrics)
     if original.returns is None or decoded.returns is None:
         return metrics
-    return metrics | range_errors(original.returns, decoded.returns)
+    return metrics | decoded_range_errors(original.xyz, original.returns, decoded)
 
 
 def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int = 30) -> PointCloud:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,8 +54,9 @@ def test_deltas_are_the_known_ratios(
         for anchor, bits in (("draco", 1.0), ("gpcc", GPCC)):
             row = result[anchor, metric]
             assert row["bd_rate_percent"] == pytest.approx(100 * (MINE / bits - 1), abs=1e-3)
-            assert row["bd_rate_percent_low"] <= row["bd_rate_percent"] + 1e-6
+            assert row["bd_rate_percent_low"] is None  # of four scenes
             assert (row["codec"], row["clouds"], row["compared"]) == ("mine", 4, 4)
+            assert (row["scenes"], row["verdict"]) == (4, "no verdict")
     names = [Path(file).name for file in answer["files"]]
     assert names == ["known.png", "known.pdf", "known.svg", "known.csv"]
     picture = np.asarray(Image.open(answer["files"][0]).convert("RGB")).astype(int)
@@ -70,11 +72,14 @@ def test_the_table_has_the_run_s_codec_before_theirs(
 ) -> None:
     folder = write_run(tmp_path, mine)
     _, out, _ = compare(capsys, folder, "--with", study)
-    lines = out.splitlines()
+    lines = out.replace("\N{NO-BREAK SPACE}", " ").splitlines()
     assert lines[0].startswith("Things, 4 clouds")
-    assert lines[1].startswith("mine")
-    assert lines[2].startswith("Draco, known")
-    assert "−50.0 % (−50.0 % to −50.0 %, 4 clouds)" in lines[2].replace("\N{NO-BREAK SPACE}", " ")
+    assert [line.split("  ")[0] for line in lines[1:4]] == ["mine", "Draco, known", "G-PCC, known"]
+    assert [*filter(None, lines[5].split("  "))] == ["bits at equal quality", "D1", "D2"]
+    value = "−50.0 % (−50.0 % to −50.0 %, 4 scenes, no verdict)"
+    assert re.split("  +", lines[6]) == ["mine against Draco", value, value]
+    assert lines[7].startswith("mine against G-PCC")
+    assert any(line.startswith("A against B: by how much A needs more (+)") for line in lines)
 
 
 def test_a_study_without_times_is_not_timed(
@@ -134,7 +139,7 @@ def test_a_codec_of_both_is_compared_when_it_is_named_and_its_bytes_are_checked(
     _, out, _ = compare(capsys, folder, "--with", study, "--json")
     answer = json.loads(out)
     assert answer["codecs"] == ["mine"]
-    assert answer["same_streams"] == {"gpcc": [15, 16]}
+    assert answer["same_streams"] == {"gpcc": [19, 20]}
     _, out, _ = compare(capsys, folder, "--with", study, "--codecs", "gpcc", "--json")
     deltas = {row["anchor"]: row["bd_rate_percent"] for row in json.loads(out)["deltas"]}
     assert deltas["gpcc"] == pytest.approx(0, abs=1e-3)
@@ -144,7 +149,7 @@ def test_a_codec_of_both_is_compared_when_it_is_named_and_its_bytes_are_checked(
 @pytest.mark.parametrize(
     ("change", "words", "message"),
     [
-        (lambda t: t.drop(index=6), [], "no result of objects/thing_1 at r3"),
+        (lambda t: t.drop(index=7), [], "no result of objects/thing_1 at r3"),
         (lambda t: t[t["rate"] == "r1"], [], "only the rate r1 on objects"),
         (lambda t: t.drop(columns="d2_psnr"), [], "the run has no metric 'd2_psnr'"),
         (lambda t: t, ["--metrics", "colour"], "the run has no metric 'colour'"),
@@ -172,7 +177,7 @@ def test_what_is_missing_is_told_in_one_line(
 def test_a_lossless_rate_has_no_psnr(
     study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    exact = mine["rate"] == "r4"
+    exact = mine["rate"] == "r5"
     kept = mine.assign(
         d1_mse=mine["d1_mse"].mask(exact, 0.0),
         d2_mse=mine["d1_mse"].mask(exact, 0.0),
@@ -186,7 +191,7 @@ def test_a_lossless_rate_has_no_psnr(
     assert answer["deltas"][0]["bd_rate_percent"] == pytest.approx(-50, abs=1e-3)
     assert (answer["deltas"][0]["lossless"], answer["deltas"][0]["anchor_lossless"]) == (4, 0)
     _, out, _ = compare(capsys, folder, "--with", study)
-    assert "Lossless rates, which have no PSNR and are in no BD-rate: mine r4 (4 clouds)." in out
+    assert "Lossless rates, which have no PSNR and are in no BD-rate: mine r5 (4 clouds)." in out
 
 
 def test_psnrs_of_another_peak_are_refused(

@@ -224,7 +224,7 @@ def _write_study(configuration: Mapping[str, Any], codec: str = "draco") -> None
     about = {
         "configuration": configuration,
         "style": [],
-        "bd_rate": {"anchor": codec, "qualities": ["d1_psnr"], "resamples": 100},
+        "bd_rate": {"anchor": codec, "qualities": ["d1_psnr"]},
         "machine": {},
         "record": RunRecord().as_json(),
         "clouds": plain_rows(clouds_of(CLOUDS)),

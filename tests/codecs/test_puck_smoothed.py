@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ import pytest
 from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cholesky import solve
-from puckbench.geometry.cloud import Floats
-from puckbench.lidar.returns import Beams, Returns
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import write_cloud
+from puckbench.jobs.evaluate import Evaluate, Originals
+from puckbench.lidar.returns import Beams, Returns, returns_file, write_firings
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.metrics.sensor_metrics import range_errors
 from puckbench.puck.smoothing import _eliminate, smoothed_distances, smoothed_ranges
@@ -193,6 +196,28 @@ def test_streams_are_puck_s_with_a_mark_in_front(rate: str) -> None:
     for wrong, other in ((plain, stream), (codec, coded)):
         with pytest.raises(InputError, match="not a"):
             wrong.decode(other)
+
+
+def test_range_errors_of_moved_points_are_those_of_the_points(tmp_path: Path) -> None:
+    """The lossless rate keeps every range, yet its points lie elsewhere on their rays."""
+    returns = recorded()
+    cloud = tmp_path / "turns.ply"
+    about = {"size": 0, "scale": 1.0, "offset": [0.0, 0.0, 0.0], "peak": 30.0}
+    write_cloud(cloud, PointCloud(returns.points(), about=about))
+    write_firings(returns_file(cloud), returns)
+    originals, rows = Originals(cloud), {}
+    for name in ("puck", "puck_smoothed"):
+        codec = open_codec(name)
+        decoded = codec.decode_cloud(codec.encode_returns(returns, "2mm"))
+        rows[name] = Evaluate(codec=name).row(originals, (decoded, {}))
+        assert rows[name]["returns_lost"] == rows[name]["returns_added"] == 0
+    assert rows["puck"]["range_rms_mm"] == rows["puck"]["range_max_mm"] == 0
+    moved = rows["puck_smoothed"]
+    assert 0 < moved["range_rms_mm"] < moved["range_max_mm"]
+    points = returns.points()
+    offsets = np.einsum("ij,ij->i", decoded.xyz - points, points) / np.linalg.norm(points, axis=1)
+    # Where another point is the nearest, its offset is less.
+    assert moved["range_rms_mm"] == pytest.approx(1000 * rms(offsets), rel=0.2)
 
 
 def test_second_returns_stay() -> None:

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from puckbench.codecs.registry import (
 from puckbench.core.errors import InputError
 from puckbench.core.registry import load, trust
 from puckbench.library import open_codec
+from tests.support.returns import homemade
 
 USER_CODEC = """
 from puckbench.codecs.base import Codec
@@ -217,6 +219,19 @@ def test_a_variant_is_its_codec_with_other_options_rates_and_looks() -> None:
     }  # fmt: skip
     assert (arena.title, arena.metric_rates, arena.rates) == ("G-PCC (PCC Arena)", {}, gpcc.rates)
     assert entry("gpcc_arena")["class"] == "puckbench.codecs.gpcc:Gpcc"
+
+
+def test_puck_by_key_turns_codes_every_turn_alone() -> None:
+    """A second turn equal to the first costs Puck less."""
+    turn = homemade().turns[0]
+    sizes = {}
+    for name in ("puck", "puck_key_turns"):
+        codec = open_codec(name)
+        for count in (1, 2):
+            returns = replace(homemade(), turns=(turn,) * count)
+            sizes[name, count] = len(codec.encode_returns(returns, "4mm"))
+    assert sizes["puck", 1] == sizes["puck_key_turns", 1]
+    assert sizes["puck", 2] < 0.95 * sizes["puck_key_turns", 2]
 
 
 def test_a_configuration_has_variants_of_its_own() -> None:

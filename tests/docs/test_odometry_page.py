@@ -38,8 +38,8 @@ def bits_lines() -> Iterator[str]:
             first = rows.iloc[0]
             cells = [_needed(by_variant.loc[variant]) for variant in VARIANTS]
             before = f"{first['undecoded']:.{DIGITS[first['unit']]}f} {first['unit']}"
-            named = f"{name} ({first['trajectories']})"
-            yield f"| {named} | {odometry} | {before} | {' | '.join(cells)} |"
+            shown = [f"{name} ({first['trajectories']})", odometry, before, *cells]
+            yield f"| {' | '.join(shown)} |"
 
 
 def _needed(row: pd.Series) -> str:

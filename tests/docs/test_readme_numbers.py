@@ -14,7 +14,7 @@ def test_the_readme_counts_the_clouds_and_codecs_of_the_default_run() -> None:
         ("street" if dataset == "spins" else "rooms", codecs)
         for (dataset, _), codecs in codecs_of_cloud.items()
     )
-    assert clouds == {("rooms", 6): 12, ("street", 4): 1}
+    assert clouds == {("rooms", 6): 20, ("street", 4): 6}
     text = " ".join(page("README.md").split())
-    assert "codes 13 generated clouds in" in text
-    assert "12 of objects and rooms with 6 codecs, and one of a street with 4." in text
+    assert "codes 26 generated clouds in" in text
+    assert "20 of objects and rooms with 6 codecs, and 6 of streets with 4." in text

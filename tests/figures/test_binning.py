@@ -22,9 +22,12 @@ def test_bins_hold_equal_counts_and_give_their_medians(count: int) -> None:
     bin_of = np.searchsorted(inner, x, side="left")
     expected = [(np.median(x[bin_of == b]), np.median(y[bin_of == b])) for b in range(10)]
     curve = equal_count_medians(x, y)
-    np.testing.assert_allclose(np.transpose(curve[:2]), expected)
-    quartiles = [np.quantile(y[bin_of == b], (0.25, 0.75)) for b in range(10)]
-    np.testing.assert_allclose(np.transpose(curve[2:]), quartiles)
+    np.testing.assert_allclose(np.transpose([curve.x, curve.y]), expected)
+    quartiles = [
+        np.quantile(y[bin_of == b], (0.25, 0.75)) if (bin_of == b).sum() >= 6 else [np.nan] * 2
+        for b in range(10)
+    ]
+    np.testing.assert_allclose(np.transpose([curve.low, curve.high]), quartiles)
     assert np.ptp(np.bincount(bin_of)) <= 1
 
 
@@ -36,8 +39,9 @@ def test_fewer_distinct_values_than_bins_give_one_point_each() -> None:
 
 
 def test_one_distinct_value_is_one_bin() -> None:
-    curve = equal_count_medians(np.full(3, 0.5), np.array([1.0, 5.0, 2.0]))
-    assert [values.tolist() for values in curve] == [[0.5], [2.0], [1.5], [3.5]]
+    x, y, low, high, singles = equal_count_medians(np.full(6, 0.5), np.array([1.0, 5, 2, 1, 5, 2]))
+    assert [values.tolist() for values in (x, y, low, high)] == [[0.5], [2.0], [1.25], [4.25]]
+    assert len(singles) == 0
 
 
 def test_pairs_with_a_missing_value_are_left_out() -> None:
@@ -67,28 +71,42 @@ def test_few_clouds_have_a_median_for_each_rate() -> None:
 def test_as_many_clouds_as_bins_are_binned() -> None:
     rows = _two_codes_of(10)
     binned = equal_count_medians(rows["bpp"].to_numpy(), rows["cd"].to_numpy())
-    np.testing.assert_array_equal(medians_against(rows, "bpp", "cd"), binned)
+    for drawn, expected in zip(medians_against(rows, "bpp", "cd"), binned, strict=True):
+        np.testing.assert_array_equal(drawn, expected)
     assert binned[0].tolist() == [1.0, 2.0, 4.0, 8.0]
 
 
+@pytest.mark.parametrize("clouds", [2, 5, 6])
+def test_quartiles_are_of_six_scenes_or_more_and_fewer_are_shown_singly(clouds: int) -> None:
+    rows = _two_codes_of(clouds)
+    for curve in (medians_against(rows, "bpp", "cd"), medians_per_rate(rows, "cd", ["r0", "r1"])):
+        assert np.isfinite(curve.low).all() == np.isfinite(curve.high).all() == (clouds >= 6)
+        assert len(curve.singles) == (0 if clouds >= 6 else len(curve.y) * clouds)
+
+
+def test_clouds_of_one_scene_count_once() -> None:
+    rows = _two_codes_of(8)
+    of_two_rooms = rows.assign(scene=np.where(rows["cloud"] < "c4", "hall", "office"))
+    assert np.isnan(medians_against(of_two_rooms, "bpp", "cd").low).all()
+    assert np.isfinite(medians_against(rows, "bpp", "cd").low).all()
+
+
+def test_a_single_cloud_has_a_line_and_no_dots() -> None:
+    curve = medians_against(_two_codes_of(1), "bpp", "cd")
+    assert (len(curve.y), len(curve.singles)) == (3, 0)
+
+
 def test_medians_per_rate_are_those_of_the_rows() -> None:
-    table = metrics_table(clouds=5)
-    medians = medians_per_rate(table, "cd_plane").set_index(["dataset", "codec", "rate"])
-    rows = [
-        value
-        for dataset, codec, rate, value in table[
-            ["dataset", "codec", "rate", "cd_plane"]
-        ].itertuples(index=False)
-        if (dataset, codec, rate) == ("s3dis_noisy", "pcgcv2", "r3")
-    ]
-    assert medians.loc[("s3dis_noisy", "pcgcv2", "r3"), "cd_plane"] == sorted(rows)[2]
+    table = metrics_table(clouds=5).query("dataset == 's3dis_noisy' and codec == 'pcgcv2'")
+    curve = medians_per_rate(table, "cd_plane", ["r2", "r3", "r9"])
+    expected = sorted(table.loc[table["rate"] == "r3", "cd_plane"])[2]
+    assert (curve.x[1], curve.y[1]) == (1.0, expected)
+    assert np.isnan(curve.y[2])
 
 
 def test_missing_values_do_not_count_in_medians_per_rate() -> None:
-    table = pd.DataFrame(
-        {"dataset": "a", "codec": "c", "rate": ["r1"] * 3, "cd_plane": [1.0, np.nan, 3.0]}
-    )
-    assert medians_per_rate(table, "cd_plane")["cd_plane"].tolist() == [2.0]
+    table = pd.DataFrame({"cloud": list("abc"), "rate": "r1", "cd_plane": [1.0, np.nan, 3.0]})
+    assert medians_per_rate(table, "cd_plane", ["r1"]).y.tolist() == [2.0]
 
 
 def test_rates_are_ordered_by_number() -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 
 from puckbench.figures.comparison import draw_comparison
 from puckbench.figures.panels import set_log
@@ -15,7 +18,8 @@ from tests.support.reference_lookalike import rows_of
 
 def _ticks(axes: Axes) -> list[list[list[float]]]:
     """Ends of the ticks at an edge, whose height is a share of the panel's."""
-    ticks = [c for c in axes.collections if c.get_transform() != axes.transData]
+    lines = [c for c in axes.collections if isinstance(c, LineCollection)]
+    ticks = [c for c in lines if c.get_transform() != axes.transData]
     return [path.vertices.tolist() for c in ticks for path in c.get_paths()]
 
 
@@ -63,13 +67,26 @@ def test_medians_of_several_peaks_are_not_drawn() -> None:
     assert [len(line.get_xdata()) for line in figure.axes[0].lines] == [4]
 
 
-def test_an_axis_of_less_than_a_decade_has_numbers() -> None:
+@pytest.mark.parametrize(
+    ("limits", "width_in", "labels"),
+    [
+        ((13.0, 60.0), 3.5, ["20", "30", "40", "50", "60"]),
+        ((2.0, 30.0), 3.5, ["2", "5", "10", "20"]),
+        ((0.5, 30.0), 1.5, ["1", "3", "10", "30"]),
+        ((0.02, 30.0), 1.5, ["0.1", "1", "10"]),
+        ((1e-6, 1e6), 3.5, None),
+    ],
+)
+def test_an_axis_has_as_many_numbers_as_fit(
+    limits: tuple[float, float], width_in: float, labels: list[str] | None
+) -> None:
     from matplotlib.figure import Figure
 
-    for limits, labels in (((13.0, 60.0), ["20", "50"]), ((2.0, 30.0), ["2", "5", "10", "20"])):
-        axes = Figure().add_subplot()
-        set_log(axes, "x", limits)
-        axes.figure.draw_without_rendering()
-        low, high = limits
-        shown = [t.get_text() for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
-        assert shown == labels
+    axes = Figure(figsize=(width_in, 2)).add_subplot()
+    set_log(axes, "x", limits)
+    axes.figure.draw_without_rendering()
+    low, high = limits
+    shown = [t.get_text() for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
+    assert labels is None or shown == labels
+    boxes = [t.get_window_extent() for t in axes.get_xticklabels()]
+    assert all(a.x1 <= b.x0 for a, b in pairwise(boxes) if a.width and b.width)

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
@@ -28,6 +29,7 @@ from puckbench.metrics.timing import unranked_codecs
 from puckbench.thesis.figures.example_clouds import round_length
 from tests.support.figures_lookalike import (
     CD_MEDIANS,
+    SCALE,
     clouds_table,
     gpcc_scales_table,
     metrics_table,
@@ -131,13 +133,28 @@ def test_a_figure_with_a_resolution_of_its_own_has_that_of_the_style(tmp_path: P
 
 
 def test_figure_6_5_shows_the_thesis_medians() -> None:
-    panels = draw("fig_6_5", metrics=metrics_table(clouds=301)).axes
+    table = metrics_table(clouds=301)
+    panels = draw("fig_6_5", metrics=table).axes
     assert len(panels) == 16
-    cd_noisy = lines(panels[3])
-    for codec in ("draco", "gpcc", "pcgcv1", "pcgcv2"):
-        rates, medians = cd_noisy[codec_style(codec).colour].T
+    noisy = FigureStyle().of_datasets(table["dataset"])["s3dis_noisy"].colour
+    for codec, cd in zip(("draco", "gpcc", "pcgcv1", "pcgcv2"), panels[::4], strict=True):
+        rates, medians = lines(cd)[noisy].T
         assert rates.tolist() == list(range(len(CD_MEDIANS["s3dis_noisy", codec])))
         np.testing.assert_allclose(medians, CD_MEDIANS["s3dis_noisy", codec], rtol=0.08)
+        assert cd.get_title(loc="left") == codec_style(codec).title
+
+
+@pytest.mark.parametrize("name", ["fig_6_5", "spread"])
+def test_an_axis_of_rates_is_one_codecs_own(name: str) -> None:
+    table = metrics_table(2)
+    table.loc[table["codec"] == "gpcc", "rate"] += "0mm"
+    panels = draw(name, metrics=table).axes
+    rows = [panels[first : first + 4] for first in range(0, 16, 4)]
+    for codec, row in zip(("draco", "gpcc", "pcgcv1", "pcgcv2"), rows, strict=True):
+        rates = sorted(set(table.loc[table["codec"] == codec, "rate"]))
+        for axes in row:
+            shown = [tick.get_text() for tick in axes.get_xticklabels()]
+            assert shown == (rates if len(rates) * 4 <= 36 else [r[1:] for r in rates])
 
 
 @pytest.mark.parametrize("name", FROM_METRICS)
@@ -153,25 +170,28 @@ def test_every_point_lies_within_its_axes(name: str, factor: float) -> None:
             assert low <= y <= high
 
 
-def test_the_thesis_axis_ranges_are_the_default() -> None:
-    ranges = {"fig_6_6": (0.01, 1e3), "fig_6_7": (0.1, 1e4), "fig_6_8": (0.1, 1e2)}
-    for name, expected in ranges.items():
-        for axes in draw(name, metrics=metrics_table(2)).axes:
-            assert axes.get_ylim() == expected
-            assert axes.get_xlim() == (0.01, 100)
+def test_limits_follow_the_data() -> None:
+    assert log_limits(np.array([0.5, 20.0, 0.0, np.nan]), "bpp", FigureStyle()) == (
+        pytest.approx(0.5 / 1.4),
+        pytest.approx(20 * 1.4),
+    )
+    assert log_limits(np.array([0.0]), "bpp", FigureStyle()) == (0.1, 10.0)
 
 
-def test_limits_widen_by_whole_decades_only_where_needed() -> None:
-    assert log_limits(np.array([0.5, 20.0]), (0.1, 100.0)) == (0.1, 100.0)
-    assert log_limits(np.array([0.003, 20.0]), (0.1, 100.0)) == (0.001, 100.0)
-    assert log_limits(np.array([0.5, 4000.0, 0.0, np.nan]), (0.1, 100.0)) == (0.1, 10_000.0)
+def test_limits_of_the_style_widen_by_whole_decades_only_where_needed() -> None:
+    style = FigureStyle(axis_ranges={"bpp": (0.1, 100.0)})
+    assert log_limits(np.array([0.5, 20.0]), "bpp", style) == (0.1, 100.0)
+    assert log_limits(np.array([0.003, 20.0]), "bpp", style) == (0.001, 100.0)
+    assert log_limits(np.array([0.5, 4000.0, 0.0, np.nan]), "bpp", style) == (0.1, 10_000.0)
+    assert log_limits(np.array([]), "bpp", style) == (0.1, 100.0)
 
 
 def test_a_lossless_rate_is_a_tick_at_the_foot_and_no_point() -> None:
     table = metrics_table(1)
     table.loc[table["rate"] == "r8", "cd_plane"] = 0.0
     axes = draw("fig_6_6", metrics=table).axes[0]
-    ticks = [c for c in axes.collections if c.get_transform() != axes.transData]
+    vertical = [c for c in axes.collections if isinstance(c, LineCollection)]
+    ticks = [c for c in vertical if c.get_transform() != axes.transData]
     bits = {float(path.vertices[0, 0]) for tick in ticks for path in tick.get_paths()}
     rows = table[(table["rate"] == "r8") & (table["dataset"] == "capod")]
     assert bits == set(rows["bpp"])
@@ -183,24 +203,46 @@ def test_times_that_cannot_be_ranked_are_dotted() -> None:
     table = metrics_table(2)
     assert not unranked_codecs(table)
     table.loc[table["codec"] == "gpcc", "repeats"] = 1
-    for name, panel in (("fig_6_8", 0), ("fig_6_5", 8)):
-        figure = draw(name, metrics=table)
-        shown = {line.get_color(): line for line in figure.axes[panel].get_lines()}
-        for codec, is_dotted in (("draco", False), ("gpcc", True)):
-            line = shown[codec_style(codec).colour]
+    by_codec, by_panel = draw("fig_6_8", metrics=table), draw("fig_6_5", metrics=table)
+    shown = {line.get_color(): line for line in by_codec.axes[0].get_lines()}
+    for number, (codec, is_dotted) in enumerate((("draco", False), ("gpcc", True))):
+        of_codec = [shown[codec_style(codec).colour], *by_panel.axes[4 * number + 2].get_lines()]
+        for line in of_codec:
             assert (line.get_linestyle() == ":", line.get_marker() == "") == (is_dotted,) * 2
+        assert all(line.get_linestyle() == "-" for line in by_panel.axes[4 * number].get_lines())
+    for figure in (by_codec, by_panel):
         texts = [text.get_text() for text in figure.legends[0].get_texts()]
         assert any(text.startswith("not ranked") for text in texts)
 
 
 def test_bars_are_quartiles_over_clouds_and_titles_count_these() -> None:
-    table = metrics_table(5)
-    axes = draw("fig_6_6", metrics=table).axes[0]
-    assert axes.get_title() == "Capod (n\xa0=\xa05)"
+    table = metrics_table(6)
+    figure = draw("fig_6_6", metrics=table)
+    axes = figure.axes[0]
+    assert "quartiles over clouds" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert axes.get_title() == "Capod (n\xa0=\xa06)"
     rows = table[(table["dataset"] == "capod") & (table["codec"] == "draco")]
     quartiles = rows.groupby("rate")["cd_plane"].quantile(np.array([0.25, 0.75])).unstack()
     bars = [path.vertices[:, 1] for path in axes.collections[0].get_paths()]
     np.testing.assert_allclose(np.sort(bars, axis=0), np.sort(quartiles, axis=0))
+
+
+def test_fewer_than_six_clouds_are_dots_and_have_no_bars() -> None:
+    table = metrics_table(5)
+    figure = draw("fig_6_6", metrics=table)
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "single clouds" in texts
+    assert "quartiles over clouds" not in texts
+    dots = [c.get_offsets() for c in figure.axes[0].collections]
+    rows = table[(table["dataset"] == "capod") & (table["codec"] == "draco")]
+    np.testing.assert_allclose(dots[0], rows[["bpp", "cd_plane"]])
+
+
+def test_titles_count_scenes_if_these_are_fewer_than_clouds() -> None:
+    table = metrics_table(6)
+    scenes = table["cloud"].replace({f"cloud_{n}": f"scene_{n // 2}" for n in range(6)})
+    axes = draw("fig_6_6", metrics=table.assign(scene=scenes)).axes[0]
+    assert axes.get_title() == "Capod (n\xa0=\xa06 of 3 scenes)"
 
 
 def test_only_the_chosen_codecs_and_data_sets_are_drawn(
@@ -237,7 +279,7 @@ def test_axes_say_what_they_show_and_in_which_unit(name: str) -> None:
     better = ", \N{LEFTWARDS ARROW} better"
     assert all(label.endswith((f"(grid units²){better}", f"(s){better}")) for label in labels)
     xlabels = {axes.get_xlabel() for axes in figure.axes} | {figure.get_supxlabel()}
-    assert xlabels - {""} in ({f"Bits per point (bpp){better}"}, {"Compression rate"})
+    assert xlabels - {""} in ({f"Bits per point (bpp){better}"}, {"Compression rate of the codec"})
 
 
 @pytest.mark.parametrize("datasets", [1, 3, 8])
@@ -245,19 +287,18 @@ def test_titles_and_labels_do_not_overlap(datasets: int) -> None:
     table = metrics_table(1)
     first = table[table["dataset"] == "s3dis_clean"]
     many = pd.concat(first.assign(dataset=f"some_long_data_set_{i}") for i in range(datasets))
-    for name in ("fig_6_5", "fig_6_6"):
-        figure = draw(name, metrics=many)
-        lay_out(figure)
-        rows: dict[float, list[Any]] = {}
-        for axes in figure.axes:
-            extent = axes.title.get_window_extent()
-            if axes.get_title():
-                rows.setdefault(round(axes.get_position().y0, 3), []).append(extent)
-        for titles in rows.values():
-            assert all(a.x1 < b.x0 for a, b in pairwise(sorted(titles, key=lambda t: t.x0)))
-        legend = figure.legends[0].get_window_extent()
-        assert all(legend.y0 >= title.y1 for titles in rows.values() for title in titles)
-        assert figure.get_size_inches()[0] == (3.5 if datasets == 1 else 7.16)
+    figure = draw("fig_6_6", metrics=many)
+    lay_out(figure)
+    rows: dict[float, list[Any]] = {}
+    for axes in figure.axes:
+        extent = axes.title.get_window_extent()
+        if axes.get_title():
+            rows.setdefault(round(axes.get_position().y0, 3), []).append(extent)
+    for titles in rows.values():
+        assert all(a.x1 < b.x0 for a, b in pairwise(sorted(titles, key=lambda t: t.x0)))
+    legend = figure.legends[0].get_window_extent()
+    assert all(legend.y0 >= title.y1 for titles in rows.values() for title in titles)
+    assert figure.get_size_inches()[0] == (3.5 if datasets == 1 else 7.16)
 
 
 def test_a_data_set_without_values_keeps_its_panel_and_says_so() -> None:
@@ -276,8 +317,9 @@ def test_truth_is_drawn_only_for_data_sets_that_have_it() -> None:
     ]
     draco = codec_style("draco").colour
     scan, truth = (lines(axes)[draco][-1, 1] for axes in panels)
-    assert scan < 0.03
-    assert 2.4 < truth < 2.5
+    assert scan < 1000 * 0.03**0.5 / SCALE
+    assert 2.4**0.5 < truth * SCALE / 1000 < 2.5**0.5
+    assert panels[0].get_ylabel() == "RMS distance (D2)\n(mm), \N{LEFTWARDS ARROW} better"
 
 
 def own_errors(axes: Axes) -> list[float]:
@@ -290,8 +332,10 @@ def own_errors(axes: Axes) -> list[float]:
 )
 def test_the_scans_own_error_is_a_line_at_its_median_over_clouds(name: str) -> None:
     figure = draw(name, metrics=metrics_table(3), scan_errors=scan_errors_table())
-    of_the_scan = [2.4] if name == "truth_accuracy" else []
-    assert [own_errors(axes) for axes in figure.axes] == [of_the_scan, [2.4]]
+    own_mm = 1000 * 2.4**0.5 / SCALE
+    of_the_scan = [own_mm] if name == "truth_accuracy" else []
+    drawn = [own_errors(axes) for axes in figure.axes]
+    assert drawn == [pytest.approx(of_the_scan), pytest.approx([own_mm])]
     assert "the scan itself" in [text.get_text() for text in figure.legends[0].get_texts()]
     bpp, values = (figure.axes[0].get_shared_x_axes(), figure.axes[0].get_shared_y_axes())
     for axes in figure.axes[1:]:
@@ -301,7 +345,7 @@ def test_the_scans_own_error_is_a_line_at_its_median_over_clouds(name: str) -> N
 
 def test_a_scan_without_errors_has_no_line_and_leaves_the_axis_as_it_is() -> None:
     usual = draw("truth_rd", metrics=metrics_table(3), scan_errors=scan_errors_table())
-    exact = scan_errors_table().assign(truth_cd_plane=1e-20)
+    exact = scan_errors_table().assign(truth_d2_rms_m=1e-10)
     figure = draw("truth_rd", metrics=metrics_table(3), scan_errors=exact)
     assert own_errors(figure.axes[1]) == []
     assert figure.axes[1].get_ylim() == usual.axes[1].get_ylim()
@@ -331,7 +375,7 @@ def test_the_sides_axes_end_a_marker_beyond_the_values(name: str) -> None:
 
 
 def test_an_axis_range_of_the_style_is_kept_on_both_sides() -> None:
-    style = FigureStyle(axis_ranges={"cd_plane": (1e-3, 1e5)})
+    style = FigureStyle(axis_ranges={"d2_mm": (1e-3, 1e5)})
     figure = draw("truth_rd", style, metrics=metrics_table(3), scan_errors=scan_errors_table())
     assert figure.axes[0].get_ylim() == (1e-3, 1e5)
 
@@ -349,8 +393,9 @@ def test_legends_are_read_row_by_row(count: int) -> None:
 
 def test_a_missing_rate_leaves_a_gap() -> None:
     table = metrics_table(2)
-    lacking = table[(table["codec"] != "draco") | (table["rate"] != "r3")]
-    drawn = lines(draw("fig_6_5", metrics=lacking).axes[0])[codec_style("draco").colour]
+    is_left_out = (table["dataset"] == "capod") & (table["rate"] == "r3")
+    colour = FigureStyle().of_datasets(table["dataset"])["capod"].colour
+    drawn = lines(draw("fig_6_5", metrics=table[~is_left_out]).axes[0])[colour]
     assert np.isfinite(drawn[:, 1]).tolist() == [True, True, False, True, True, True, True, True]
 
 
@@ -375,10 +420,11 @@ def test_recovery_is_drawn_over_all_kinds_and_without_streams_of_points() -> Non
 
 def test_the_thesis_s_medians_lie_behind_ours() -> None:
     table = thesis_medians_table()
-    panel = draw("beside_thesis", thesis_medians=table).axes[3]
+    panel = draw("beside_thesis", thesis_medians=table).axes[0]
+    colour = FigureStyle().of_datasets(table["dataset"])["s3dis_noisy"].colour
     rows = table[(table["dataset"] == "s3dis_noisy") & (table["codec"] == "draco")]
     cd = rows[rows["quantity"] == "cd_plane"]
-    drawn = [line for line in panel.get_lines() if line.get_color() == "#0072B2"]
+    drawn = [line for line in panel.get_lines() if line.get_color() == colour]
     wide, ours = sorted(drawn, key=lambda line: -line.get_linewidth())
     np.testing.assert_allclose(np.asarray(wide.get_ydata()), cd["thesis"])
     np.testing.assert_allclose(np.asarray(ours.get_ydata()), cd["here"])
@@ -408,16 +454,48 @@ def test_without_the_settings_as_run_there_is_no_ratio_to_draw() -> None:
         draw("gpcc_rounding", gpcc_scales=table[table["codec"] == "gpcc"])
 
 
+def test_legends_of_data_sets_are_within_the_page() -> None:
+    table = gpcc_scales_table()
+    titles = {name: f"{name} with a long title" for name in set(table["dataset"])}
+    for name in ("gpcc_rounding", "gpcc_contexts"):
+        for clouds in (3, 6):
+            scales = table.assign(clouds=clouds)
+            figure = draw(name, FigureStyle(dataset_titles=titles), gpcc_scales=scales)
+            figure.draw_without_rendering()
+            box, page = figure.legends[0].get_window_extent(), figure.bbox
+            assert page.x0 <= box.x0 < box.x1 <= page.x1
+            shown = [text.get_text() for text in figure.legends[0].get_texts()]
+            shaded = any(drawn.get_paths() for drawn in figure.axes[0].collections)
+            assert ("quartiles over clouds" in shown) == shaded == (clouds == 6)
+
+
+def test_clouds_of_different_elongation_are_not_joined() -> None:
+    figure = draw("elongation", metrics=metrics_table(3), clouds=clouds_table(3))
+    drawn = [line for axes in figure.axes for line in axes.get_lines()]
+    assert drawn
+    assert all(line.get_linestyle() == "None" for line in drawn)
+
+
 def test_figure_6_4_shows_quartiles_median_and_mean() -> None:
-    counts = [100, 200, 300, 400, 9000]
-    table = pd.DataFrame({"dataset": "rooms", "cloud": list("abcde"), "points": counts})
+    counts = [100, 200, 200, 300, 400, 400, 9000]
+    table = pd.DataFrame({"dataset": "rooms", "cloud": list("abcdefg"), "points": counts})
     axes = draw("fig_6_4", clouds=table).axes[0]
     drawn = [set(np.asarray(line.get_ydata()).tolist()) for line in axes.get_lines()]
     assert {300.0} in drawn  # median
-    assert {2000.0} in drawn  # mean
+    assert {sum(counts) / 7} in drawn  # mean
     assert {200.0, 400.0} in drawn  # quartiles
     assert axes.get_ylim()[1] > 9000  # few clouds: each is drawn
-    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Rooms\n(n = 5)"]
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Rooms\n(n = 7)"]
+
+
+def test_figure_6_4_has_no_quartiles_of_few_clouds() -> None:
+    table = pd.DataFrame({"dataset": "rooms", "cloud": range(5), "points": [1, 2, 3, 4, 10]})
+    figure = draw("fig_6_4", clouds=table)
+    drawn = [set(line.get_ydata()) for line in figure.axes[0].get_lines() if len(line.get_ydata())]
+    assert {2.0, 4.0} not in drawn
+    assert {3.0} in drawn
+    texts = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert texts == {"median", "mean", "cloud"}
 
 
 @pytest.mark.parametrize(("clouds", "last"), [(12, "cloud"), (13, "mean")])
@@ -516,12 +594,12 @@ def test_the_spread_shows_quartiles_and_nine_clouds_in_ten() -> None:
 
 
 def test_of_few_clouds_the_spread_shows_each() -> None:
-    values = [1.0, 2.0, 8.0, 20.0]
+    values = [1.0, 2.0, 6.0, 8.0, 20.0]
     names = {"dataset": "rooms", "cloud": range(len(values)), "codec": "draco", "rate": "r1"}
     table = pd.DataFrame({**names, "cd_plane": values})
     axes = draw("spread", metrics=table).axes[0]
     assert not axes.patches
     medians, clouds = axes.get_lines()
-    assert medians.get_ydata().tolist() == [5.0]
+    assert medians.get_ydata().tolist() == [6.0]
     assert clouds.get_ydata().tolist() == values
     assert clouds.get_linestyle() == "None"

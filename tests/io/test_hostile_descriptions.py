@@ -183,8 +183,8 @@ def _reference(about: Mapping[str, Any] | str, **columns: Any) -> None:
         ),
         ({"bd_rate": {"anchor": 1, "qualities": ["d1_psnr"]}}, "bd_rate.anchor is 1"),
         (
-            {"bd_rate": {"anchor": "draco", "qualities": ["d1_psnr"], "resamples": 10**9}},
-            "bd_rate.resamples is 1000000000",
+            {"bd_rate": {"anchor": "draco", "qualities": ["d1_psnr"], "margin_percent": -1}},
+            "bd_rate.margin_percent is -1",
         ),
         ({"machine": {"a": 1}}, "machine.a is 1"),
         ({"record": {"jobs": "x"}}, "record: "),

@@ -63,13 +63,16 @@ def test_the_summary_says_which_weights_were_used() -> None:
 def test_the_summary_has_the_spread_over_clouds() -> None:
     rows = [_row(f"c{i}", "r1", float(i)) for i in range(101)]
     result = summary(table_of(rows, METRIC_KEYS)).iloc[0]
-    assert result[["bpp_q05", "bpp_q25", "bpp", "bpp_q75", "bpp_q95"]].tolist() == [
-        5,
-        25,
-        50,
-        75,
-        95,
-    ]
+    assert result[["bpp_q25", "bpp", "bpp_q75"]].tolist() == [25, 50, 75]
+    assert not {"bpp_q05", "bpp_q95"} & set(result.index)
+
+
+def test_fewer_than_six_clouds_have_no_quartiles() -> None:
+    rows = [_row(f"c{i}", rate, float(i)) for rate, n in (("r1", 5), ("r2", 6)) for i in range(n)]
+    result = summary(table_of(rows, METRIC_KEYS))
+    assert result.bpp.tolist() == [2, 2.5]
+    assert result.bpp_q25.isna().tolist() == [True, False]
+    assert result.bpp_q75.isna().tolist() == [True, False]
 
 
 def test_csv_and_parquet_hold_the_same(tmp_path: Path) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
-from puckbench.core.seeding import generator
 from puckbench.metrics.bjontegaard import (
     COMPARED,
     LITTLE_OVERLAP,
@@ -19,13 +19,7 @@ from puckbench.metrics.bjontegaard import (
     bjontegaard_delta,
     rate_distortion_curve,
 )
-from puckbench.metrics.tables.rate_deltas import (
-    bd_rate,
-    bd_rate_clouds,
-    bootstrap_interval,
-    is_below_zero,
-    log_ratios,
-)
+from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds, bd_rate_pairs
 
 RATES = np.array([0.1, 0.3, 0.8, 2.0, 5.0])
 PSNRS = np.array([40.0, 48.0, 55.0, 62.0, 71.0])
@@ -88,31 +82,50 @@ def test_curves_without_a_common_range_have_no_delta_and_say_so() -> None:
     assert (single.rate_status, single.overlap) == (TOO_FEW_POINTS, 0)
 
 
-def test_two_points_make_a_curve() -> None:
-    """Straight in the logarithm of the rate: from 30 dB at a rate of 1 to 40 dB at 4."""
-    anchor, tested = (
-        rate_distortion_curve(np.array([1.0, 4]), np.array([30.0, 40])),
-        np.array([35.0, 45]),
-    )
-    delta = bjontegaard_delta(anchor, rate_distortion_curve(np.array([1.0, 4]), tested))
-    assert delta.rate_percent == pytest.approx(-50)
-    assert delta.quality_db == pytest.approx(5)
-    assert delta.overlap == pytest.approx(0.5)
-
-
 def test_points_without_a_rate_or_a_quality_are_left_out() -> None:
     rates, psnrs = np.array([0.1, np.nan, 0.8, 2.0]), np.array([40.0, 48.0, np.inf, 62.0])
     curve = rate_distortion_curve(rates, psnrs)
     np.testing.assert_allclose(np.exp(curve.log_rate), [0.1, 2.0])
-    assert curve.dropped == 0
+    assert curve.pooled == 0
 
 
-def test_points_that_a_cheaper_one_equals_are_left_out() -> None:
-    worse = rate_distortion_curve(
-        np.array([0.1, 0.2, 0.3, 0.3, 0.4]), np.array([40.0, 39.0, 45.0, 44.0, 45.0])
-    )
-    np.testing.assert_allclose(np.exp(worse.log_rate), [0.1, 0.3])
-    assert worse.dropped == 3
+def test_points_at_which_more_bits_are_no_better_are_pooled() -> None:
+    """Rates of 1, 2, 4, 8, 16: the third is worse than the second, the last equals the fourth."""
+    curve = rate_distortion_curve(2.0 ** np.arange(5), np.array([40.0, 50, 44, 60, 60]))
+    np.testing.assert_allclose(curve.log_rate / np.log(2), [0, 1.5, 3.5], atol=1e-12)
+    assert curve.quality.tolist() == [40, 47, 60]
+    assert curve.pooled == 2
+
+
+def test_a_pool_that_is_no_better_than_the_one_before_joins_it() -> None:
+    """50 and 40 make 45, which 48 before it exceeds: the three are one point of mean 46."""
+    curve = rate_distortion_curve(2.0 ** np.arange(5), np.array([30.0, 48, 50, 40, 70]))
+    np.testing.assert_allclose(curve.log_rate / np.log(2), [0, 2, 4], atol=1e-12)
+    assert curve.quality.tolist() == [30, 46, 70]
+
+
+def test_points_of_one_rate_are_pooled() -> None:
+    curve = rate_distortion_curve(np.array([2.0, 1, 2]), np.array([50.0, 40, 46]))
+    np.testing.assert_allclose(np.exp(curve.log_rate), [1, 2])
+    assert curve.quality.tolist() == [40, 48]
+
+
+def test_a_bad_rate_costs_bits() -> None:
+    """A tenth of the quality's range is lost at one rate: the codec is worse than without."""
+    good = rate_distortion_curve(RATES, PSNRS)
+    bad = rate_distortion_curve(np.append(RATES, 6.0), np.append(PSNRS, 60.0))
+    assert bjontegaard_delta(good, bad).rate_percent > 0
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_a_curve_needs_four_points(count: int) -> None:
+    tested = rate_distortion_curve(RATES[:count] / 2, PSNRS[:count])
+    for anchor, other in (
+        (rate_distortion_curve(RATES, PSNRS), tested),
+        (tested, rate_distortion_curve(RATES, PSNRS)),
+    ):
+        status = bjontegaard_delta(anchor, other).rate_status
+        assert status == (TOO_FEW_POINTS if count < 4 else COMPARED)
 
 
 def metrics(ratios: dict[str, list[float]], shift: float = 0.0) -> pd.DataFrame:
@@ -138,21 +151,96 @@ def test_clouds_are_averaged_in_the_logarithm_of_the_rate() -> None:
     table = metrics({"a": [1, 1, 1], "b": [0.5, 2, 1]})
     row = bd_rate(table, "a", ["d1_psnr"]).iloc[0]
     assert row["bd_rate_percent"] == pytest.approx(0, abs=1e-9)
-    assert row["bd_rate_percent_arithmetic"] == pytest.approx((-50 + 100 + 0) / 3)
-    assert row["bd_rate_percent_median"] == pytest.approx(0, abs=1e-9)
-    assert row["bd_rate_percent_low"] < 0 < row["bd_rate_percent_high"]
-    assert (row["clouds"], row["compared"]) == (3, 3)
+    assert (row["clouds"], row["compared"], row["scenes"]) == (3, 3, 3)
     other = bd_rate(table, "b", ["d1_psnr"]).iloc[0]
     assert other["bd_rate_percent"] == pytest.approx(0, abs=1e-9)
 
 
+def test_three_scenes_have_extremes_and_no_verdict() -> None:
+    row = bd_rate(metrics({"a": [1, 1, 1], "b": [0.5, 0.25, 0.75]}), "a", ["d1_psnr"]).iloc[0]
+    extremes = row[["bd_rate_percent_least", "bd_rate_percent_most"]].tolist()
+    assert extremes == pytest.approx([-75, -25])
+    assert row[["bd_rate_percent_low", "bd_rate_percent_high"]].isna().all()
+    assert row["verdict"] == "no verdict"
+
+
+SIX = np.array([0.5, 0.6, 0.7, 0.55, 0.65, 0.6])
+"""Ratios of rates in six scenes."""
+
+
+def test_six_scenes_have_the_interval_of_their_log_ratios() -> None:
+    row = bd_rate(metrics({"a": [1] * 6, "b": list(SIX)}), "a", ["d1_psnr"]).iloc[0]
+    logs = np.log(SIX)
+    low, high = stats.t.interval(0.95, 5, logs.mean(), stats.sem(logs))
+    ends = row[["bd_rate_percent_low", "bd_rate_percent_high"]].tolist()
+    assert ends == pytest.approx([100 * np.expm1(low), 100 * np.expm1(high)])
+    assert row["verdict"] == "better"
+
+
+@pytest.mark.parametrize(
+    ("percent", "verdict"), [(-1, "better"), (4.9, "not worse"), (5.1, "worse")]
+)
+def test_the_margin_is_in_percent_of_the_bits(percent: float, verdict: str) -> None:
+    """All scenes but for a rounding alike: the interval is as narrow as a point."""
+    ratios = (1 + percent / 100) * np.exp(1e-6 * np.array([-1, 1, -1, 1, -1, 1]))
+    table = metrics({"a": [1] * 6, "b": list(ratios)})
+    assert bd_rate(table, "a", ["d1_psnr"])["verdict"].tolist() == [verdict]
+    wide = bd_rate(table, "a", ["d1_psnr"], margin_percent=6)["verdict"].tolist()
+    assert wide == ["better" if percent < 0 else "not worse"]
+
+
+def test_pairs_are_compared_directly_both_ways() -> None:
+    """Two codecs' ratio to each other is that of each scene, without the anchor between."""
+    table = metrics({"a": [1] * 6, "b": list(SIX), "c": list(2 * SIX * np.array([1, 1.1] * 3))})
+    keys = ["codec", "anchor"]
+    pairs = bd_rate_pairs(table, "a", ["d1_psnr"]).set_index(keys)
+    assert set(pairs.index) == {(x, y) for x in "abc" for y in "abc" if x != y}
+    logs = -np.log(2 * np.array([1, 1.1] * 3))
+    ends = stats.t.interval(0.95, 5, logs.mean(), stats.sem(logs))
+    names = ["bd_rate_percent", "bd_rate_percent_low", "bd_rate_percent_high"]
+    expected = 100 * np.expm1([logs.mean(), *ends])
+    assert pairs.loc[("b", "c"), names].tolist() == pytest.approx(expected.tolist())
+    assert pairs.loc[("b", "c"), "verdict"] == "better"
+    assert pairs.loc[("c", "b"), "verdict"] == "worse"
+    against = bd_rate(table, "a", ["d1_psnr"]).set_index(keys)
+    for codec in "bc":
+        pd.testing.assert_series_equal(pairs.loc[(codec, "a")], against.loc[(codec, "a")])
+
+
+def test_exchanging_codec_and_anchor_inverts_the_ratio() -> None:
+    table = metrics({"a": [1] * 6, "b": list(SIX)}, shift=1.5)
+    table = table[(table["codec"] == "a") | (table["rate"] != "r4")]
+    there, back = (row for _, row in bd_rate_pairs(table, "a", ["d1_psnr"]).iterrows())
+    for name, of_back in (("", ""), ("_low", "_high"), ("_least", "_most")):
+        ratios = [1 + there[f"bd_rate_percent{name}"] / 100]
+        ratios += [1 + back[f"bd_rate_percent{of_back}"] / 100]
+        assert ratios[0] == pytest.approx(1 / ratios[1], rel=1e-12)
+    assert there["bd_quality_db"] == -back["bd_quality_db"]
+
+
+def test_the_row_of_an_exchanged_pair_has_its_counts_exchanged() -> None:
+    table = metrics({"a": [1] * 2, "b": [0.5] * 2})
+    table.loc[(table["codec"] == "a") & (table["rate"] == "r3"), "d1_psnr"] = 50.0  # below r2
+    pairs = bd_rate_pairs(table, "a", ["d1_psnr"]).set_index("codec")
+    assert pairs[["pooled", "anchor_pooled"]].loc[["a", "b"]].to_numpy().tolist() == [
+        [2, 0], [0, 2],
+    ]  # fmt: skip
+
+
+def test_a_row_does_not_hang_on_the_other_codecs() -> None:
+    table = metrics({"a": [1] * 6, "b": list(SIX), "c": [2] * 6})
+    whole = bd_rate(table, "a", ["d1_psnr"])
+    alone = bd_rate(table[table["codec"] != "c"], "a", ["d1_psnr"])
+    pd.testing.assert_frame_equal(whole[whole["codec"] == "b"], alone)
+
+
 def test_seeds_of_a_scene_count_once() -> None:
     """Ten seeds of one scene weigh as much as the one cloud of another, also in the interval."""
-    ratios = [0.5] * 10 + [2, 1, 1]
-    seeds = metrics({"a": [1] * 13, "b": ratios})
+    ratios = [0.5] * 10 + [2, 1, 1, 1.5, 0.7]
+    seeds = metrics({"a": [1] * 15, "b": ratios})
     numbers = seeds["cloud"].str.removeprefix("c").astype(int)
     seeds["scene"] = "s" + numbers.where(numbers >= 10, 0).astype(str)
-    scenes = metrics({"a": [1] * 4, "b": [0.5, 2, 1, 1]})
+    scenes = metrics({"a": [1] * 6, "b": [0.5, 2, 1, 1, 1.5, 0.7]})
     deltas, expected = (bd_rate(table, "a", ["d1_psnr"]).iloc[0] for table in (seeds, scenes))
     for column in ("bd_rate_percent", "bd_rate_percent_low", "bd_rate_percent_high"):
         assert deltas[column] == pytest.approx(expected[column])
@@ -289,63 +377,6 @@ def test_psnrs_of_several_peaks_on_a_cloud_are_not_compared() -> None:
     with pytest.raises(InputError, match=r"PSNRs of d/c0 have the peaks 30 and 59\.7"):
         bd_rate(table, "a", ["d1_psnr"])
     assert bd_rate(table, "a", ["d1_mse"])["bd_rate_percent"].tolist() == pytest.approx([100])
-
-
-@pytest.mark.parametrize(
-    ("differences", "is_below"),
-    [
-        ([-0.2], True),
-        ([0.2], False),
-        ([-0.2, 0.01], False),
-        ([-0.2, -0.3, -0.1, -0.2], True),
-        ([-0.2, 0.3, -0.4, 0.2], False),
-        ([], False),
-    ],
-)
-def test_a_difference_is_told_from_chance(differences: list[float], is_below: bool) -> None:
-    assert is_below_zero(np.array(differences)) == is_below
-
-
-def test_the_ratio_of_two_codecs_is_that_of_each_cloud() -> None:
-    table = metrics({"a": [1, 1, 1], "b": [0.5, 2, 1], "c": [0.25, 0.5, 4]})
-    ratios = log_ratios(table, "b", "c", "d1_psnr")
-    assert np.exp(ratios).tolist() == pytest.approx([0.5, 0.25, 4])
-
-
-def test_the_spread_over_clouds_is_told_by_its_quartiles() -> None:
-    """Of the rate ratios 1/2, 1, 2, 3, 9: changes of -50, 0, 100, 200 and 800 %."""
-    table = metrics({"a": [1] * 5, "b": [0.5, 1, 2, 3, 9]})
-    table.loc[
-        (table["codec"] == "b") & (table["cloud"] == "c2") & (table["rate"] != "r1"), "bpp"
-    ] = np.nan
-    row = bd_rate(table, "a", ["d1_psnr"]).iloc[0]
-    assert (row["clouds"], row["compared"], row["too_few_points"]) == (5, 4, 1)
-    names = ["bd_rate_percent_q25", "bd_rate_percent_median", "bd_rate_percent_q75"]
-    assert row[names].tolist() == pytest.approx([-12.5, 100, 350])
-    assert row["bd_rate_percent"] == pytest.approx(100 * (13.5**0.25 - 1))
-
-
-def test_the_bootstrap_interval_is_that_of_the_mean() -> None:
-    """As the central limit theorem has it, for values of a symmetric distribution."""
-    values = np.linspace(-1, 1, 41)
-    low, high = bootstrap_interval(values, 100_000, generator(1, "draws"))
-    error = values.std() / 41**0.5
-    assert (low, high) == pytest.approx((-1.96 * error, 1.96 * error), abs=0.04 * error)
-    assert np.isnan(bootstrap_interval(values[:2], 100, generator(1, "draws"))).all()
-    assert np.isfinite(bootstrap_interval(values[:3], 100, generator(1, "draws"))).all()
-
-
-def test_an_interval_is_of_two_thousand_draws_unless_asked_otherwise() -> None:
-    table = metrics({"a": [1] * 4, "b": [0.5, 0.6, 0.7, 0.8]})
-    both = ["d1_psnr", "d1_mse"]
-    pd.testing.assert_frame_equal(bd_rate(table, "a", both), bd_rate(table, "a", both, 2000, 0))
-
-
-def test_an_interval_repeats_and_does_not_hang_on_the_other_codecs() -> None:
-    table = metrics({"a": [1] * 4, "b": [0.5, 0.6, 0.7, 0.8], "c": [2, 3, 4, 5]})
-    whole = bd_rate(table, "a", ["d1_psnr"])
-    alone = bd_rate(table[table["codec"] != "c"], "a", ["d1_psnr"])
-    pd.testing.assert_frame_equal(whole[whole["codec"] == "b"], alone)
 
 
 @pytest.mark.parametrize(

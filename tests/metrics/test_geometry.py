@@ -140,9 +140,14 @@ def brute_force(a: Floats, normals: Floats, b: Floats) -> dict[str, float]:
         "acd_ab_point": ab.min(axis=1).mean(),
         "acd_ba_point": ab.min(axis=0).mean(),
         "hausdorff_sq_point": max(ab.min(axis=1).max(), ab.min(axis=0).max()),
+        "q99_point": max(_q99(ab.min(axis=1)), _q99(ab.min(axis=0))) ** 0.5,
         "acd_ab_plane": mean_projection(a, b, normals_b, nearest_ab),
         "acd_ba_plane": mean_projection(b, a, normals, nearest_ba),
     }
+
+
+def _q99(values: Floats) -> float:
+    return float(np.quantile(values, 0.99, method="inverted_cdf"))
 
 
 def mean_projection(
@@ -150,6 +155,19 @@ def mean_projection(
 ) -> float:
     along = np.einsum("ijk,jk->ij", queries[:, None] - points[None], normals)
     return np.mean((along**2 * nearest).sum(axis=1) / nearest.sum(axis=1))
+
+
+@pytest.mark.parametrize("count", [99, 100, 101, 250])
+def test_the_99_percent_quantile_of_the_worse_direction(count: int) -> None:
+    """Points of a line, each raised by a distance of its own, with three far ones."""
+    heights = np.append(np.linspace(0, 0.3, count - 3), [3.0, 4.0, 5.0])
+    original = np.stack([10.0 * np.arange(count), np.zeros(count), np.zeros(count)], axis=1)
+    decoded = original + heights[:, None] * [0, 0, 1]
+    values = distortion(PointCloud(original, up(original)), decoded)
+    expected = np.quantile(heights, 0.99, method="inverted_cdf")
+    assert values["q99_point"] == pytest.approx(expected)
+    assert values["q99_plane"] == pytest.approx(expected)
+    assert distortion(PointCloud(original), decoded[:-4])["q99_point"] > 5  # of the missing points
 
 
 @settings(max_examples=100)

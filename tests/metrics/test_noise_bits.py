@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from puckbench.core.errors import InputError
 from puckbench.metrics.tables.noise_bits import noise_bits
@@ -51,11 +52,15 @@ def test_exact_and_1_mm_are_compared_and_no_coarser_rate() -> None:
     assert table.loc[("none", "puck"), "grid_1_mm"] == 3
     assert table.loc[("none", "gpcc"), "grid_1_mm"] == 8
     assert np.isnan(table.loc[("none", "reno"), "grid_1_mm"])
-    # 4 and 6 bits more for the noise of 4 bits, in the median of two rooms.
+    # 4 and 6 bits more for the noise of 4 bits, in the mean of two rooms.
     assert table.loc[("vlp16", "puck"), "added_grid_1_mm"] == 5
     assert table.loc[("none", "puck"), "added_grid_1_mm"] == 0
+    # Of 7 and 9 bits the quietest model saves 4 and 6.
+    saved = 100 * (4 / 7 + 6 / 9) / 2
+    assert table.loc[("vlp16", "puck"), "saved_grid_1_mm_percent"] == pytest.approx(saved)
+    assert table.filter(regex="_(low|high)$").isna().all(axis=None)
     assert set(table["noise_bits"]) == {0, 4}
-    assert set(table["clouds"]) == {2}
+    assert set(table["scenes"]) == {2}
 
 
 def test_bits_at_an_equal_error_stand_beside_them() -> None:
@@ -63,6 +68,30 @@ def test_bits_at_an_equal_error_stand_beside_them() -> None:
     assert table.loc[("none", "gpcc"), "at_5_mm"] == pytest.approx(2)
     assert table.loc[("vlp16", "gpcc"), "added_at_5_mm"] == pytest.approx(5)
     assert np.isnan(table.loc[("none", "reno"), "at_5_mm"])  # 4 mm is its coarsest
+
+
+def test_seeds_of_six_scenes_count_once_and_have_an_interval() -> None:
+    """Two seeds each; the noise costs 1 to 6 bits."""
+    extra = {f"s{n}": float(n) for n in range(1, 7)}
+    clouds, metrics = [], []
+    for model, share in (("none", 0), ("vlp16", 1)):
+        for scene, bits in extra.items():
+            for seed in (-0.5, 0.5):
+                names = {"dataset": f"rooms_{model}", "cloud": f"{scene}{seed}", "frame": "metric"}
+                clouds.append(
+                    {**names, "scene": scene, "error_model": model, "noise_bits": 4.0 * share}
+                )
+                bpp = 2 + share * (bits + seed)
+                metrics.append({**names, "codec": "puck", "rate": "2mm", "bpp": bpp, "d1_rms_m": 0})
+    rays = {"sensor": "VLP-16", "turns": 1, "firings": 1800}
+    table = noise_bits(pd.DataFrame(metrics), pd.DataFrame(clouds).assign(**rays))
+    row = table.set_index("error_model").loc["vlp16"]
+    assert (row["scenes"], row["added_grid_1_mm"]) == (6, 3.5)
+    expected = stats.t.interval(0.95, 5, 3.5, stats.sem(range(1, 7)))
+    ends = row[["added_grid_1_mm_low", "added_grid_1_mm_high"]].tolist()
+    assert ends == pytest.approx(list(expected))
+    saved = np.mean([100 * n / (n + 2) for n in range(1, 7)])
+    assert row["saved_grid_1_mm_percent"] == pytest.approx(saved)
 
 
 def test_rays_of_one_model_and_recordings_have_no_part_in_it() -> None:

@@ -6,7 +6,8 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.metrics.coordinate_frames import rows_in_frame
-from puckbench.metrics.tables.storage import bits_at_error, storage
+from puckbench.metrics.interpolation import bits_at_error
+from puckbench.metrics.tables.storage import storage
 
 
 def _rows() -> pd.DataFrame:
@@ -42,7 +43,7 @@ def test_finest_rates_and_a_common_error() -> None:
     puck = table.iloc[0]
     assert puck["rate"] == "2mm"
     assert puck["bits_per_return"] == pytest.approx((3 + 9) / 2)
-    assert puck["rms_mm"] == 0
+    assert puck["d1_rms_mm"] == 0
     assert puck["encode_real_time"] == pytest.approx(10 / 3)
     assert puck["clouds"] == 2
     # Between 8 mm for 1 bit and 4 mm for 2, in logarithms.
@@ -53,7 +54,8 @@ def test_finest_rates_and_a_common_error() -> None:
 def test_rates_of_different_errors_stand_apart() -> None:
     """The most bits are not the finest rate, and what loses more is not above what is exact."""
     rows = _rows().query("codec == 'puck'").assign(
-        d2_rms_m=0.001, truth_d2_rms_m=0.009, returns_added=3, encode_ms_per_turn=7.0
+        d2_rms_m=0.001, truth_d2_rms_m=0.009, q99_point_m=0.004, hausdorff_point_m=0.012,
+        returns_added=3, encode_ms_per_turn=7.0,
     )  # fmt: skip
     grid = rows.assign(codec="laz", d1_rms_m=rows["d1_rms_m"] + 0.0005)
     coarse = rows.assign(codec="reno", bpp=rows["bpp"] / 100, d1_rms_m=0.002)
@@ -63,8 +65,22 @@ def test_rates_of_different_errors_stand_apart() -> None:
     assert list(table["kept"]) == ["exact", "1 mm", "less"]
     assert table["rate"].iloc[2] == "5mm"  # of equal errors that of the fewest bits
     first = table.iloc[0]
-    assert (first["d2_rms_mm"], first["truth_rms_mm"]) == pytest.approx((1, 9))
+    names = ["d2_rms_mm", "truth_d2_rms_mm", "q99_mm", "largest_mm"]
+    assert first[names].tolist() == pytest.approx([1, 9, 4, 12])
     assert (first["returns_added"], first["encode_ms_per_turn"]) == (3, 7)
+
+
+def test_bits_at_equal_d2_and_range_errors_stand_beside_those_at_equal_d1() -> None:
+    """D2 is half of D1, so 5 mm lie between 16 and 8 mm of D1, and ranges are D1 itself."""
+    rows = _rows().query("dataset == 'spins'")
+    rows = rows.assign(d2_rms_m=rows["d1_rms_m"] * 0.5, range_rms_mm=1000 * rows["d1_rms_m"])
+    rows[["d1_rms_m", "d2_rms_m"]] *= 2
+    puck = storage(rows).iloc[0]
+    share = (np.log(8) - np.log(5)) / np.log(2)
+    expected = 2**share * (1 + 3) / 2
+    names = ["bits_at_5_mm_d2", "bits_at_5_mm_range"]
+    assert puck[names].tolist() == pytest.approx([expected] * 2)
+    assert np.isnan(puck["bits_at_5_mm"])  # 8 mm is the least above 0
 
 
 def test_an_error_that_no_rate_has_is_left_empty() -> None:

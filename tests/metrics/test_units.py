@@ -11,10 +11,16 @@ def test_squared_units_become_metres_by_their_root() -> None:
         "truth_d2_mse": 25.0,
         "hausdorff_point": 10.0,
         "hausdorff_plane": 5.0,
+        "truth_q99_point": 2.5,
         "cd_point": 1.0,
     }
     assert distortion_in_metres(values, 50.0) == pytest.approx(
-        {"truth_d2_rms_m": 0.1, "hausdorff_point_m": 0.2, "hausdorff_plane_m": 0.1}
+        {
+            "truth_d2_rms_m": 0.1,
+            "hausdorff_point_m": 0.2,
+            "hausdorff_plane_m": 0.1,
+            "truth_q99_point_m": 0.05,
+        }
     )
 
 

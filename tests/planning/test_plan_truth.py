@@ -35,7 +35,8 @@ def test_scans_are_measured_against_the_truth_and_the_clean_scan() -> None:
     assert tables_of_rows(bench)["scan_errors"] == ("scan_errors/scanned/office_1.json",)
     assert set(bench.outputs.figures) >= TRUTH_FIGURES
     assert set(bench.outputs.tables["nearest_truth"]) == {"metrics", "scan_errors"}
-    assert bench.outputs.table_options("nearest_truth") == {"anchor": "primitives"}
+    assert bench.outputs.table_options("nearest_truth") == {}
+    assert bench.outputs.table_options("truth_bits") == {"anchor": "primitives"}
 
 
 @pytest.mark.parametrize("data", [SAMPLE, {**SCAN, "truth": False}], ids=["sample", "off"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from puckbench.figures.style import FigureStyle
@@ -10,7 +11,7 @@ from puckbench.planning.run_summary import closing_lines, summary_rows
 TABLES = ("summary", "bd_rate", "drives")
 
 
-def write_tables(results: Path, compared: int = 2) -> None:
+def write_tables(results: Path, scenes: int = 2) -> None:
     folder = results / "tables"
     folder.mkdir(parents=True)
     (folder / "summary.csv").write_text(
@@ -19,9 +20,10 @@ def write_tables(results: Path, compared: int = 2) -> None:
         "rooms_raw,draco,r3,2,9,,0.2,0.05,2,30.0,metric\nrooms_raw,gpcc,r1,2,1,50,0.3,0.1,0,30.0,metric\n"
     )
     (folder / "bd_rate.csv").write_text(
-        "dataset,metric,codec,clouds,compared,bd_rate_percent,bd_rate_percent_least,"
-        "bd_rate_percent_most\nrooms_raw,d2_psnr,draco,2,2,7,7,7\n"
-        f"rooms_raw,d1_psnr,draco,2,{compared},25.6,-3.1,55\n"
+        "dataset,metric,codec,clouds,compared,scenes,verdict,bd_rate_percent,"
+        "bd_rate_percent_least,bd_rate_percent_most\n"
+        "rooms_raw,d2_psnr,draco,2,2,2,no verdict,7,7,7\n"
+        f"rooms_raw,d1_psnr,draco,2,{scenes},{scenes},no verdict,25.6,-3.1,55\n"
     )
 
 
@@ -30,7 +32,8 @@ def test_each_codec_of_a_data_set_has_a_line(tmp_path: Path) -> None:
     lines = list(closing_lines(tmp_path, FigureStyle(), "gpcc", 0, TABLES))
     assert lines[1].replace("\xa0", " ").split() == [
         *("Rooms", "raw", "Draco", "2", "0.5", "to", "9", "40", "to", "60"),
-        *("+25.6", "%", "(−3.1", "%", "to", "+55.0", "%,", "2", "clouds)", "0.25"),
+        *("+25.6", "%", "(−3.1", "%", "to", "+55.0", "%,", "2", "scenes,", "no", "verdict)"),
+        "0.25",
     ]
     assert lines[2].split()[-4:] == ["50", "to", "50", "0.4"]  # no BD-rate against itself
     assert lines[3].endswith("BD-rate in D1 against G-PCC.")
@@ -39,11 +42,26 @@ def test_each_codec_of_a_data_set_has_a_line(tmp_path: Path) -> None:
     assert lines[6] == f"tables:  {tmp_path / 'tables'}"
 
 
-def test_a_bd_rate_that_no_cloud_has_is_no_number(tmp_path: Path) -> None:
-    write_tables(tmp_path, compared=0)
+def test_a_bd_rate_that_no_scene_has_is_no_number(tmp_path: Path) -> None:
+    write_tables(tmp_path, scenes=0)
     row = summary_rows(tmp_path, FigureStyle(), "gpcc")[0]
     assert (row["bd_rate_percent"], row["bd_rate"]) == (None, "no common range")
     assert (row["peak"], row["lossless"]) == (30, ["r3"])
+
+
+def test_errors_and_times_at_each_rate_follow(tmp_path: Path) -> None:
+    write_tables(tmp_path)
+    (tmp_path / "tables" / "rates.csv").write_text(
+        "dataset,codec,rate,clouds,bpp,d1_rms_mm,q99_mm,range_rms_mm,encode_s,decode_s\n"
+        "rooms_raw,draco,r1,2,0.5,4.25,12,,1.5,0.25\nrooms_raw,draco,r2,2,4,0,0,,3,0.5\n"
+    )
+    lines = list(closing_lines(tmp_path, FigureStyle(), "gpcc", 0, TABLES))
+    heads, first, second, remark = lines[7:11]
+    names = ["bits per point", "D1, mm", "99 %, mm", "encode, s", "decode, s"]
+    assert re.split("  +", heads) == ["data set", "codec and rate", *names]
+    assert re.split("  +", first) == ["Rooms raw", "Draco r1", "0.5", "4.25", "12", "1.5", "0.25"]
+    assert re.split("  +", second) == ["Rooms raw", "Draco r2", "4", "0", "0", "3", "0.5"]
+    assert "times for a million points" in remark
 
 
 def test_a_run_that_made_no_table_says_nothing(tmp_path: Path) -> None:

@@ -5,13 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from benchmarks.clouds import scanned_room
 
-from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import write_cloud
-from puckbench.io.meshes.writing import write_mesh
-from puckbench.jobs.preparation import prepare
-from puckbench.scenes.rooms import make_room
 from tests.support.spinning import VLP16, pcap, spin
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +37,6 @@ STARTED: dict[str, tuple[str, ...]] = {
     "performance.planning": ("{small}",),
     "performance.puck": ("{capture}", "--repeats", "0"),
     "performance.scan_speed": ("--errors", "none", "--repeats", "1", "--step", "8"),
-    "primitives_picture": ("{picture}", "--results", "{results}", "--rate", "r1"),
     "same_results": ("{folder}", "{folder}"),
 }
 """Script -> its arguments; names in braces are those of `files`."""
@@ -74,17 +67,11 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         (folder / name).chmod(0o755)
     (folder / "turn.pcap").write_bytes(pcap([bytes(p) for p in spin(VLP16, packets=180)]))
     (folder / "empty").mkdir()
-    room, scan = make_room("office_1", seed=1), PointCloud(scanned_room("vlp16_divergence", 3.0))
-    scaled = prepare(scan)
-    write_cloud(folder / "clouds/rooms_noisy/office_1.ply", scaled)
-    write_mesh(folder / "scenes/rooms/office_1.ply", room)
     return {
         "tmc3": str(folder / "tmc3"),
         "pc_error": str(folder / "pc_error"),
         "capture": str(folder / "turn.pcap"),
         "folder": str(folder / "empty"),
-        "picture": str(folder / "primitives.png"),
-        "results": str(folder),
         "small": str(ROOT / "benchmarks" / "small.yaml"),
         "cloud": "results/clouds/objects/chair_01.ply",
     }

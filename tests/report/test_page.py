@@ -76,7 +76,9 @@ def test_nothing_in_the_page_comes_from_outside(text: str) -> None:
     outside = [url for url in fetched if not url.startswith(("data:image/png;base64,", "#"))]
     assert set(outside) == {
         "tables/summary.csv",
+        "tables/uses.csv",
         "tables/bd_rate.csv",
+        "tables/bd_rate_pairs.csv",
         "tables/clouds.csv",
         "tables/scan_errors.csv",
         "tables/claims.csv",
@@ -118,15 +120,29 @@ def test_findings_come_first_and_facts_of_the_run_last(opened: Opened) -> None:
     ]
 
 
-def test_findings_say_who_is_best_at_what(opened: Opened) -> None:
+def test_findings_say_first_which_codec_is_for_what(opened: Opened) -> None:
+    page = opened.page
+    heading = "document.querySelector('#findings h3').textContent"
+    assert page.run(heading) == "Which codec for what"
+    rows = page.run(
+        "[...document.querySelectorAll('.uses tbody tr')]"
+        ".map((r) => [...r.cells].map((c) => c.textContent))"
+    )
+    assert [row[0] for row in rows] == [
+        *["RMS error of at most 5 mm (D1)"] * 4, "nearest to the true surface (D2)",
+    ]  # fmt: skip
+    nearest = rows[-1]
+    assert nearest[1:3] == ["S3dis noisy", "Draco"]
+    assert re.fullmatch(r"nearest; G-PCC has 1\.\d\d \(.+ to .+\) times the error", nearest[-1])
+    assert page.run("[...document.querySelectorAll('.best')].map((c) => c.innerText)") == ["Draco"]
+
+
+def test_bd_rates_of_every_data_set_follow(opened: Opened) -> None:
     cards = opened.page.run("[...document.querySelectorAll('.finding')].map((c) => c.innerText)")
     assert len(cards) == 4
     assert cards[0].startswith("Capod 12 clouds")
-    noisy = cards[-1]
-    assert re.search(r"Nearest to the truth\n.+: 2\.\d+.grid.units², the scan itself 2\.4", noisy)
-    assert "Nearest" not in cards[0]
-    best = opened.page.run("document.querySelectorAll('.finding td.best').length")
-    assert 4 * 2 <= best <= 4 * 4  # where the first is not better than each other, no cell is
+    assert re.search(r"BD-rate, D1\n+no codec is better than every other; not beaten: ", cards[0])
+    assert "12 scenes, better" in cards[0]
 
 
 def test_claims_are_cards_wide_enough_to_read(opened: Opened) -> None:
@@ -151,8 +167,9 @@ def test_bd_rates_stand_first_and_bookkeeping_behind_a_fold(opened: Opened) -> N
         "[...document.querySelectorAll('#table-bd_rate th')]"
         ".filter((head) => head.offsetWidth).map((head) => head.title)"
     )
-    assert page.run(shown)[:4] == ["dataset", "metric", "codec", "bd_rate_percent"]
-    assert {"compared", "lossless"} < set(page.run(shown))
+    first = ["dataset", "metric", "codec", "anchor", "bd_rate_percent"]
+    assert page.run(shown)[:5] == first
+    assert {"verdict", "scenes", "lossless"} < set(page.run(shown))
     assert "little_overlap" not in page.run(shown)
     page.click("#table-bd_rate .controls .box:last-of-type input")
     assert "little_overlap" in page.run(shown)

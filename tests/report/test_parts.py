@@ -7,6 +7,7 @@ import io
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,8 @@ from puckbench.core.errors import InputError
 from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import PointCloud
-from puckbench.metrics.tables.rate_deltas import bd_rate
+from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
+from puckbench.metrics.tables.uses import uses
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text
@@ -29,7 +31,7 @@ from puckbench.report.captions import caption_html
 from puckbench.report.cells import cell_text
 from puckbench.report.column_labels import column_label, table_heading
 from puckbench.report.contents import Contents
-from puckbench.report.findings import findings
+from puckbench.report.findings import UseRow, findings, ranking_text
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
 from puckbench.report.plot_data import plot_payload
@@ -91,17 +93,24 @@ def _metrics() -> pd.DataFrame:
     rows = [
         {"dataset": "set", "cloud": c, "codec": "draco", "rate": rate, "bpp": b, "cd_plane": d}
         for rate in ("r10", "r2")
-        for c, b, d in [("a", 1.0, 4.0), ("b", 2.0, 8.0), ("c", 3.0, np.nan)]
+        for c, b, d in zip("abcdef", range(1, 7), [4, 8, 12, 16, 20, np.nan], strict=True)
     ]
-    return pd.DataFrame(rows).assign(repeats=3, mine=[1, 2, 3, 4, 5, 6], points_in=9)
+    return pd.DataFrame(rows).assign(repeats=3, mine=range(12), points_in=9)
 
 
 def test_curves_are_quartiles_over_clouds_in_the_order_of_the_rates() -> None:
     made = plot_payload(_metrics(), FigureStyle(colours={"draco": "red"}))
     assert [cell["rate"] for cell in made["cells"]] == ["r2", "r10"]
-    assert made["cells"][0]["values"]["bpp"] == [1.5, 2.0, 2.5]
-    assert made["cells"][0]["values"]["cd_plane"] == [5.0, 6.0, 7.0]
+    assert made["cells"][0]["values"]["bpp"] == [2.25, 3.5, 4.75]
+    assert made["cells"][0]["values"]["cd_plane"] == [8.0, 12.0, 16.0]
     assert made["codecs"][0]["colour"] == "#ff0000"
+
+
+def test_fewer_than_six_clouds_have_no_quartiles() -> None:
+    rows = _metrics()
+    made = plot_payload(rows[rows["cloud"] != "a"], FigureStyle())
+    assert made["cells"][0]["values"]["bpp"] == [4.0] * 3
+    assert made["cells"][0]["values"]["cd_plane"] == [14.0] * 3
 
 
 def test_curves_show_what_differs_between_rates_and_not_what_describes_the_cloud() -> None:
@@ -248,7 +257,7 @@ def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() 
         coding = {name for name, codec in bench.plan.opened.items() if codec.rates_of(frame)}
         assert set(example.decoded) == coding
         assert {len(rates) for rates in example.decoded.values()} == {3}
-    assert contents.examples[0].original == "results/clouds/objects/airplane_01.ply"
+    assert contents.examples[0].original == "results/clouds/objects/airplane_02.ply"
 
 
 def test_the_record_of_a_run_is_read_from_the_costs_of_its_jobs() -> None:
@@ -283,103 +292,60 @@ def test_a_duration_is_told_in_two_units_at_most(seconds: float, text: str) -> N
 
 def _two_codecs(**columns: list[float]) -> pd.DataFrame:
     names = {"dataset": "rooms", "cloud": "a", "codec": ["draco", "gpcc"], "rate": "r1"}
-    timed = {"timed_alone": True, "repeats": 3}
-    return pd.DataFrame({**names, "bpp": [1.0, 2.0], **timed, **columns})
+    return pd.DataFrame({**names, "bpp": [1.0, 2.0], **columns})
 
 
-def _deltas(**columns: float) -> pd.DataFrame:
+def _delta(**columns: Any) -> dict[str, Any]:
+    """A row of the table of BD-rates."""
     row = {"dataset": "rooms", "metric": "d1_psnr", "codec": "draco", "anchor": "gpcc"}
-    low_high = {"bd_rate_percent_low": -60.0, "bd_rate_percent_high": -40.0}
-    counts = {"clouds": 3, "compared": 3}
-    return pd.DataFrame([{**row, **counts, "bd_rate_percent": -50.0, **low_high, **columns}])
+    values = {"": -50.0, "_low": -60.0, "_high": -40.0, "_least": -70.0, "_most": -5.0}
+    values = {f"bd_rate_percent{end}": value for end, value in values.items()}
+    counts = {"clouds": 6, "compared": 6, "scenes": 6, "verdict": "better"}
+    counts |= {"no_common_range": 0, "little_overlap": 0, "too_few_points": 0}
+    return {**row, **values, **counts, **columns}
 
 
-def test_findings_name_the_best_with_its_interval() -> None:
-    metrics = _two_codecs(truth_d2_rms_m=[0.004, 0.002], encode_s=[0.5, 0.1], decode_s=[0.1, 0.2])
-    errors = pd.DataFrame({"dataset": ["rooms"], "truth_d2_rms_m": [0.0127]})
-    (result,) = findings(metrics, _deltas(), errors, FigureStyle()).datasets
-    assert {name: text.replace("\xa0", " ") for name, text in result.best.items()} == {
-        "Fewest bits": "Draco: −50.0 % for equal D1 (−60.0 % to −40.0 %, 3 clouds)",
-        "Nearest to the truth": "G-PCC: 2 mm, the scan itself 12.7 mm (r1, 2 bpp)",
-        "Fastest": "G-PCC: 0.1 s to encode; Draco: 0.1 s to decode",
-    }
-
-
-@pytest.mark.parametrize(
-    ("delta", "low", "high", "told"),
-    [
-        (-4.0, -13.8, 5.4, "no clear winner for equal D1 (Draco, G-PCC)"),
-        (4.0, -5.4, 13.8, "no clear winner for equal D1 (G-PCC, Draco)"),
-        (-4.0, -13.8, -0.1, "Draco: −4.0 % for equal D1 (−13.8 % to −0.1 %, 3 clouds)"),
-        (4.0, 0.1, 13.8, "G-PCC: 0 % for equal D1 (reference)"),
-    ],
-)
-def test_an_interval_that_holds_zero_has_no_winner(
-    delta: float, low: float, high: float, told: str
-) -> None:
-    changed = {"bd_rate_percent_low": low, "bd_rate_percent_high": high}
-    deltas = _deltas(bd_rate_percent=delta, **changed)
-    (result,) = findings(_two_codecs(), deltas, None, FigureStyle()).datasets
-    assert result.best["Fewest bits"].replace("\xa0", " ") == told
-
-
-def test_who_is_nearest_to_a_truth_that_the_scan_itself_is_is_not_told() -> None:
-    metrics = _two_codecs(truth_d2_rms_m=[0.004, 0.002])
-    for errors in (None, pd.DataFrame({"dataset": ["rooms"], "truth_d2_rms_m": [1e-5]})):
-        (result,) = findings(metrics, None, errors, FigureStyle()).datasets
-        assert result.best == {}
-        assert result.columns[0].head == "Distance to the truth"
-
-
-@pytest.mark.parametrize(
-    ("change", "text", "note"),
-    [
-        ({"compared": 0}, "–", "no common range"),
-        ({"compared": 0, "no_common_range": 1, "little_overlap": 2}, "–", "overlap below half"),
-        ({"compared": 2, "bd_rate_percent_low": np.nan}, "−50.0 %", "2 of 3 clouds"),
-        ({"compared": 1, "bd_rate_percent_low": np.nan}, "−50.0 %", "1 of 3 clouds"),
-        ({"bd_rate_percent_low": np.nan}, "–", "no interval"),
-    ],
-)
-def test_a_codec_that_was_not_compared_on_all_clouds_wins_nothing(
-    change: dict[str, float], text: str, note: str
-) -> None:
-    (result,) = findings(_two_codecs(), _deltas(**change), None, FigureStyle()).datasets
-    cell = result.columns[0].cells["draco"]
-    assert (cell.text.replace("\xa0", " "), cell.note) == (text, note)
-    assert result.columns[0].best is None
+NO_INTERVAL = {"bd_rate_percent_low": np.nan, "bd_rate_percent_high": np.nan}
+FEW = {**NO_INTERVAL, "verdict": "no verdict"}
+NONE = {**FEW, "bd_rate_percent": np.nan, "compared": 0, "scenes": 0}
 
 
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({}, "−50.0 % (−60.0 % to −40.0 %, 3 clouds)"),
-        ({"clouds": 12, "compared": 12}, "−50.0 % (−60.0 % to −40.0 %)"),
-        ({"clouds": 12, "compared": 9}, "−50.0 % (−60.0 % to −40.0 %, 9 of 12 clouds)"),
-        ({"clouds": 1, "compared": 1}, "−50.0 % (one cloud)"),
+        ({}, "−50.0 % (−60.0 % to −40.0 %, 6 scenes, better)"),
         (
-            {"clouds": 2, "compared": 2, "bd_rate_percent_least": -70, "bd_rate_percent_most": -5},
-            "−50.0 % (−70.0 % to −5.0 %, 2 clouds)",
+            {"clouds": 12, "compared": 9},
+            "−50.0 % (−60.0 % to −40.0 %, 6 scenes, 9 of 12 clouds, better)",
         ),
-        ({"compared": 0, "too_few_points": 3}, "fewer than two lossy rates"),
-        ({"bd_rate_percent_low": np.nan}, "no interval"),
+        (
+            {**FEW, "scenes": 5, "compared": 5},
+            "−50.0 % (−70.0 % to −5.0 %, 5 scenes, 5 of 6 clouds, no verdict)",
+        ),
+        (
+            {**FEW, "scenes": 1, "clouds": 1, "compared": 1}
+            | {"bd_rate_percent_least": -50.0, "bd_rate_percent_most": -50.0},
+            "−50.0 % (one scene, no verdict)",
+        ),
+        ({**NONE, "no_common_range": 1, "little_overlap": 2}, "overlap below half"),
+        ({**NONE, "too_few_points": 3}, "fewer than 4 lossy rates"),
+        (NONE, "no common range"),
     ],
 )
-def test_a_bd_rate_stands_with_its_interval_and_its_clouds(
-    change: dict[str, float], text: str
+def test_a_bd_rate_stands_with_its_interval_scenes_and_verdict(
+    change: dict[str, Any], text: str
 ) -> None:
-    row = _deltas(**change).iloc[0].to_dict()
+    row = _delta(**change)
     assert delta_text(row).replace("\xa0", " ") == text
     of_a_file = {name: "" if pd.isna(value) else str(value) for name, value in row.items()}
     assert delta_text(of_a_file).replace("\xa0", " ") == text
 
 
-def _three_codecs(draco: list[float], laz: list[float]) -> pd.DataFrame:
-    """Ratios of two codecs' rates to G-PCC's on each cloud, as results on curves of 60 to 90 dB."""
-    ratios = {"gpcc": [1.0] * len(draco), "draco": draco, "laz": laz}
+def _curves(**ratios: list[float]) -> pd.DataFrame:
+    """Codecs with ratios of their rates in each scene, on curves of 60 to 90 dB."""
     rows = [
         {"dataset": "rooms", "cloud": f"c{cloud}", "codec": codec, "rate": f"r{r}",
-         "bpp": ratio * 2.0**r, "d1_psnr": 60.0 + 6 * r}
+         "bpp": ratio * 2.0**r, "d1_psnr": 60.0 + 6 * r, "points_in": 1000}
         for codec, values in ratios.items()
         for cloud, ratio in enumerate(values)
         for r in range(6)
@@ -387,55 +353,159 @@ def _three_codecs(draco: list[float], laz: list[float]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def _ranking(metrics: pd.DataFrame) -> str:
+    pairs = bd_rate_pairs(metrics, "gpcc", ["d1_psnr"])
+    return ranking_text(pairs, FigureStyle()).replace("\xa0", " ")
+
+
+DRACO = [0.5, 0.49, 0.5, 0.52, 0.5, 0.49]
+CLOSE = [0.5, 0.52, 0.48, 0.5, 0.51, 0.5]
+WORSE = [0.6, 0.62, 0.63, 0.6, 0.61, 0.6]
+NOBODY = "no codec is better than every other; not beaten: "
+
+
+def test_the_best_is_named_with_its_closest_rival() -> None:
+    """A ratio of 0.82 to LAZ, whose interval excludes 1, and half of G-PCC's bits."""
+    told = _ranking(_curves(gpcc=[1.0] * 6, draco=DRACO, laz=WORSE))
+    assert told.startswith("Draco needs the fewest bits; next LAZ: −18.0 % (")
+    assert told.endswith("6 scenes, better)")
+
+
+def test_an_interval_that_includes_zero_has_no_winner() -> None:
+    told = _ranking(_curves(gpcc=[1.0] * 6, draco=DRACO, laz=CLOSE))
+    assert told == f"{NOBODY}Draco, LAZ"
+
+
+def test_five_scenes_have_no_winner() -> None:
+    told = _ranking(_curves(gpcc=[1.0] * 5, draco=DRACO[:5]))
+    assert told == "no verdict: fewer than 6 scenes with comparable curves"
+
+
+def test_a_codec_that_is_not_comparable_in_every_scene_wins_nothing() -> None:
+    """Of seven scenes LAZ has no common range with the others in one, or no result."""
+    metrics = _curves(gpcc=[1.0] * 7, draco=[*DRACO, 0.5], laz=[*WORSE, 0.6])
+    assert _ranking(metrics).startswith("Draco needs the fewest bits")
+    apart = (metrics["codec"] == "laz") & (metrics["cloud"] == "c3")
+    told = f"{NOBODY}Draco; 2 of 3 pairs not comparable in all scenes"
+    far = metrics.assign(d1_psnr=metrics["d1_psnr"] + 100 * apart)
+    assert _ranking(far) == told
+    assert _ranking(metrics[~apart]) == told
+
+
+def test_a_codec_that_met_only_some_of_the_others_wins_nothing() -> None:
+    """Draco beats LAZ, and has no scene in common with G-PCC."""
+    metrics = _curves(gpcc=[1.0] * 12, draco=[0.5] * 12, laz=[0.6] * 12)
+    is_late = metrics["cloud"].str[1:].astype(int) >= 6
+    metrics = metrics[(metrics["codec"] == "laz") | (is_late == (metrics["codec"] == "gpcc"))]
+    assert _ranking(metrics).startswith(f"{NOBODY}Draco")
+
+
+def test_findings_have_the_bd_rates_of_all_codecs() -> None:
+    metrics = _curves(gpcc=[1.0] * 6, draco=DRACO, laz=WORSE)
+    tables = {
+        make.__name__: make(metrics, "gpcc", ["d1_psnr"]) for make in (bd_rate, bd_rate_pairs)
+    }
+    found = findings(metrics, tables, FigureStyle())
+    (rooms,) = found.datasets
+    assert (found.anchor, rooms.title, rooms.clouds) == ("G-PCC", "Rooms", 6)
+    cells = rooms.columns["BD-rate, D1"]
+    assert (cells["gpcc"].text, cells["gpcc"].note) == ("0 %", "reference")
+    assert cells["draco"].text.replace("\xa0", " ") == "−50.0 %"
+    assert cells["draco"].note.endswith("6 scenes, better")
+    assert rooms.statements["BD-rate, D1"].startswith("Draco needs the fewest bits")
+    assert findings(metrics, {}, FigureStyle()).datasets == ()
+
+
+def _use(codec: str, **columns: Any) -> dict[str, Any]:
+    row = {"dataset": "rooms", "use": "within_5_mm", "codec": codec, "bpp": 2.0, "error_mm": 5.0}
+    row |= {"largest_mm": 15.0, "seconds": 0.5, "ratio": 1.0, "ratio_low": np.nan}
+    return {**row, "ratio_high": np.nan, "verdict": "undecided", "scenes": 6, **columns}
+
+
+def _use_row(*rows: dict[str, Any]) -> UseRow:
+    (row,) = findings(_two_codecs(), {"uses": pd.DataFrame(rows)}, FigureStyle()).uses
+    return row
+
+
+RIVAL = {"ratio": 1.5, "ratio_low": 1.2, "ratio_high": 1.9, "verdict": "worse"}
+PART = {"ratio": np.nan, "verdict": "no verdict", "scenes": 4}
+
+
+def test_findings_name_the_codec_of_fewest_bits_that_odometry_needs() -> None:
+    drive = {"dataset": "street", "odometry": "kiss_icp", "unit": "%", "trajectories": 8}
+    drive |= {"undecoded": 0.4, "margin": 0.1, "value": 0.45}
+    table = pd.DataFrame(
+        [
+            {**drive, "codec": "draco", "bits": 3.0, "verdict": "not worse"},
+            {**drive, "codec": "gpcc", "bits": 0.8, "verdict": "not worse"},
+            {**drive, "codec": "puck", "bits": np.nan, "verdict": "no rate suffices"},
+            {**drive, "dataset": "yard", "codec": "gpcc", "bits": np.nan, "verdict": "no verdict"},
+        ]
+    )
+    street, yard = findings(None, {"odometry_bits": table}, FigureStyle()).uses
+    assert (street.clouds, street.codec, street.bits, street.scenes) == (
+        "Street",
+        "G-PCC",
+        "0.8",
+        "8",
+    )
+    assert street.verdict == "not worse by more than 0.1 % than 0.4 %"
+    assert (yard.codec, yard.bits, yard.verdict) == ("\N{EN DASH}", "\N{EN DASH}", "no verdict")
+
+
+def test_the_best_for_a_use_has_its_numbers_and_its_rival() -> None:
+    row = _use_row(_use("draco", verdict="fewest bits"), _use("gpcc", **RIVAL))
+    assert (row.use, row.clouds, row.codec) == ("RMS error of at most 5 mm (D1)", "Rooms", "Draco")
+    numbers = row.bits, row.error, row.largest, row.seconds, row.scenes
+    assert [text.replace("\xa0", " ") for text in numbers] == ["2", "5 mm", "15 mm", "0.5 s", "6"]
+    assert row.verdict == "fewest bits; G-PCC has 1.50 (1.20 to 1.90) times the bits"
+    assert row.is_decided
+    nearest = _use("draco", verdict="nearest", use="nearest", seconds=np.nan)
+    row = _use_row(nearest, _use("gpcc", **RIVAL, use="nearest"))
+    assert row.verdict == "nearest; G-PCC has 1.50 (1.20 to 1.90) times the error"
+    assert row.seconds == "not timed"
+
+
 @pytest.mark.parametrize(
-    ("laz", "told"),
+    ("others", "verdict"),
     [
-        ([0.5, 0.52, 0.48, 0.5, 0.51], "no clear winner for equal D1 (LAZ, Draco)"),
-        ([0.6, 0.62, 0.63, 0.6, 0.61], "Draco: −49.8 % for equal D1"),
+        ([_use("gpcc"), _use("laz", **RIVAL)], "undecided; then G-PCC"),
+        ([_use("gpcc", verdict="not worse"), _use("laz")], "undecided; then G-PCC, LAZ"),
+        ([_use("gpcc", **RIVAL), _use("laz", **PART)], "undecided"),
+        ([_use("laz", **PART)], "the only one in every scene"),
+        ([], "the only one"),
     ],
 )
-def test_the_first_codec_is_tested_against_the_second(laz: list[float], told: str) -> None:
-    """Both need about half of the anchor's bits; of which one less has to show on most clouds."""
-    metrics = _three_codecs([0.5, 0.49, 0.5, 0.52, 0.5], laz)
-    deltas = bd_rate(metrics, "gpcc", ["d1_psnr"])
-    (result,) = findings(metrics, deltas, None, FigureStyle()).datasets
-    assert result.best["Fewest bits"].replace("\xa0", " ").startswith(told)
-    assert (result.columns[0].best == "draco") == told.startswith("Draco")
+def test_without_a_winner_those_near_it_are_named(
+    others: list[dict[str, Any]], verdict: str
+) -> None:
+    row = _use_row(_use("draco"), *others)
+    assert (row.verdict, row.is_decided) == (verdict, False)
 
 
-def test_a_winner_says_that_others_could_not_be_compared() -> None:
-    metrics = _three_codecs([0.5] * 3, [0.6] * 3)
-    metrics.loc[metrics["codec"] == "laz", "d1_psnr"] += 100
-    deltas = bd_rate(metrics, "gpcc", ["d1_psnr"])
-    (result,) = findings(metrics, deltas, None, FigureStyle()).datasets
-    assert result.best["Fewest bits"].endswith("3 clouds, 2 of 3 codecs compared)")
-
-
-def test_the_fastest_codec_is_faster_on_most_clouds() -> None:
-    metrics = _three_codecs([0.5] * 5, [0.6] * 5)
-    seconds = {
-        "gpcc": [1.0] * 5,
-        "draco": [0.1, 0.5, 0.2, 0.4, 0.3],
-        "laz": [0.1, 0.6, 0.1, 0.5, 0.3],
-    }
-    metrics["encode_s"] = [
-        seconds[codec][int(cloud[1:])]
-        for codec, cloud in zip(metrics["codec"], metrics["cloud"], strict=True)
-    ]
-    (result,) = findings(metrics, None, None, FigureStyle()).datasets
-    assert "Fastest" not in result.best  # not timed alone
-    metrics = metrics.assign(timed_alone=True, repeats=3)
-    (result,) = findings(metrics, None, None, FigureStyle()).datasets
-    assert result.best["Fastest"] == "no clear winner to encode (Draco, LAZ)"
-    two = metrics[metrics["codec"] != "laz"]
-    (result,) = findings(two, None, None, FigureStyle()).datasets
-    assert result.best["Fastest"].startswith("Draco: 0.3")
+def test_who_serves_some_scenes_is_not_named_the_best() -> None:
+    row = _use_row(_use("draco", **PART), _use("gpcc", **PART))
+    assert (row.verdict, row.is_decided) == ("none in every scene", False)
 
 
 def test_lossless_rates_are_named() -> None:
     metrics = _two_codecs(lossless=[True, False])
-    assert findings(metrics, None, None, FigureStyle()).lossless == "Draco r1 (1 cloud)"
-    assert findings(_two_codecs(), None, None, FigureStyle()).lossless == ""
+    assert findings(metrics, {}, FigureStyle()).lossless == "Draco r1 (1 cloud)"
+    assert findings(_two_codecs(), {}, FigureStyle()).lossless == ""
+
+
+def test_a_table_without_rows_is_left_out(tmp_path: Path) -> None:
+    """No codec serves a use."""
+    metrics = _curves(gpcc=[1.0], draco=[0.5])
+    metrics.to_csv(tmp_path / "metrics.csv", index=False)
+    uses(metrics).to_csv(tmp_path / "uses.csv", index=False)
+    pd.DataFrame({"mine": [1]}).to_csv(tmp_path / "mine.csv", index=False)
+    tables = {name: str(tmp_path / f"{name}.csv") for name in ("uses", "mine")}
+    contents = Contents(metrics=str(tmp_path / "metrics.csv"), tables=tables)
+    page = build_page(contents, {}, tmp_path)
+    assert 'id="table-mine"' in page
+    assert 'id="table-uses"' not in page
+    assert "Which codec for what" not in page
 
 
 def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(
@@ -453,7 +523,7 @@ def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(
     ("column", "others", "heading"),
     [
         ("bpp_q25", ["bpp"], ("Bits per point, 25 %", "bpp")),
-        ("density_q05_m2", [], ("Density, 5 %", "1/m²")),
+        ("density_q25_m2", [], ("Density, 25 %", "1/m²")),
         ("std_half_m", ["std_m"], ("Std, half the interval", "m")),
         ("here_half_m", [], ("Here half", "m")),
         ("truth_d2_rms_m", [], (column_label("truth_d2_rms_m").words, "m")),

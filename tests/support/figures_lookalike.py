@@ -33,6 +33,20 @@ def _published(column: str) -> dict[tuple[str, str], list[float]]:
 CD_MEDIANS, _BPP_ENDS = _published("cd_plane"), _published("bpp")
 _ENCODE_S = {"draco": (0.25, 1.2), "gpcc": (1.2, 1.3), "pcgcv1": (20, 1.1), "pcgcv2": (13, 1.02)}
 _NOISE_FLOOR = 2.4
+SCALE = 200.0
+"""Grid units in a metre."""
+
+
+def _with_metres(row: dict[str, float]) -> dict[str, float]:
+    """Add distances in metres to a row with squared ones in grid units."""
+    metres = {"d1_rms_m": "cd_point", "d2_rms_m": "cd_plane"}
+    metres["hausdorff_plane_m"] = "hausdorff_sq_plane"
+    return row | {
+        f"{prefix}{name}": row[f"{prefix}{squared}"] ** 0.5 / SCALE
+        for prefix in ("", "truth_")
+        for name, squared in metres.items()
+        if f"{prefix}{squared}" in row
+    }
 
 
 def metrics_table(clouds: int = 12) -> pd.DataFrame:
@@ -54,16 +68,17 @@ def metrics_table(clouds: int = 12) -> pd.DataFrame:
                     "acd_ab_plane": 0.8 * cd * spread[0],
                     "acd_ba_plane": 1.2 * cd * spread[0],
                 }
+                to_truth = {f"truth_{key}": value + far for key, value in to_scan.items()}
                 rows.append(
                     {
                         "dataset": dataset,
                         "cloud": f"cloud_{cloud}",
                         "codec": codec,
                         "rate": f"r{rate}",
+                        "scale": SCALE,
                         "bpp": bpp * spread[3],
-                        **to_scan,
                         **{f"clean_{key}": value + 1.2 * far for key, value in to_scan.items()},
-                        **{f"truth_{key}": value + far for key, value in to_scan.items()},
+                        **_with_metres(to_scan | to_truth),
                         "encode_s": seconds,
                         "timed_alone": True,
                         "repeats": 3,
@@ -80,7 +95,8 @@ def scan_errors_table() -> pd.DataFrame:
         {
             "dataset": "s3dis_noisy",
             "cloud": f"cloud_{i}",
-            **{f"truth_{name}": factor * _NOISE_FLOOR for name in measures},
+            "scale": SCALE,
+            **_with_metres({f"truth_{name}": factor * _NOISE_FLOOR for name in measures}),
             **{f"clean_{name}": factor * 1.2 * _NOISE_FLOOR for name in measures},
         }
         for i, factor in enumerate((0.9, 1, 50))

@@ -12,7 +12,8 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.io.tables import write_table
 from puckbench.jobs.tables.results import summary
-from puckbench.metrics.tables.rate_deltas import bd_rate
+from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
+from puckbench.metrics.tables.uses import uses
 from puckbench.report.contents import Contents, Example
 from tests.support.figures_lookalike import (
     clouds_table,
@@ -45,17 +46,33 @@ def look_alike(folder: Path, points: int = 30_000) -> Contents:
 def _metrics(folder: Path) -> Path:
     path = folder / "tables" / "metrics.parquet"
     table = metrics_table().assign(codec_version="DracoPy 2.2.0", puckbench_version="0.1.0")
-    write_table(table.assign(d1_psnr=60 - 10 * np.log10(table["cd_plane"])), path)
+    table = table.assign(
+        d1_psnr=60 - 10 * np.log10(table["cd_plane"]),
+        d1_rms_m=_metres(table["cd_plane"]),
+        truth_d2_rms_m=_metres(table["truth_cd_plane"]),
+        hausdorff_point_m=_metres(table["hausdorff_sq_plane"]),
+        points_in=100_000,
+    )
+    write_table(table, path)
     return path
+
+
+def _metres(squared: pd.Series[float]) -> pd.Series[float]:
+    """Lengths at 100 grid units per metre."""
+    return np.sqrt(squared) / 100
 
 
 def _tables(folder: Path) -> dict[str, str]:
     metrics = pd.read_parquet(folder / "tables" / "metrics.parquet")
+    scan_errors = scan_errors_table()
+    scan_errors["truth_d2_rms_m"] = _metres(scan_errors["truth_cd_plane"])
     made = {
         "summary": summary(metrics),
-        "bd_rate": bd_rate(metrics, "draco", ["d1_psnr"], resamples=100),
+        "uses": uses(metrics, scan_errors),
+        "bd_rate": bd_rate(metrics, "draco", ["d1_psnr"]),
+        "bd_rate_pairs": bd_rate_pairs(metrics, "draco", ["d1_psnr"]),
         "clouds": clouds_table(),
-        "scan_errors": scan_errors_table(),
+        "scan_errors": scan_errors,
         "claims": _claims(),
     }
     for name, table in made.items():

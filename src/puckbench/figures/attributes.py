@@ -10,7 +10,7 @@ from puckbench.figures.panels import (
     add_legend,
     draw_edge_ticks,
     draw_line,
-    fitted_limits,
+    log_limits,
     lossless_tick_handle,
     set_log,
     set_title,
@@ -113,7 +113,7 @@ def _draw_bars(
 
 def _draw_curves(axes: Axes, table: pd.DataFrame, kind: str, style: FigureStyle) -> None:
     lossy = _lossy(table, kind)
-    set_log(axes, "x", fitted_limits(table[BITS[kind]].to_numpy(float), (0.1, 10.0)))
+    set_log(axes, "x", log_limits(table[BITS[kind]].to_numpy(float), BITS[kind], style))
     for codec in style.ordered_codecs(lossy["codec"]):
         curve = lossy[lossy["codec"] == codec].sort_values(BITS[kind])
         x, y = (curve[name].to_numpy(float) for name in (BITS[kind], _PSNR[kind]))

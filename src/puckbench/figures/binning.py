@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.statistics import MIN_SCENES, SCENE, with_scenes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,18 +17,24 @@ _QUARTILES = (0.25, 0.5, 0.75)
 
 
 class Curve(NamedTuple):
-    """The median of x, and the median and quartiles of y, for each bin or rate."""
+    """The median of x, and the median and quartiles of y, for each bin or rate.
+
+    With fewer than `MIN_SCENES` scenes, quartiles are nan, and `singles` (n, 2) contains x and y of
+    each cloud.
+    """
 
     x: Floats
     y: Floats
     low: Floats
     high: Floats
+    singles: Floats = np.empty((0, 2))
 
 
 def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> Curve:
     """Return medians of x and y in at most `bins` equally filled bins of x.
 
-    The edges are quantiles of x. Pairs that contain nan are ignored.
+    The edges are quantiles of x. Pairs that contain nan are ignored. Quartiles of fewer than
+    `MIN_SCENES` values are nan.
     """
     import pandas as pd
 
@@ -44,10 +52,36 @@ def medians_against(rows: pd.DataFrame, x: str, y: str) -> Curve:
 
     With fewer than `BINS` clouds, medians are per rate, because bins would mix rates.
     """
+    frame = rows[[x, y]].set_axis(["x", "y"], axis=1).astype(float)
     if rows["cloud"].nunique() >= BINS:
-        return equal_count_medians(rows[x].to_numpy(float), rows[y].to_numpy(float))
-    frame = rows[[x, y]].rename(columns={x: "x", y: "y"}).astype(float)
-    return _curve(frame, rows["rate"].astype(str))
+        curve = equal_count_medians(frame["x"].to_numpy(), frame["y"].to_numpy())
+    else:
+        curve = _curve(frame, rows["rate"].astype(str))
+    return _with_spread(curve, rows, frame)
+
+
+def medians_per_rate(rows: pd.DataFrame, y: str, rates: Sequence[str]) -> Curve:
+    """Return medians of column `y` for a codec's rows on a data set; x are places in `rates`.
+
+    Medians are nan at rates without values.
+    """
+    import pandas as pd
+
+    rows = rows[rows["rate"].isin(rates)].dropna(subset=[y])
+    places = rows["rate"].map({rate: float(place) for place, rate in enumerate(rates)})
+    frame = pd.DataFrame({"x": places, "y": rows[y].astype(float)})
+    curve = _curve(frame, frame["x"])
+    values = np.full((3, len(rates)), np.nan)
+    values[:, curve.x.astype(int)] = curve.y, curve.low, curve.high
+    return _with_spread(Curve(np.arange(len(rates), dtype=float), *values), rows, frame)
+
+
+def _with_spread(curve: Curve, rows: pd.DataFrame, frame: pd.DataFrame) -> Curve:
+    if with_scenes(rows)[SCENE].nunique() >= MIN_SCENES:
+        return curve
+    unknown = np.full_like(curve.y, np.nan)
+    singles = frame.to_numpy() if rows["cloud"].nunique() > 1 else np.empty((0, 2))
+    return Curve(curve.x, curve.y, unknown, unknown, singles)
 
 
 def _curve(frame: pd.DataFrame, keys: pd.Series[Any]) -> Curve:
@@ -55,20 +89,11 @@ def _curve(frame: pd.DataFrame, keys: pd.Series[Any]) -> Curve:
     columns = [groups["x"].median(), *(groups["y"].quantile(q) for q in _QUARTILES)]
     order = np.argsort(columns[0].to_numpy(), kind="stable")
     x, low, y, high = (column.to_numpy(float)[order] for column in columns)
-    return Curve(x, y, low, high)
+    has_spread = groups.size().to_numpy()[order] >= MIN_SCENES
+    return Curve(x, y, np.where(has_spread, low, np.nan), np.where(has_spread, high, np.nan))
 
 
-def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return medians of a column by ``dataset``, ``codec`` and ``rate``, without missing values.
-
-    Columns ``low`` and ``high`` contain the quartiles.
-    """
-    present = table.dropna(subset=[column])
-    groups = present.groupby(["dataset", "codec", "rate"], observed=True)[column]
-    low, medians, high = (groups.quantile(q) for q in _QUARTILES)
-    return medians.reset_index().assign(low=low.to_numpy(), high=high.to_numpy())
-
-
-def ordered_rates(rates: set[str]) -> list[str]:
+def ordered_rates(rates: Iterable[str]) -> list[str]:
     """Return rates sorted by the number in their names: r2 before r10, 0.5mm before 2mm."""
-    return sorted(rates, key=lambda rate: (*map(float, re.findall(r"\d+(?:\.\d+)?", rate)), rate))
+    numbers = {rate: tuple(map(float, re.findall(r"\d+(?:\.\d+)?", rate))) for rate in rates}
+    return sorted(numbers, key=lambda rate: (numbers[rate], rate))

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
-    fitted_limits,
     label_outer,
     line_handle,
+    log_limits,
     panel_grid,
     panels_abreast,
     set_log,
@@ -20,8 +20,9 @@ from puckbench.figures.panels import (
 from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
-from puckbench.figures.style import FigureStyle, Range
+from puckbench.figures.style import FigureStyle
 from puckbench.metrics.interpolation import bits_at_error
+from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
 from puckbench.metrics.tables.against_octree import COMPLETE_OCTREE, OCTREE
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from puckbench.figures.style import Range
     from puckbench.geometry.cloud import Floats
 
 _ERRORS_MM = np.geomspace(0.5, 50, 61)
@@ -38,6 +40,8 @@ _LIMITS_MM = (0.4, 60.0)
 _TICKS_MM, _TICKS = (0.5, 1, 2, 5, 10, 20, 50), (5, 10, 20, 50, 100, 200, 500, 1000, 2000)
 _BITS = f"Bits, relative to G-PCC's\noctree coder, {BETTER}"
 _PANEL_IN = 2.1
+_SHADED = 0.15
+_SINGLE: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.5}
 
 
 @FIGURES.register(
@@ -52,7 +56,8 @@ def draw_bits_against_octree(
 ) -> Figure:
     """Bits of each codec in percent of the bits of G-PCC's octree coder (``gpcc``, without
     knowledge of the sensor) at equal D1 RMS error. Lines: medians over clouds, where rates of both
-    codecs reach the error; shaded: quartiles. n: clouds.
+    codecs reach the error; shaded: quartiles; with fewer than six clouds, thin lines for each
+    cloud. n: clouds.
 
     Of data sets that differ only in the error model, only the first is shown. For lossless coding,
     see the table ``against_octree``.
@@ -68,7 +73,9 @@ def draw_bits_against_octree(
         raise InputError(f"metrics table: no data set is coded by {OCTREE} and by another codec")
     # Data sets without a common error get no panel, unless there is no other.
     curves = {name: lines for name, lines in curves.items() if lines} or curves
-    limits = _limits([quartiles for lines in curves.values() for quartiles in lines.values()])
+    drawn = [shares for lines in curves.values() for shares in lines.values()]
+    values = np.concatenate([np.array([100.0]), *map(np.ravel, drawn)])
+    limits = log_limits(values, "share_of_octree", style)
     abreast = panels_abreast(len(curves))
     figure, panels = panel_grid(len(curves), abreast, _PANEL_IN, style)
     for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
@@ -76,14 +83,19 @@ def draw_bits_against_octree(
         axes.axhline(100, color=style.of_codec(OCTREE).colour, zorder=2, linewidth=1)
         if not lines:
             axes.text(0.5, 0.5, "no equal errors", transform=axes.transAxes, ha="center")
-        for codec, quartiles in lines.items():
-            _draw(axes, quartiles, style.of_codec(codec))
+        for codec, of_clouds in lines.items():
+            _draw(axes, of_clouds, style.of_codec(codec))
         dataset_rows = rows_mm[rows_mm["dataset"] == dataset]
         set_title(axes, titled(style.title(dataset), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"D1 error, RMS (mm), {BETTER}", _BITS)
     codecs = {codec for lines in curves.values() for codec in lines}
     octree = line_handle("G-PCC's octree coder, 100 %", color=style.of_codec(OCTREE).colour)
-    add_legend(figure, style.ordered_codecs(codecs), style, [octree])
+    handles = [octree]
+    if any(1 < len(of_clouds) < MIN_SCENES for of_clouds in drawn):
+        handles.append(line_handle("single clouds", **_SINGLE))
+    if any(len(of_clouds) >= MIN_SCENES for of_clouds in drawn):
+        handles.append(line_handle("quartiles over clouds", linewidth=6, alpha=_SHADED))
+    add_legend(figure, style.ordered_codecs(codecs), style, handles)
     return figure
 
 
@@ -107,8 +119,8 @@ def _curves(rows: pd.DataFrame, style: FigureStyle) -> dict[str, Floats]:
 
 
 def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> Floats:
-    """Return quartiles over clouds (3, errors) of a codec's bits in percent of the octree coder's,
-    at errors from 0.5 to 50 mm.
+    """Return a codec's bits in percent of the octree coder's (clouds, errors), at errors from 0.5
+    to 50 mm; nan where a codec does not reach the error.
     """
     anchors = dict(iter(octree.groupby("cloud")))
     lines = [
@@ -116,19 +128,12 @@ def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> Floats:
         for cloud, curve in rows.groupby("cloud")
         if cloud in anchors
     ]
-    if not lines:
-        return np.full((3, len(_ERRORS_MM)), np.nan)
-    return np.asarray(100 * np.quantile(lines, (0.25, 0.5, 0.75), axis=0))
+    return 100 * np.reshape(lines, (-1, len(_ERRORS_MM)))
 
 
 def _bits_at_errors(curve: pd.DataFrame) -> Floats:
     bits = [bits_at_error(curve["bpp"], curve["error_mm"], mm) for mm in _ERRORS_MM.tolist()]
     return np.array(bits)
-
-
-def _limits(curves: list[Floats]) -> Range:
-    values = [np.array([100.0]), *map(np.ravel, curves)]
-    return fitted_limits(np.concatenate(values), (50, 150))
 
 
 def _set_axes(axes: Axes, limits: Range) -> None:
@@ -142,9 +147,13 @@ def _set_axes(axes: Axes, limits: Range) -> None:
     axes.yaxis.set_major_formatter(PercentFormatter(decimals=0))
 
 
-def _draw(axes: Axes, quartiles: Floats, plot_style: PlotStyle) -> None:
-    low, median, high = quartiles
-    axes.fill_between(_ERRORS_MM, low, high, color=plot_style.colour, alpha=0.15, linewidth=0)
+def _draw(axes: Axes, of_clouds: Floats, plot_style: PlotStyle) -> None:
+    low, median, high = np.quantile(of_clouds, (0.25, 0.5, 0.75), axis=0)
+    colour = plot_style.colour
+    if len(of_clouds) >= MIN_SCENES:
+        axes.fill_between(_ERRORS_MM, low, high, color=colour, alpha=_SHADED, linewidth=0)
+    elif len(of_clouds) > 1:
+        axes.plot(_ERRORS_MM, of_clouds.T, color=colour, **_SINGLE)
     axes.plot(
         _ERRORS_MM, median, color=plot_style.colour, linestyle=plot_style.line,
         marker=plot_style.marker, markevery=_MARK_EVERY, zorder=3,

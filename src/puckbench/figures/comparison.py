@@ -5,15 +5,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.figures.binning import medians_against
+from puckbench.figures.binning import Curve, medians_against
 from puckbench.figures.panels import (
     add_fitting_legend,
     draw_edge_ticks,
+    draw_spread,
     figure_width,
     label_outer,
     line_handle,
     lossless_tick_handle,
     set_title,
+    spread_handles,
     titled,
 )
 from puckbench.figures.plot_styles import PlotStyle
@@ -24,6 +26,7 @@ from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -41,8 +44,8 @@ def draw_comparison(
     """Draw quality against bits per point (medians over clouds), with a row of panels for each data
     set and a column for each of `qualities`.
 
-    Thin bars: quartiles; n: clouds. Ticks at the edge: lossless rates, with infinite PSNR or zero
-    error. `study` names the reference in the legend.
+    Thin bars: quartiles or, of few clouds, a dot for each; n: clouds. Ticks at the edge: lossless
+    rates, with infinite PSNR or zero error. `study` names the reference in the legend.
     """
     from matplotlib.figure import Figure
 
@@ -56,6 +59,7 @@ def draw_comparison(
         {codec: style.of_codec(codec) for codec in style.ordered_codecs(table["codec"])}
         for table in (metrics, reference)
     )
+    curves: list[Curve] = []
     for number, axes in enumerate(panels):
         dataset, quality = datasets[number // shape[1]], qualities[number % shape[1]]
         _set_axes(axes, quality)
@@ -63,16 +67,21 @@ def draw_comparison(
             rows = table[table["dataset"] == dataset]
             for codec, plot_style in styles.items():
                 codec_rows = rows[rows["codec"] == codec].dropna(subset=[quality])
-                _draw(axes, codec_rows, quality, plot_style, zorder, style)
+                if len(codec_rows):
+                    curves.append(medians_against(codec_rows, BPP.column, quality))
+                    _draw(axes, curves[-1], quality, plot_style, zorder, style)
         title = titled(style.title(dataset), metrics[metrics["dataset"] == dataset])
         set_title(axes, title, shape[1], style)
     label_outer(panels, shape[1], BPP.label, "")
     for number, axes in enumerate(panels):
         axes.set_ylabel(_label(qualities[number % shape[1]], peak))
-    handles = [line_handle(k.title, **_line(k, 4, style)) for k in run_styles.values()]
+    handles: list[Artist] = [
+        line_handle(k.title, **_line(k, 4, style)) for k in run_styles.values()
+    ]
     handles += [
         line_handle(f"{k.title}, {study}", **_line(k, 2, style)) for k in reference_styles.values()
     ]
+    handles += spread_handles(curves)
     handles += [lossless_tick_handle()] if lossless_rows(metrics).any() else []
     add_fitting_legend(figure, handles, style)
     return figure
@@ -98,22 +107,22 @@ def _set_axes(axes: Axes, quality: str) -> None:
 
 def _draw(
     axes: Axes,
-    rows: pd.DataFrame,
+    curve: Curve,
     quality: str,
     plot_style: PlotStyle,
     zorder: int,
     style: FigureStyle,
 ) -> None:
-    if rows.empty:
-        return
-    bpp, values, low, high = medians_against(rows, "bpp", quality)
+    bpp, values = curve.x, curve.y
     is_psnr = quality.endswith("_psnr")
     is_exact = values > MOST_DB if is_psnr else values == 0
     is_drawn = np.isfinite(values) & ~is_exact
     line = _line(plot_style, zorder, style)
     axes.plot(bpp[is_drawn], values[is_drawn], zorder=zorder, **line)
-    bars = is_drawn & (low > 0) & (high <= MOST_DB if is_psnr else True)
-    axes.vlines(bpp[bars], low[bars], high[bars], color=plot_style.colour, alpha=0.5, linewidth=0.9)
+    has_bar = is_drawn & (curve.low > 0) & ((curve.high <= MOST_DB) | (not is_psnr))
+    singles = curve.singles[(curve.singles[:, 1] <= MOST_DB) | (not is_psnr)]
+    bars = curve._replace(low=np.where(has_bar, curve.low, np.nan), singles=singles)
+    draw_spread(axes, bars, plot_style)
     edge = 1.0 if is_psnr else 0.0
     draw_edge_ticks(axes, bpp[is_exact], plot_style, edge, alpha=line["alpha"])
 

@@ -13,7 +13,6 @@ from puckbench.figures.panels import (
     SCAN_LINE,
     add_legend,
     draw_curve,
-    fitted_limits,
     label_outer,
     log_limits,
     lossless_tick_handle,
@@ -22,6 +21,7 @@ from puckbench.figures.panels import (
     scan_handle,
     set_log,
     set_title,
+    spread_handles,
     titled,
     unranked_handle,
 )
@@ -88,7 +88,6 @@ def draw_data_sets(
     *,
     bits: str = BPP.label,
     panel_in: float | None = None,
-    fitted: bool = False,
     scans: Mapping[str, float] = MappingProxyType({}),
 ) -> Figure:
     """Draw a metric against bits, with a panel for each data set and a line for each codec.
@@ -99,17 +98,12 @@ def draw_data_sets(
         Label of the horizontal axis.
     panel_in
         Height of a panel, inches.
-    fitted
-        Whether axis limits are fitted to the values if the style has none.
     scans
         Value of the metric for uncoded scans by data set, drawn as a dashed line.
     """
     check_curve_columns(metrics, metric)
     curves = binned_curves(metrics, metric, style)
-    limits = [
-        shared_limits(curves.values(), axis_metric, style, fitted=fitted)
-        for axis_metric in (BPP, metric)
-    ]
+    limits = [shared_limits(curves.values(), of_axis, style) for of_axis in (BPP, metric)]
     abreast = panels_abreast(len(curves))
     is_tall = panel_in is None and abreast < 3
     height = panel_in or (2.5 if is_tall else 2.0)
@@ -128,34 +122,22 @@ def draw_data_sets(
         figure,
         codecs_of(curves.values(), style),
         style,
-        [*extra_handles, *lossless_handles(curves.values())],
+        [*extra_handles, *mark_handles(curves.values())],
     )
     return figure
 
 
-def lossless_handles(curves: Iterable[Lines]) -> list[Artist]:
-    """Return a legend entry for lossless streams if a curve contains any."""
-    has_any = any((curve.y == 0).any() for lines in curves for curve in lines.values())
-    return [lossless_tick_handle()] if has_any else []
-
-
-def shared_limits(
-    curves: Iterable[Lines],
-    metric: PlottedMetric,
-    style: FigureStyle,
-    default: Range | None = None,
-    fitted: bool = False,
-) -> Range:
-    """Return the limits of an axis in all panels: the range in `style`, else `default`, else the
-    metric's, widened by decades to contain the values.
-
-    With `fitted`, limits are fitted to the values if the style has none.
-    """
+def mark_handles(curves: Iterable[Lines]) -> list[Artist]:
+    """Return legend entries for quartiles, single clouds and lossless streams, if there are any."""
     drawn = [curve for lines in curves for curve in lines.values()]
-    arrays = [curve.x for curve in drawn]
+    has_lossless = any((curve.y == 0).any() for curve in drawn)
+    return spread_handles(drawn) + ([lossless_tick_handle()] if has_lossless else [])
+
+
+def shared_limits(curves: Iterable[Lines], metric: PlottedMetric, style: FigureStyle) -> Range:
+    """Return the limits of a logarithmic axis in all panels, as `log_limits`."""
+    drawn = [curve for lines in curves for curve in lines.values()]
+    arrays = [values for curve in drawn for values in (curve.x, curve.singles[:, 0])]
     if metric is not BPP:
-        arrays = [values for curve in drawn for values in curve[1:]]
-    values = np.concatenate([np.empty(0), *arrays])
-    if fitted and metric.column not in style.axis_ranges:
-        return fitted_limits(values, default or metric.limits)
-    return log_limits(values, style.axis_range(metric.column, default or metric.limits))
+        arrays = [v for c in drawn for v in (c.y, c.low, c.high, c.singles[:, 1])]
+    return log_limits(np.concatenate([np.empty(0), *arrays]), metric.column, style)

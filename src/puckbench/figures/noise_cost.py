@@ -6,12 +6,14 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import add_rows_legend, line_handle, set_title
+from puckbench.figures.panels import add_fitting_legend, line_handle, set_title
+from puckbench.figures.plot_styles import error_model_colour
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.errors import error_model_title
+from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.metrics.table_registry import SEVERAL_NOISES
 from puckbench.metrics.tables.noise_bits import noise_bits
 
@@ -22,11 +24,13 @@ if TYPE_CHECKING:
 
 _PANELS = {"grid_1_mm": "Lossless, or on a grid of 1 mm", "at_5_mm": "At a D1 error of 5 mm"}
 _MARKERS = "osD^vP"
+_JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}
+_INTERVAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
 _LINE_IN, _AROUND_IN = 0.145, 1.1
 """Height of a codec's line, and of the figure without these lines, inches."""
 
 Line = tuple[str, Floats]
-"""Label of a codec, and quartiles (3, models) of its bits per return."""
+"""Label of a codec, and interval, mean and interval (3, models) of its bits per return."""
 
 
 @FIGURES.register(
@@ -38,9 +42,9 @@ Line = tuple[str, Floats]
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits per return of the same rays under several error models, for the data sets with the most
-    error models and, among these, the most scenes. Markers: medians over n scenes; black lines:
-    quartiles. Top: lossless, or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, if a codec
-    reaches it.
+    error models and, among these, the most scenes. Markers: means over n scenes; grey lines join
+    the error models; black lines: 95 % intervals of the means of six scenes or more. Top: lossless,
+    or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, if a codec reaches it.
 
     First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
     lossless codecs. It excludes the mean error of each laser in each turn, which a codec can learn.
@@ -53,67 +57,63 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     require_numbers(metrics, ("bpp", "d1_rms_m"), "metrics")
     bits = noise_bits(metrics, clouds)
     bits = bits[bits["models"] == bits["models"].max()]
-    bits = bits[bits["clouds"] == bits["clouds"].max()]
-    noise = bits.groupby("error_model")["noise_bits"].median().sort_values(kind="stable")
+    bits = bits[bits["scenes"] == bits["scenes"].max()]
+    noise = bits.groupby("error_model")["noise_bits"].mean().sort_values(kind="stable")
     markers = _markers(list(noise.index))
     panel_lines = [_lines(bits, column, list(noise.index), style) for column in _PANELS]
     if not any(panel_lines):
         raise InputError("metrics table: no codec reaches a grid of 1 mm or a D1 error of 5 mm")
     panel_lines[0].insert(0, ("entropy of the noise", np.tile(noise.to_numpy(float), (3, 1))))
-    clouds_of_a_model = int(bits["clouds"].max())
+    scenes = int(bits["scenes"].max())
     heights = [len(lines) + 1 for lines in panel_lines]
     height_in = _LINE_IN * sum(heights) + _AROUND_IN
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, height_in))
     panels = figure.subplots(2, 1, height_ratios=heights)
     for axes, lines, title in zip(panels, panel_lines, _PANELS.values(), strict=True):
-        _draw_lines(axes, lines, list(markers.values()))
-        set_title(axes, f"{title} (n = {clouds_of_a_model})", 1, style)
+        _draw_lines(axes, lines, list(markers.values()), scenes >= MIN_SCENES)
+        set_title(axes, f"{title} (n = {scenes})", 1, style)
     panels[-1].set_xlabel(f"Bits per return, {BETTER}")
     handles = [line_handle(error_model_title(name), **mark) for name, mark in markers.items()]
-    add_rows_legend(figure, handles, 3)
+    handles.append(line_handle("range of the models", **_JOINED))
+    if scenes >= MIN_SCENES:
+        handles.append(line_handle("95 % interval", **_INTERVAL))
+    add_fitting_legend(figure, handles, style)
     return figure
 
 
 def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
-    from matplotlib import colormaps
-
-    colours = colormaps["viridis"](np.linspace(0, 0.92, len(models)))
     return {
         model: {
-            "color": tuple(colour),
+            "color": error_model_colour(model),
             "marker": _MARKERS[position % len(_MARKERS)],
             "linestyle": "",
             "markeredgecolor": "#222222",
             "markeredgewidth": 0.4,
         }
-        for position, (model, colour) in enumerate(zip(models, colours, strict=True))
+        for position, model in enumerate(models)
     }
 
 
 def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyle) -> list[Line]:
-    tables = [
-        bits.pivot_table(
-            index="codec", columns="error_model", values=name, aggfunc="median"
-        ).reindex(columns=models)
-        for name in (f"{column}_q25", column, f"{column}_q75")
-    ]
-    order = tables[1].dropna(how="all").median(axis=1).sort_values(kind="stable").index
+    low, values, high = (
+        bits.groupby(["codec", "error_model"])[name].mean().unstack().reindex(columns=models)
+        for name in (f"{column}_low", column, f"{column}_high")
+    )
+    order = values.dropna(how="all").median(axis=1).sort_values(kind="stable").index
     return [
-        (style.of_codec(codec).title, np.array([table.loc[codec] for table in tables], float))
+        (style.of_codec(codec).title, np.array([t.loc[codec] for t in (low, values, high)], float))
         for codec in order
     ]
 
 
-def _draw_lines(axes: Axes, lines: list[Line], markers: list[dict[str, Any]]) -> None:
+def _draw_lines(
+    axes: Axes, lines: list[Line], markers: list[dict[str, Any]], intervals: bool
+) -> None:
     positions = np.arange(len(lines))
     for position, (_, (low, values, high)) in zip(positions, lines, strict=True):
-        axes.plot(
-            [np.nanmin(values), np.nanmax(values)],
-            [position, position],
-            color="#bbbbbb",
-            linewidth=1.2,
-        )
-        axes.hlines([position] * len(low), low, high, color="#222222", linewidth=0.8, zorder=4)
+        axes.plot([np.nanmin(values), np.nanmax(values)], [position, position], **_JOINED)
+        if intervals:
+            axes.hlines([position] * len(low), low, high, zorder=4, **_INTERVAL)
     for number, marker in enumerate(markers):
         axes.plot([values[1, number] for _, values in lines], positions, zorder=3, **marker)
     axes.set_yticks(positions, [name for name, _ in lines])

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ from puckbench.figures.binning import Curve
 from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle, Range
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.statistics import SCENE, with_scenes
 from puckbench.metrics.timing import MIN_REPEATS
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-Sharing = Literal["all", "row"]
+Sharing = Literal["all", "row", "col"]
 SCAN_LINE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 """Line style for the value of an uncoded scan."""
 UNRANKED_LINE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2, "marker": ""}
@@ -29,6 +30,12 @@ _LEGEND_ROWS, _LEGEND_ROW_IN = 2, 0.15
 """Legend rows for which figures have space, and height of each further row, inches."""
 _MARGIN = 1.4
 """Factor between the outermost values and fitted limits."""
+_NO_VALUES: Range = (0.1, 10.0)
+"""Limits of a logarithmic axis without values."""
+_LABEL_IN = {"x": 0.22, "y": 0.13}
+"""Length along an axis that a tick label needs, inches."""
+_SINGLE: dict[str, Any] = {"marker": "o", "s": 3.5, "linewidths": 0, "alpha": 0.4}
+_BAR: dict[str, Any] = {"alpha": 0.5, "linewidth": 0.9}
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
 """Maximum number of rates in a row of panels with labels r1, r2, ..., and with labels 1, 2, ..."""
 
@@ -40,13 +47,14 @@ def panel_grid(
     style: FigureStyle,
     sharey: Sharing = "all",
     width_in: float | None = None,
+    sharex: Sharing = "all",
 ) -> tuple[Figure, list[Axes]]:
     from matplotlib.figure import Figure
 
     rows = math.ceil(panels / columns)
     width = style.width_in or width_in or figure_width(columns, style)
     figure = Figure(figsize=(width, rows * height_in + 0.45))
-    grid = figure.subplots(rows, columns, sharex="all", sharey=sharey, squeeze=False)
+    grid = figure.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False)
     placed = list(grid.flat)
     for axes in placed[panels:]:
         axes.remove()
@@ -64,25 +72,29 @@ def panels_abreast(panels: int) -> int:
     return {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(panels, 4)
 
 
-def log_limits(values: Floats, default: Range) -> Range:
-    """Return a default range, widened by whole decades to contain every positive value."""
-    positive = values[np.isfinite(values) & (values > 0)]
-    if len(positive) == 0:
-        return default
-    low, high = float(positive.min()), float(positive.max())
-    if low < default[0]:
-        default = (10.0 ** math.floor(math.log10(low)), default[1])
-    if high > default[1]:
-        default = (default[0], 10.0 ** math.ceil(math.log10(high)))
-    return default
-
-
 def fitted_limits(values: Floats, default: Range) -> Range:
     """Return limits slightly beyond the positive values, or `default` if there are none."""
     positive = values[np.isfinite(values) & (values > 0)]
     if len(positive) == 0:
         return default
     return float(positive.min()) / _MARGIN, float(positive.max()) * _MARGIN
+
+
+def log_limits(values: Floats, column: str, style: FigureStyle) -> Range:
+    """Return limits of a logarithmic axis slightly beyond the positive values.
+
+    If `style` has a range for the table's `column`, return it, widened by whole decades to contain
+    the values.
+    """
+    positive = values[np.isfinite(values) & (values > 0)]
+    if len(positive) == 0 or column not in style.axis_ranges:
+        return fitted_limits(positive, style.axis_ranges.get(column, _NO_VALUES))
+    low, high = float(positive.min()), float(positive.max())
+    least, most = style.axis_ranges[column]
+    return (
+        least if least <= low else 10.0 ** math.floor(math.log10(low)),
+        most if most >= high else 10.0 ** math.ceil(math.log10(high)),
+    )
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, faint: bool = False) -> None:
@@ -111,14 +123,34 @@ def draw_edge_ticks(
 
 
 def draw_curve(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
-    """Draw a codec's medians and, as thin bars, the quartiles."""
+    """Draw medians and, as thin bars, the quartiles or, of few scenes, a dot for each cloud."""
+    draw_spread(axes, curve, plot_style)
+    draw_line(axes, curve.x, curve.y, plot_style, faint)
+
+
+def draw_spread(axes: Axes, curve: Curve, plot_style: PlotStyle) -> None:
     low = np.maximum(curve.low, axes.get_ylim()[0])
     has_bar = (curve.y > 0) & (curve.high > low)
-    axes.vlines(
-        curve.x[has_bar], low[has_bar], curve.high[has_bar],
-        color=plot_style.colour, alpha=0.5, linewidth=0.9, zorder=2,
-    )  # fmt: skip
-    draw_line(axes, curve.x, curve.y, plot_style, faint)
+    if has_bar.any():
+        ends = curve.x[has_bar], low[has_bar], curve.high[has_bar]
+        axes.vlines(*ends, color=plot_style.colour, zorder=2, **_BAR)
+    x, y = curve.singles.T
+    is_shown = np.isfinite(y) & ((y > 0) | (axes.get_yscale() != "log"))
+    if is_shown.any():
+        axes.scatter(x[is_shown], y[is_shown], color=plot_style.colour, zorder=2, **_SINGLE)
+
+
+def spread_handles(curves: Iterable[Curve]) -> list[Artist]:
+    """Return legend entries for quartiles and for single clouds, if a curve has any."""
+    curves = list(curves)
+    handles: list[Artist] = []
+    if any(np.isfinite(curve.low).any() for curve in curves):
+        bar: dict[str, Any] = {"linestyle": "", "marker": "|", "markersize": 7}
+        handles.append(line_handle("quartiles over clouds", alpha=_BAR["alpha"], **bar))
+    if any(len(curve.singles) for curve in curves):
+        dot: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 1.9, "alpha": 0.6}
+        handles.append(line_handle("single clouds", **dot))
+    return handles
 
 
 def line_handle(label: str, **line: Any) -> Line2D:
@@ -141,14 +173,6 @@ def lossless_tick_handle() -> Line2D:
     return line_handle("bits of lossless streams", **tick)
 
 
-def draw_over_rates(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
-    """Draw a codec's values over equally spaced rates; nan leaves a gap."""
-    present = np.flatnonzero(np.isfinite(curve.y))
-    if len(present):
-        part = slice(present[0], present[-1] + 1)
-        draw_curve(axes, Curve(*(values[part] for values in curve)), plot_style, faint)
-
-
 def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
     """Label the rates r1, r2, ... or, if space is short, 1, 2, ..."""
     density = len(rates) * abreast
@@ -160,24 +184,40 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make an axis logarithmic, with ticks at powers of ten and, on short axes, at 2 and 5
-    times these.
+    """Make an axis logarithmic, with labels at powers of ten and, where there is space, at 2 and 5
+    or 3 times these.
 
     `minor` adds grid lines within decades.
     """
-    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     line = axes.xaxis if axis == "x" else axes.yaxis
     getattr(axes, f"set_{axis}scale")("log")
     getattr(axes, f"set_{axis}lim")(*limits)
-    line.set_major_locator(LogLocator(numticks=12))
-    if math.floor(math.log10(limits[1])) <= math.ceil(math.log10(limits[0])):
-        line.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
-        line.set_major_formatter(StrMethodFormatter("{x:g}"))
+    subs = _labelled_digits(axes, axis, math.log10(limits[1] / limits[0]))
+    line.set_major_locator(LogLocator(subs=subs, numticks=12))
+    line.set_major_formatter(FuncFormatter(_log_label))
     inside = LogLocator(subs=list(range(2, 10)), numticks=12) if minor else NullLocator()
     line.set_minor_locator(inside)
     line.set_minor_formatter(NullFormatter())
     axes.grid(which="minor", axis=axis, linewidth=0.25, color="#ececec")
+
+
+def _labelled_digits(axes: Axes, axis: Literal["x", "y"], decades: float) -> tuple[int, ...]:
+    extent, figure = axes.get_window_extent(), axes.get_figure(root=True)
+    pixels = extent.width if axis == "x" else extent.height
+    labels = pixels / (figure.dpi if figure else 1) / _LABEL_IN[axis]
+    if decades < 0.7:
+        return tuple(range(1, 10))
+    if 2 * decades > labels:
+        return (1,)
+    return (1, 2, 5) if 3 * decades <= labels else (1, 3)
+
+
+def _log_label(value: float, _: int) -> str:
+    if 1e-3 <= value < 1e5:
+        return f"{value:g}"
+    return f"$\\mathdefault{{10^{{{round(math.log10(value))}}}}}$"
 
 
 def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
@@ -186,8 +226,10 @@ def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
 
 
 def titled(title: str, rows: pd.DataFrame) -> str:
-    """Return a title followed by the number of clouds in `rows`."""
-    return f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{rows['cloud'].nunique()})"
+    """Return a title followed by the number n of clouds, and of scenes if these are fewer."""
+    clouds, scenes = (with_scenes(rows)[name].nunique() for name in ("cloud", SCENE))
+    text = f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{clouds}"
+    return f"{text})" if scenes == clouds else f"{text} of {scenes} scene{'s' * (scenes > 1)})"
 
 
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:

@@ -22,6 +22,14 @@ _OTHER_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "d", "<", ">")
 _OTHER_LINES: tuple[Line, ...] = (":", "--", "-.")
 
 
+DATASET_COLOURS = (
+    *("#2255CC", "#CCBB22", "#442255", "#AA8899"),
+    *("#666600", "#AAAAFF", "#222200", "#DDBB88"),
+)
+OTHER_MODEL_COLOURS = ("#885577", "#557799", "#998877", "#336644")
+"""Colours of error models that are not ours."""
+
+
 def codec_style(codec: str) -> PlotStyle:
     return class_style(codec, _registered(codec))
 
@@ -74,6 +82,24 @@ def _style_from_name(codec: str) -> PlotStyle:
         colour=_OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)],
         marker=_OTHER_MARKERS[digest[1] % len(_OTHER_MARKERS)],
         line=_OTHER_LINES[digest[2] % len(_OTHER_LINES)],
+    )
+
+
+def error_model_colour(model: str) -> str:
+    """Return the colour of an error model, the same in every figure and process."""
+    from puckbench.lidar.errors import ERROR_MODELS
+
+    own = ERROR_MODELS.get(model).colour if model in ERROR_MODELS else ""
+    digest = hashlib.sha256(model.encode()).digest()
+    return own or OTHER_MODEL_COLOURS[digest[0] % len(OTHER_MODEL_COLOURS)]
+
+
+def dataset_style(place: int, title: str) -> PlotStyle:
+    """Return the style of the data set at a place in a study's order."""
+    return PlotStyle(
+        title,
+        DATASET_COLOURS[place % len(DATASET_COLOURS)],
+        _OTHER_MARKERS[place % len(_OTHER_MARKERS)],
     )
 
 

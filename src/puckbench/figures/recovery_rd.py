@@ -3,7 +3,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.curves import Lines, binned_curves, codecs_of, shared_limits
+from puckbench.figures.curves import Lines, binned_curves, codecs_of, mark_handles, shared_limits
 from puckbench.figures.panels import (
     add_legend,
     draw_curve,
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _METRICS = (
-    PlottedMetric("precision", "precision", "share", (0, 1)),
-    PlottedMetric("recall", "recall", "share", (0, 1)),
-    PlottedMetric("label_accuracy", "label accuracy", "share", (0, 1)),
+    PlottedMetric("precision", "precision", "share"),
+    PlottedMetric("recall", "recall", "share"),
+    PlottedMetric("label_accuracy", "label accuracy", "share"),
 )
 ALL = "all"
 
@@ -39,7 +39,8 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     """Recovery of geometric primitives against bits per point: precision (share of decoded
     primitives that match a true one), recall (share of true primitives that were decoded) and label
     accuracy (share of points on true primitives that lie on the matching primitive). Markers:
-    medians in ten bins of equally many results or, with few clouds, at each rate.
+    medians in ten bins of equally many results or, with few clouds, at each rate. Bars: quartiles;
+    with fewer than six clouds, dots for each cloud.
 
     Only codecs that decode labelled surfaces, and streams with primitives, are shown. Not in the
     thesis.
@@ -52,7 +53,7 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     all_kinds = recovery[recovery["kind"] == ALL].dropna(subset=[_METRICS[-1].column])
     curves = [binned_curves(all_kinds, metric, style) for metric in _METRICS]
     panel_lines = [lines for dataset_curves in curves for lines in dataset_curves.values()]
-    x_limits = shared_limits(panel_lines, BPP, style, (0.01, 1))
+    x_limits = shared_limits(panel_lines, BPP, style)
     figure, panels = panel_grid(len(panel_lines), len(_METRICS), 1.95, style)
     for index, axes in enumerate(panels):
         dataset, column = list(curves[0])[index // len(_METRICS)], index % len(_METRICS)
@@ -61,7 +62,7 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
         title = titled(f"{style.title(dataset)}: {_METRICS[column].words}", rows)
         set_title(axes, title, len(_METRICS), style)
     label_outer(panels, len(_METRICS), BPP.label, f"Share, {HIGHER_BETTER}")
-    add_legend(figure, codecs_of(panel_lines, style), style)
+    add_legend(figure, codecs_of(panel_lines, style), style, mark_handles(panel_lines))
     return figure
 
 

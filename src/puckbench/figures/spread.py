@@ -7,8 +7,8 @@ import numpy as np
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
-    fitted_limits,
     label_rates,
+    log_limits,
     panel_grid,
     set_log,
     set_title,
@@ -19,6 +19,7 @@ from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.statistics import MIN_SCENES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-_METRIC = CD_PLANE.within(1e-2, 1e3)
-_FEWEST_IN_A_BOX = 5
 
 
 @FIGURES.register(
@@ -37,38 +36,39 @@ _FEWEST_IN_A_BOX = 5
 )
 def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Spread of the Chamfer distance (point to plane, squared grid units) over clouds, for each
-    codec (rows), data set (columns) and rate. Boxes: quartiles and median; whiskers: 5 and 95 %
-    quantiles; circles: clouds, if fewer than five. n: clouds.
+    codec (rows), data set (columns) and rate of the codec. Boxes: quartiles and median; whiskers: 5
+    and 95 % quantiles. With fewer than six clouds: circles for clouds, line for medians. n: clouds.
 
     Zeros (lossless) are not drawn. The thesis shows medians only.
     """
-    require_rows(metrics, ("dataset", "cloud", "codec", "rate", _METRIC.column), "metrics")
-    require_numbers(metrics, (_METRIC.column,), "metrics")
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", CD_PLANE.column), "metrics")
+    require_numbers(metrics, (CD_PLANE.column,), "metrics")
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
-    rates = ordered_rates(set(metrics["rate"]))
+    rates = {codec: ordered_rates(part["rate"]) for codec, part in metrics.groupby("codec")}
     measured = metrics[metrics["cd_plane"] > 0]
-    limits = style.axis_ranges.get("cd_plane") or fitted_limits(_extremes(measured), _METRIC.limits)
-    figure, panels = panel_grid(len(codecs) * len(datasets), len(datasets), 1.15, style)
+    limits = log_limits(_extremes(measured), "cd_plane", style)
+    shape = len(codecs) * len(datasets), len(datasets)
+    figure, panels = panel_grid(*shape, 1.2, style, sharex="row")
     for index, axes in enumerate(panels):
         codec, dataset = codecs[index // len(datasets)], datasets[index % len(datasets)]
         set_log(axes, "y", limits, minor=False)
         rows = measured[(measured["dataset"] == dataset) & (measured["codec"] == codec)]
-        _draw_panel(axes, rows, rates, style.of_codec(codec).colour)
+        _draw_panel(axes, rows, rates[codec], style.of_codec(codec).colour)
+        label_rates([axes], rates[codec], len(datasets))
         if index < len(datasets):
             of_dataset = metrics[metrics["dataset"] == dataset]
             set_title(axes, titled(style.title(dataset), of_dataset), len(datasets), style)
         if index % len(datasets) == 0:
             axes.set_ylabel(wrapped(style.of_codec(codec).title, 1.0, style), fontweight="bold")
-    label_rates(panels, rates, len(datasets))
-    figure.supylabel(_METRIC.label, fontsize=style.font_size)
-    figure.supxlabel("Compression rate", fontsize=style.font_size)
+    figure.supylabel(CD_PLANE.label, fontsize=style.font_size)
+    figure.supxlabel("Compression rate of the codec", fontsize=style.font_size)
     return figure
 
 
 def _extremes(metrics: pd.DataFrame) -> Floats:
     groups = metrics.groupby(["dataset", "codec", "rate"])["cd_plane"]
-    drawn_as_points = metrics.loc[groups.transform("size") < _FEWEST_IN_A_BOX, "cd_plane"]
+    drawn_as_points = metrics.loc[groups.transform("size") < MIN_SCENES, "cd_plane"]
     whisker_ends = groups.quantile(np.array([_QUANTILES[0], _QUANTILES[-1]]))
     return np.concatenate(
         [drawn_as_points.to_numpy(dtype=float), whisker_ends.to_numpy(dtype=float)]
@@ -81,7 +81,7 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, rates: list[str], colour: str) -
         return
     positions = rows["rate"].map(rates.index)
     values = rows["cd_plane"]
-    if positions.value_counts().max() < _FEWEST_IN_A_BOX:
+    if positions.value_counts().max() < MIN_SCENES:
         medians = values.groupby(positions).median()
         axes.plot(medians.index, medians, color=colour, linewidth=0.7)
         axes.plot(positions, values, "o", color=colour, markerfacecolor="none", markeredgewidth=0.8)

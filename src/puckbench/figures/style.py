@@ -9,7 +9,13 @@ from pydantic import Field, model_validator
 
 from puckbench.codecs.facts import Line
 from puckbench.core.models import Model, parsed
-from puckbench.figures.plot_styles import PlotStyle, codec_rank, codec_style, dataset_title
+from puckbench.figures.plot_styles import (
+    PlotStyle,
+    codec_rank,
+    codec_style,
+    dataset_style,
+    dataset_title,
+)
 
 COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.16
@@ -35,7 +41,8 @@ class FigureStyle(Model):
     datasets
         Data sets whose panels come first, in this order.
     axis_ranges
-        Limits (low, high) by table column, widened by decades to contain the data.
+        Limits (low, high) of logarithmic axes by table column, widened by decades to contain the
+        data; by default, limits follow the data.
     """
 
     font_size: Size = 7.5
@@ -92,11 +99,16 @@ class FigureStyle(Model):
             line=self.lines.get(codec, plot_style.line),
         )
 
-    def axis_range(self, column: str, default: Range) -> Range:
-        return self.axis_ranges.get(column, default)
-
     def title(self, dataset: str) -> str:
         return self.dataset_titles.get(dataset, dataset_title(dataset))
+
+    def of_datasets(self, datasets: Iterable[str]) -> dict[str, PlotStyle]:
+        """Return a style for each data set, in order; colours follow the option `datasets`."""
+        places = list(dict.fromkeys((*self.datasets, *datasets)))
+        return {
+            name: dataset_style(places.index(name), self.title(name))
+            for name in self.ordered_datasets(datasets)
+        }
 
     def ordered_codecs(self, codecs: Iterable[str]) -> list[str]:
         return sorted(set(codecs), key=codec_rank)

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 BITS = f"Bits per return, {BETTER}"
-ERROR = PlottedMetric("error_mm", "RMS error to the scan (D1)", "mm", (0.1, 100))
-TO_TRUTH = PlottedMetric("truth_mm", "RMS distance to the truth (D2)", "mm", (1, 100))
-RANGES = PlottedMetric("range_rms_mm", "RMS error of ranges", "mm", (0.1, 100))
+ERROR = PlottedMetric("error_mm", "RMS error to the scan (D1)", "mm")
+TO_TRUTH = PlottedMetric("truth_mm", "RMS distance to the truth (D2)", "mm")
+RANGES = PlottedMetric("range_rms_mm", "RMS error of ranges", "mm")
 _SOURCES = {"error_mm": "d1_rms_m", "truth_mm": "truth_d2_rms_m"}
 _PANEL_IN = 2.1
 
@@ -60,7 +60,8 @@ def draw_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureSt
     """
     scan_medians = _in_millimetres(scan_errors).groupby("dataset")["truth_mm"].median()
     rows = _in_millimetres(metrics)
-    rows = rows[rows["dataset"].isin(scan_medians.index)]
+    measured = set(rows.dropna(subset=["truth_mm"])["dataset"]) & set(scan_medians.index)
+    rows = rows[rows["dataset"].isin(measured)]
     return _draw(
         rows, TO_TRUTH, style, {str(name): float(scan_medians[name]) for name in scan_medians.index}
     )
@@ -74,9 +75,7 @@ def _in_millimetres(table: pd.DataFrame) -> pd.DataFrame:
 def _draw(
     metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle, scans: Mapping[str, float]
 ) -> Figure:
-    return draw_data_sets(
-        metrics, metric, style, bits=BITS, panel_in=_PANEL_IN, fitted=True, scans=scans
-    )
+    return draw_data_sets(metrics, metric, style, bits=BITS, panel_in=_PANEL_IN, scans=scans)
 
 
 @FIGURES.register(

@@ -1,7 +1,8 @@
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import (
@@ -9,7 +10,7 @@ from puckbench.figures.curves import (
     check_curve_columns,
     codecs_of,
     draw_curves,
-    lossless_handles,
+    mark_handles,
     shared_limits,
 )
 from puckbench.figures.panels import (
@@ -21,7 +22,7 @@ from puckbench.figures.panels import (
     set_title,
     titled,
 )
-from puckbench.figures.plotted_metrics import BPP, CD_PLANE, CD_POINT, HD_PLANE, PlottedMetric
+from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 
@@ -30,60 +31,67 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PREFIXES = {"": "to the scan", "truth_": "to the truth"}
-_ACCURACY = PlottedMetric(
-    "truth_acd_ba_plane", "Distance, point-to-plane", "grid units²", (0.01, 1000)
-)
-_DIRECTIONS = {
-    "accuracy": _ACCURACY,
-    "completeness": replace(_ACCURACY, column="truth_acd_ab_plane"),
+_D1 = PlottedMetric("d1_mm", "RMS distance (D1)", "mm")
+_D2 = PlottedMetric("d2_mm", "RMS distance (D2)", "mm")
+_FARTHEST = PlottedMetric("farthest_mm", "Largest distance", "mm")
+_ACCURACY = PlottedMetric("truth_accuracy_mm", "RMS distance", "mm")
+_COMPLETENESS = replace(_ACCURACY, column="truth_completeness_mm")
+_SOURCES = {
+    "d1_mm": "d1_rms_m",
+    "d2_mm": "d2_rms_m",
+    "farthest_mm": "hausdorff_plane_m",
+    "accuracy_mm": "acd_ba_plane",
+    "completeness_mm": "acd_ab_plane",
 }
+"""Columns of the tables, in metres or in squared grid units."""
 
 
 @FIGURES.register(
     "truth_rd",
-    title="Distortion to the scan and to the truth (point-to-plane) against bits per point",
+    title="Distance to the scan and to the truth (point-to-plane) against bits per point",
     category="Rate-distortion",
 )
 def draw_truth_chamfer(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Chamfer distance (point to plane, squared grid units) against bits per point: to the original
-    scan, and to the true surface. Markers: medians in ten bins of equally many results or, with few
-    clouds, at each rate. Bars: quartiles. n: clouds. All panels have equal axes.
+    """RMS distance (D2: point to plane, larger of both directions) in millimetres, against bits per
+    point: to the original scan, and to the true surface. Markers: medians in ten bins of equally
+    many results or, with few clouds, at each rate. Bars: quartiles; with fewer than six clouds,
+    dots for each cloud. n: clouds. All panels have equal axes.
 
     Dashed: median distance of the scan before coding, if inside the axes. The curve of a codec that
     reproduces the scan's noise approaches this line. Below the line, decoded points are nearer to
     the surface than the scan is. Not in the thesis.
     """
-    return draw_references(metrics, scan_errors, CD_PLANE, style)
+    return _draw_references(metrics, scan_errors, _D2, style)
 
 
 @FIGURES.register(
     "truth_rd_point",
-    title="Distortion to the scan and to the truth (point-to-point) against bits per point",
+    title="Distance to the scan and to the truth (point-to-point) against bits per point",
     category="Rate-distortion",
 )
 def draw_truth_chamfer_point(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Chamfer distance (point to point, squared grid units) against bits per point, otherwise as in
-    figure ``truth_rd``.
+    """RMS distance (D1: point to point, larger of both directions) in millimetres, against bits per
+    point, otherwise as in figure ``truth_rd``.
     """
-    return draw_references(metrics, scan_errors, CD_POINT, style)
+    return _draw_references(metrics, scan_errors, _D1, style)
 
 
 @FIGURES.register(
     "truth_rd_hausdorff",
-    title="Hausdorff distance to the scan and to the truth (point-to-plane, squared)",
+    title="Hausdorff distance to the scan and to the truth (point-to-plane)",
     category="Rate-distortion",
 )
 def draw_truth_hausdorff(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Squared Hausdorff distance (point to plane, squared grid units) against bits per point,
+    """Hausdorff distance (largest distance, point to plane) in millimetres, against bits per point,
     otherwise as in figure ``truth_rd``.
     """
-    return draw_references(metrics, scan_errors, HD_PLANE, style)
+    return _draw_references(metrics, scan_errors, _FARTHEST, style)
 
 
 @FIGURES.register(
@@ -94,20 +102,17 @@ def draw_truth_hausdorff(
 def draw_truth_accuracy(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Mean squared distances (point to plane, squared grid units) against bits per point: from
-    decoded points to the true surface (accuracy), and from true points to the decoded cloud
-    (completeness). Otherwise as in figure ``truth_rd``.
+    """RMS distances (point to plane) in millimetres, against bits per point: from decoded points to
+    the true surface (accuracy), and from true points to the decoded cloud (completeness). Otherwise
+    as in figure ``truth_rd``.
     """
-    return _draw_distances(metrics, scan_errors, _DIRECTIONS, style)
+    directions = {"accuracy": _ACCURACY, "completeness": _COMPLETENESS}
+    return _draw_distances(metrics, scan_errors, directions, style)
 
 
-def draw_references(
+def _draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
-    """Draw two panels for each data set: distances to the original scan, and to the true surface.
-
-    `metric` is the distance to the scan; columns ``truth_...`` have distances to the surface.
-    """
     references = {
         title: replace(metric, column=f"{prefix}{metric.column}")
         for prefix, title in _PREFIXES.items()
@@ -123,15 +128,15 @@ def _draw_distances(
 ) -> Figure:
     references, titles = list(distances.values()), list(distances)
     metric = references[0]
+    of_truth = [name for name in references if name.column.startswith("truth_")]
+    metrics = _in_millimetres(metrics, [name.column for name in references], "metrics")
+    scan_errors = _in_millimetres(scan_errors, [name.column for name in of_truth], "scan errors")
     for reference in references:
         check_curve_columns(metrics, reference)
-    of_truth = [name for name in references if name.column.startswith("truth_")]
     rows = metrics.dropna(subset=[reference.column for reference in of_truth])
     curves = [binned_curves(rows, reference, style) for reference in references]
     panel_lines = [lines for dataset_curves in curves for lines in dataset_curves.values()]
-    limits = [
-        shared_limits(panel_lines, axis_metric, style, fitted=True) for axis_metric in (BPP, metric)
-    ]
+    limits = [shared_limits(panel_lines, of_axis, style) for of_axis in (BPP, metric)]
     scan_medians = _scan_medians(scan_errors, of_truth)
     abreast = len(references)
     figure, panels = panel_grid(len(panel_lines), abreast, 1.9, style, width_in=COLUMN_WIDTH_IN)
@@ -145,18 +150,30 @@ def _draw_distances(
         set_title(axes, titled(title, rows[rows["dataset"] == dataset]), abreast, style)
     label_outer(panels, abreast, "", metric.short_label)
     figure.supxlabel(BPP.label, fontsize=style.font_size)
-    extra_handles = [scan_handle(), *lossless_handles(panel_lines)]
+    extra_handles = [scan_handle(), *mark_handles(panel_lines)]
     add_legend(figure, codecs_of(panel_lines, style), style, extra_handles)
     return figure
+
+
+def _in_millimetres(table: pd.DataFrame, columns: Iterable[str], what: str) -> pd.DataFrame:
+    converted: dict[str, Any] = {}
+    for column in columns:
+        prefix = "truth_" if column.startswith("truth_") else ""
+        source = prefix + _SOURCES[column.removeprefix(prefix)]
+        in_metres = source.endswith("_m")
+        needed = (source,) if in_metres else (source, "scale")
+        require_rows(table, ("dataset", *needed), what)
+        require_numbers(table, needed, what)
+        distances = table[source] if in_metres else table[source] ** 0.5 / table["scale"]
+        converted[column] = 1000 * distances
+    return table.assign(**converted)
 
 
 def _scan_medians(
     scan_errors: pd.DataFrame, references: list[PlottedMetric]
 ) -> dict[tuple[str, str], float]:
-    columns = tuple(reference.column for reference in references)
-    require_rows(scan_errors, ("dataset", *columns), "scan errors")
-    require_numbers(scan_errors, columns, "scan errors")
-    medians = scan_errors.groupby("dataset")[list(columns)].median()
+    columns = [reference.column for reference in references]
+    medians = scan_errors.groupby("dataset")[columns].median()
     return {
         (str(dataset), column): float(row[column])
         for dataset, row in medians.iterrows()

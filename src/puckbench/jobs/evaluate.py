@@ -5,7 +5,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from pydantic import Field
 
 from puckbench import __version__
@@ -22,7 +21,7 @@ from puckbench.lidar.returns import with_returns
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.metric_registry import further_metrics
-from puckbench.metrics.sensor_metrics import range_errors, range_errors_of_points, real_time_metrics
+from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_metrics
 
 if TYPE_CHECKING:
     from puckbench.geometry.cloud import PointCloud
@@ -98,7 +97,9 @@ class Evaluating(Decoding):
 
         reference = originals.reference.cloud
         points, record = decoded
-        returns = _range_errors(originals, points)
+        returns = {}
+        if originals.returns is not None:
+            returns = decoded_range_errors(reference.xyz, originals.returns, points)
         ready = DistinctPoints(points.xyz)
         errors = geometry_metrics(originals.reference, ready, self.peak)
         if returns and errors["lossless"] and points.returns is None:
@@ -122,23 +123,6 @@ class Evaluating(Decoding):
             result[REMARK] = "; ".join(filter(None, [result.get(REMARK), lost]))
         result["cloud"] = result.pop("name", originals.name)
         return result
-
-
-def _range_errors(originals: Originals, points: PointCloud) -> dict[str, float]:
-    """Return the errors of decoded ranges, empty for an original without returns.
-
-    A codec that moves the points of decoded returns has the errors of these points.
-    """
-    if originals.returns is None:
-        return {}
-    decoded = points.returns
-    if decoded is None:
-        return range_errors_of_points(originals.reference.cloud.xyz, points.xyz)
-    errors = range_errors(originals.returns, decoded)
-    if np.array_equal(points.xyz, decoded.points()):
-        return errors
-    moved = range_errors_of_points(originals.reference.cloud.xyz, points.xyz)
-    return errors | {name: moved[name] for name in ("range_rms_mm", "range_max_mm")}
 
 
 @JOBS.register("evaluate")

@@ -10,6 +10,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
+    from puckbench.geometry.cloud import PointCloud
     from puckbench.lidar.returns import Returns
 
 _OCTILES = 8
@@ -41,6 +42,23 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
         {"range_rms_mm": float(np.sqrt(squared / count)), "range_max_mm": largest} if count else {}
     )
     return {**rms, "returns_lost": lost, "returns_added": added}
+
+
+def decoded_range_errors(
+    original: Floats, returns: Returns, decoded: PointCloud
+) -> dict[str, float]:
+    """Return the range errors of a decoded cloud, in mm, and the lost and added returns.
+
+    `original` (n, 3) and `returns` are the encoded scan. A codec that moves the points of the
+    decoded returns has the errors of its points.
+    """
+    if decoded.returns is None:
+        return range_errors_of_points(original, decoded.xyz)
+    errors = range_errors(returns, decoded.returns)
+    if np.array_equal(decoded.xyz, decoded.returns.points()):
+        return errors
+    moved = range_errors_of_points(original, decoded.xyz)
+    return errors | {name: moved[name] for name in ("range_rms_mm", "range_max_mm")}
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:

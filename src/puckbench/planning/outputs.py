@@ -148,12 +148,10 @@ class OutputJobs:
         """Return the options of a table's function that its needs or the configuration set."""
         entry, chosen = table_entry(table), self.config.bd_rate
         options = {name: value for need in entry.needs for name, value in self._met[need].items()}
-        compared = {
-            "anchor": self.anchor,
-            "qualities": chosen.metrics,
-            "margin_percent": chosen.margin_percent,
-        }
+        compared = {"qualities": chosen.metrics, "margin_percent": chosen.margin_percent}
         taken = signature(entry.make).parameters
+        if "anchor" in taken:
+            options["anchor"] = self.anchor
         return options | {name: value for name, value in compared.items() if name in taken}
 
     @property

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -59,6 +60,8 @@ def build_page(
 ) -> str:
     """Return the HTML page, which depends only on the arguments and the files in `contents`.
 
+    Tables without rows are left out.
+
     Parameters
     ----------
     machine
@@ -76,12 +79,14 @@ def build_page(
     register_user_plugins(contents.own_figures, contents.own_tables)
     style = FigureStyle.from_config(*contents.style)
     metrics = None if contents.metrics is None else read_table(Path(contents.metrics))
-    tables = {name: read_table(Path(file)) for name, file in contents.tables.items()}
+    files = {name: Path(file) for name, file in contents.tables.items()}
+    tables = {name: read_table(file) for name, file in files.items() if not _is_empty(file)}
     scan_errors = tables.get("scan_errors")
     data: dict[str, Any] = {}
     page_parts: dict[str, Any] = {"tables": list(_tables(contents, tables, folder, style))}
     if metrics is not None:
         data["curves"] = plot_payload(metrics, style)
+    if metrics is not None or "odometry_bits" in tables:
         page_parts["findings"] = findings(metrics, tables, style)
     if contents.examples:
         data["clouds"] = viewer_payload(contents, metrics, scan_errors, style)
@@ -97,6 +102,14 @@ def build_page(
         data=data,
         shown=page_parts,
     )
+
+
+def _is_empty(file: Path) -> bool:
+    """Return whether a CSV file has a heading and no rows."""
+    if file.suffix != ".csv" or not file.is_file():
+        return False
+    with file.open(encoding="utf-8", errors="replace") as lines:
+        return len(list(islice(lines, 2))) == 1
 
 
 def _facts(contents: Contents, *more: Any) -> RunDescription:

@@ -74,9 +74,14 @@ class Findings:
 
 
 def findings(
-    metrics: pd.DataFrame, tables: Mapping[str, pd.DataFrame], style: FigureStyle
+    metrics: pd.DataFrame | None, tables: Mapping[str, pd.DataFrame], style: FigureStyle
 ) -> Findings:
-    """Return the findings from the tables ``uses``, ``bd_rate`` and ``bd_rate_pairs``, if any."""
+    """Return the findings from the tables ``uses``, ``bd_rate``, ``bd_rate_pairs`` and
+    ``odometry_bits``, if any. Without `metrics`, of a run of drives alone, only the last counts.
+    """
+    drives = tuple(_drive_rows(tables["odometry_bits"], style)) if "odometry_bits" in tables else ()
+    if metrics is None:
+        return Findings(drives, ())
     deltas, pairs = tables.get("bd_rate"), tables.get("bd_rate_pairs")
     datasets = style.ordered_datasets(metrics["dataset"])
     anchor = "" if deltas is None else style.of_codec(deltas["anchor"].iloc[0]).title
@@ -84,7 +89,7 @@ def findings(
     if deltas is not None and pairs is not None:
         of_datasets = [_of_dataset(name, metrics, deltas, pairs, style) for name in datasets]
     rows = tuple(_use_rows(tables["uses"], datasets, style)) if "uses" in tables else ()
-    return Findings(rows, tuple(of_datasets), anchor, lossless_text(metrics, style))
+    return Findings((*rows, *drives), tuple(of_datasets), anchor, lossless_text(metrics, style))
 
 
 def lossless_text(metrics: pd.DataFrame, style: FigureStyle) -> str:
@@ -129,14 +134,44 @@ def _use_row(rows: list[dict[Any, Any]], use: str, clouds: str, style: FigureSty
     )
 
 
+def _drive_rows(table: pd.DataFrame, style: FigureStyle) -> Iterator[UseRow]:
+    for (dataset, odometry), part in table.groupby(["dataset", "odometry"], sort=False):
+        rows = part.sort_values("bits", na_position="last").to_dict("records")
+        best = rows[0]
+        enough = best["verdict"] == NOT_WORSE
+        verdict = str(best["verdict"])
+        if enough:
+            title, unit = style.of_codec(best["codec"]).title, best["unit"]
+            verdict += (
+                f" by more than {best['margin']:.2g} {unit} than {best['undecoded']:.2g} {unit}"
+            )
+        yield UseRow(
+            use=f"odometry ({odometry}) as good as without coding",
+            clouds=style.title(str(dataset)),
+            codec=title if enough else _DASH,
+            bits=f"{best['bits']:.3g}" if enough else _DASH,
+            error=f"{best['value']:.2g}\N{NO-BREAK SPACE}{best['unit']}" if enough else _DASH,
+            largest=_DASH,
+            seconds=_DASH,
+            scenes=str(best["trajectories"]),
+            verdict=verdict,
+            is_decided=False,
+        )
+
+
 def _length_text(value: float) -> str:
     return _DASH if isnan(value) else f"{value:.3g}\N{NO-BREAK SPACE}mm"
 
 
 def _verdict_text(rows: list[dict[Any, Any]], style: FigureStyle) -> str:
     best, *others = rows
+    if isnan(best["ratio"]):
+        return "none in every scene"
     if not others:
         return "the only one"
+    others = [row for row in others if not isnan(row["ratio"])]
+    if not others:
+        return "the only one in every scene"
     if best["verdict"] in (FEWEST, NEAREST):
         rival = style.of_codec(others[0]["codec"]).title
         ratio, low, high = (others[0][name] for name in ("ratio", "ratio_low", "ratio_high"))
@@ -193,15 +228,18 @@ def ranking_text(pairs: pd.DataFrame, style: FigureStyle) -> str:
     rows = pairs.to_dict("records")
     if max(row["scenes"] for row in rows) < MIN_SCENES:
         return f"no verdict: fewer than {MIN_SCENES} scenes with comparable curves"
-    codecs = style.ordered_codecs(pairs["codec"])
+    codecs, clouds = style.ordered_codecs(pairs["codec"]), max(row["clouds"] for row in rows)
     for codec in codecs:
         against = [row for row in rows if row["codec"] == codec]
-        if all(row["verdict"] == BETTER and row["compared"] == row["clouds"] for row in against):
+        if len(against) == len(codecs) - 1 and all(
+            row["verdict"] == BETTER and row["compared"] == clouds for row in against
+        ):
             closest = max(against, key=lambda row: float(row["bd_rate_percent"]))
             title, rival = (style.of_codec(name).title for name in (codec, closest["anchor"]))
             return f"{title} needs the fewest bits; next {rival}: {delta_text(closest)}"
     beaten = {row["anchor"] for row in rows if row["verdict"] == BETTER}
     unbeaten = [style.of_codec(codec).title for codec in codecs if codec not in beaten]
-    apart = sum(row["compared"] < row["clouds"] for row in rows) // 2
-    unknown = f"; {apart} of {len(rows) // 2} pairs not comparable in all scenes" if apart else ""
+    count = len(codecs) * (len(codecs) - 1) // 2
+    apart = count - sum(row["compared"] == clouds for row in rows) // 2
+    unknown = f"; {apart} of {count} pairs not comparable in all scenes" if apart else ""
     return f"no codec is better than every other; not beaten: {', '.join(unbeaten)}{unknown}"

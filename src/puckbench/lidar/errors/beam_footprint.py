@@ -26,7 +26,7 @@ class BeamFootprint(BeamOfWidth):
     measured point lies on the beam's axis.
     """
 
-    title, colour = "Beam footprint", "#999933"
+    title, colour = "Beam footprint", "#334400"
 
     sub_rays: PositiveInt = 9
     """Number of rays of a beam."""

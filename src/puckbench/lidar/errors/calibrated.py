@@ -32,7 +32,7 @@ class Calibrated(ErrorModel):
     domain.
     """
 
-    title, colour = "Calibrated", "#332288"
+    title, colour = "Calibrated", "#6666AA"
 
     file: str | None = None
     """Path of a model file, or name of a shipped one; other parameters override the file's."""

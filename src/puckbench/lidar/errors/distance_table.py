@@ -21,7 +21,7 @@ class DistanceTable(ErrorModel):
     table, and constant beyond the table's ends.
     """
 
-    title, colour = "Distance table", "#661100"
+    title, colour = "Distance table", "#442233"
 
     table: tuple[tuple[float, ...], ...]
     """Rows of distance, mu and sigma, m, by increasing distance."""

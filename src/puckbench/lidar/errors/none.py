@@ -8,4 +8,4 @@ from puckbench.lidar.errors.registry import ERROR_MODELS
 class NoErrors(ErrorModel):
     """Error model that changes nothing: nominal rays, and true distances."""
 
-    title, colour = "No noise", "#777777"
+    title, colour = "No noise", "#666688"

@@ -19,7 +19,7 @@ class SurfaceNormal(Vlp16):
     cosine of incidence. The ray noise of `Vlp16` is 0 by default.
     """
 
-    title, colour = "Surface normal", "#882255"
+    title, colour = "Surface normal", "#EE5544"
 
     bias_sigma_m: NonNegativeFloat = 0.0
     ray_sigma_m: NonNegativeFloat = 0.0

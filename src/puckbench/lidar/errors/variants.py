@@ -11,7 +11,7 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 class Vlp16Table51(Vlp16):
     """Error model `Vlp16` with the sigmas of the thesis's Table 5.1."""
 
-    title, colour, variant_of = "VLP-16, Table\u00a05.1", "#6699CC", Vlp16
+    title, colour, variant_of = "VLP-16, Table\u00a05.1", "#9988BB", Vlp16
 
     bias_sigma_m: NonNegativeFloat = 0.078
     ray_sigma_m: NonNegativeFloat = 0.014
@@ -21,7 +21,7 @@ class Vlp16Table51(Vlp16):
 class Hdl64e(Vlp16):
     """Error model `Vlp16` with BlenSor's default sigmas, which are for the HDL-64E."""
 
-    title, colour, variant_of = "HDL-64E", "#CC79A7", Vlp16
+    title, colour, variant_of = "HDL-64E", "#77CCDD", Vlp16
 
     bias_sigma_m: NonNegativeFloat = 0.078
 
@@ -30,7 +30,7 @@ class Hdl64e(Vlp16):
 class ThesisRoom(Vlp16):
     """Error model `Vlp16` with the ray noise of the thesis's room scans (sigma 20 mm)."""
 
-    title, colour, variant_of = "Thesis, rooms", "#117733", Vlp16
+    title, colour, variant_of = "Thesis, rooms", "#005533", Vlp16
 
     ray_sigma_m: NonNegativeFloat = 0.020
 
@@ -39,6 +39,6 @@ class ThesisRoom(Vlp16):
 class Vlp16Measured(Calibrated):
     """Error model `Calibrated` with the parameters of two real VLP-16 (vlp16_measured.yaml)."""
 
-    title, colour, variant_of = "Measured", "#56B4E9", Calibrated
+    title, colour, variant_of = "Measured", "#CC7700", Calibrated
 
     file: str | None = "vlp16_measured"

@@ -21,7 +21,7 @@ class Vlp16(ErrorModel):
     `Vlp16Table51` has the sigmas of Table 5.1.
     """
 
-    title, colour = "VLP-16", "#0072B2"
+    title, colour = "VLP-16", "#113388"
 
     bias_sigma_m: NonNegativeFloat = 0.014
     """Scale of a laser's bias."""

@@ -20,7 +20,7 @@ class Vlp16Divergence(BeamOfWidth):
     yaw and pitch. The reported angles are the nominal ones.
     """
 
-    title, colour = "Beam divergence", "#009E73"
+    title, colour = "Beam divergence", "#337766"
 
     returns_along: Literal["fired", "nominal"] = "fired"
     """``fired``: a measured point lies on the fired ray, as in BlenSor and the thesis; only range

@@ -18,7 +18,7 @@ class Vlp16Incidence(Vlp16):
     grazing incidence.
     """
 
-    title, colour = "Incidence", "#E69F00"
+    title, colour = "Incidence", "#6688FF"
 
     incidence_factor: NonNegativeFloat = 0.1
     """Square root of the added noise per rad, sqrt(m) / rad."""

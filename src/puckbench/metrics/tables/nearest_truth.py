@@ -9,7 +9,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.metrics.interpolation import bits_to_reach
 from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
-from puckbench.metrics.table_registry import TABLES, TRUTH
+from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES, TRUTH
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +66,11 @@ def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFr
     return pd.DataFrame(table)
 
 
-@TABLES.register("truth_bits", title="Bits for an equal distance to the truth", needs=(TRUTH,))
+@TABLES.register(
+    "truth_bits",
+    title="Bits for an equal distance to the truth",
+    needs=(TRUTH, SEVERAL_CODECS),
+)
 def truth_bits(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) -> pd.DataFrame:
     """How many times the bits of each codec the anchor needs for the same distance to the true
     surface, at each of the anchor's rates.
@@ -75,7 +79,7 @@ def truth_bits(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) ->
     anchor's bits at this rate over the codec's bits at the same distance, interpolated linearly on
     log-log axes; a lower bound if the codec's lowest rate is as near. Geometric means over the
     ``scenes`` in which the codec gets as near, with 95 % intervals from six scenes on; ``of``:
-    number of all scenes.
+    number of scenes that both coded.
     """
     import pandas as pd
 

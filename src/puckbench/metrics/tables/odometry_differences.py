@@ -126,8 +126,7 @@ def _with_baseline(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    difference = rows["value"] - rows["undecoded"]
-    rows = rows.assign(difference=difference.round(_DIGITS))
+    rows = rows.assign(difference=(rows["value"] - rows["undecoded"]).round(_DIGITS))
     first = rows.iloc[0]
     measure = next(each for each in MEASURES if each.name == first["measure"])
     poses = ", ".join(sorted(set(rows["poses"]))) if "poses" in rows else ""

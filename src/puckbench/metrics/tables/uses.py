@@ -195,7 +195,7 @@ def _in_mm(rows: pd.DataFrame) -> dict[str, Any]:
 
 def _seconds(rows: pd.DataFrame) -> Any:
     times = rows.reindex(columns=["encode_s", "decode_s"]).sum(axis=1, min_count=2)
-    return 1e6 * times / rows["points_in"]
+    return 1e6 * times / rows.reindex(columns=["points_in"])["points_in"]
 
 
 def _real_time(rows: pd.DataFrame) -> Any:

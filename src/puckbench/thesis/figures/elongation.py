@@ -1,13 +1,14 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
-    add_legend,
-    fitted_limits,
+    add_fitting_legend,
     label_outer,
+    line_handle,
+    log_limits,
     panel_grid,
     panels_abreast,
     set_log,
@@ -23,8 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _KEYS = ("dataset", "cloud")
-_MOST_JOINED = 12
-_CD = CD_PLANE.within(1e-1, 1e2)
+_POINTS: dict[str, Any] = {"linestyle": "", "markerfacecolor": "none", "markeredgewidth": 0.8}
 
 
 @FIGURES.register(
@@ -33,9 +33,9 @@ _CD = CD_PLANE.within(1e-1, 1e2)
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane) at each codec's middle rate, against a cloud's elongation.
 
-    Markers: n clouds, joined by lines if n is at most 12. Elongation: shortest over longest side of
-    the bounding box. The thesis reports no visible effect of a room's elongation, without a figure.
-    Zeros (lossless) are not drawn.
+    Markers: n clouds. Elongation: shortest over longest side of the bounding box. The thesis
+    reports no visible effect of a room's elongation, without a figure. Zeros (lossless) are not
+    drawn.
     """
     numbers = ("elongation", CD_PLANE.column)
     require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")
@@ -46,8 +46,7 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     datasets = style.ordered_datasets(rows["dataset"])
     abreast = panels_abreast(len(datasets))
     figure, panels = panel_grid(len(datasets), abreast, 2.1, style)
-    values = rows[CD_PLANE.column].to_numpy(dtype=float)
-    limits = style.axis_ranges.get(_CD.column) or fitted_limits(values, _CD.limits)
+    limits = log_limits(rows[CD_PLANE.column].to_numpy(dtype=float), CD_PLANE.column, style)
     low, high = rows["elongation"].min(), rows["elongation"].max()
     margin = 0.05 * (high - low) or 0.05
     for axes, dataset in zip(panels, datasets, strict=True):
@@ -55,17 +54,15 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
         axes.set_xlim(low - margin, high + margin)
         of_dataset = rows[rows["dataset"] == dataset]
         set_title(axes, titled(style.title(dataset), of_dataset), abreast, style)
-        is_joined = of_dataset["cloud"].nunique() <= _MOST_JOINED
         for codec in style.ordered_codecs(of_dataset["codec"]):
-            codec_rows = of_dataset[of_dataset["codec"] == codec].sort_values("elongation")
-            codec_rows, shown = codec_rows[codec_rows[CD_PLANE.column] > 0], style.of_codec(codec)
-            axes.plot(
-                codec_rows["elongation"], codec_rows[CD_PLANE.column],
-                color=shown.colour, marker=shown.marker, linestyle=shown.line if is_joined else "",
-                linewidth=0.6, markerfacecolor="none", markeredgewidth=0.8,
-            )  # fmt: skip
+            is_drawn = (of_dataset["codec"] == codec) & (of_dataset[CD_PLANE.column] > 0)
+            x, y = (of_dataset.loc[is_drawn, name] for name in (numbers[0], CD_PLANE.column))
+            look = style.of_codec(codec)
+            axes.plot(x, y, color=look.colour, marker=look.marker, **_POINTS)
     label_outer(panels, abreast, "Elongation, shortest over longest side", CD_PLANE.short_label)
-    add_legend(figure, style.ordered_codecs(rows["codec"]), style)
+    looks = map(style.of_codec, style.ordered_codecs(rows["codec"]))
+    handles = [line_handle(k.title, color=k.colour, marker=k.marker, **_POINTS) for k in looks]
+    add_fitting_legend(figure, handles, style)
     return figure
 
 

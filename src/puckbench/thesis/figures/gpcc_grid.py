@@ -8,20 +8,20 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import (
+    add_fitting_legend,
     add_legend,
-    add_rows_legend,
-    figure_width,
-    fitted_limits,
+    line_handle,
     log_limits,
     panel_grid,
     set_log,
     set_title,
 )
 from puckbench.figures.plot_styles import PlotStyle
-from puckbench.figures.plotted_metrics import BPP, PlottedMetric
+from puckbench.figures.plotted_metrics import BPP, CD_POINT
 from puckbench.figures.registry import FIGURES
-from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle, Range
+from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.statistics import MIN_SCENES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,14 +30,12 @@ if TYPE_CHECKING:
 
 _figure = partial(FIGURES.register, category="Findings")
 _figure_of_both = partial(_figure, needs=("rounded_and_truncated_gpcc",))
-_D1 = PlottedMetric("cd_point", "CD, point-to-point", "grid units²", (0.1, 100))
-_ROWS = (BPP.within(0.01, 10), _D1)
+_ROWS = (BPP, CD_POINT)
 _SCALE = "Scale (small markers: no power of two)"
 _SMALL = 0.55
 """Relative size of markers at scales that are not powers of two; some shapes cannot be hollow."""
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
-_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#332288", "#777777")
-_MARKERS = ("o", "s", "^", "D", "P", "v", "X")
+_SHADED = 0.2
 
 
 @_figure("gpcc_grid", title="G-PCC's bits and distortion against the scale of its grid")
@@ -53,7 +51,8 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     for index, axes in enumerate(panels):
         metric, dataset = _ROWS[index // len(datasets)], datasets[index % len(datasets)]
         rows = gpcc_scales[gpcc_scales["dataset"] == dataset]
-        set_log(axes, "y", _limits(gpcc_scales, metric, style), minor=False)
+        values = gpcc_scales[metric.column].to_numpy(dtype=float)
+        set_log(axes, "y", log_limits(values, metric.column, style), minor=False)
         for codec in style.ordered_codecs(rows["codec"]):
             look = style.of_codec(codec)
             _draw(axes, rows[rows["codec"] == codec], metric.column, look, "_none")
@@ -72,8 +71,9 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's Chamfer distance (point-to-point) with truncated coordinates, divided by that with
     rounded coordinates.
 
-    Medians and quartiles over clouds, by scale. Truncation shifts the cloud, except at scales 1/2,
-    1/4, 1/8 and so on. The thesis truncates coordinates, and lacks this figure.
+    Medians over n clouds, by scale; shaded: quartiles of six clouds or more. Truncation shifts the
+    cloud, except at scales 1/2, 1/4, 1/8 and so on. The thesis truncates coordinates, and lacks
+    this figure.
     """
     label = "CD with truncated over CD with\nrounded coordinates"
     return _draw_ratio(gpcc_scales, "distortion", label, style)
@@ -84,9 +84,10 @@ def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits with TMC13's default tools, divided by bits with the tools of MPEG's test
     conditions.
 
-    Medians and quartiles over clouds, by scale. The default tools, which the thesis uses, lack
-    contexts of neighbours beyond the parent node, and intra prediction. At scales that are not
-    powers of two, truncated coordinates matter too. The thesis lacks this figure.
+    Medians over n clouds, by scale; shaded: quartiles of six clouds or more. The default tools,
+    which the thesis uses, lack contexts of neighbours beyond the parent node, and intra prediction.
+    At scales that are not powers of two, truncated coordinates matter too. The thesis lacks this
+    figure.
     """
     label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
     return _draw_ratio(gpcc_scales, "bits", label, style)
@@ -94,13 +95,6 @@ def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 
 def _counted(rows: pd.DataFrame, style: FigureStyle) -> str:
     return f"{style.title(rows['dataset'].iloc[0])} (n = {rows['clouds'].max()})"
-
-
-def _limits(table: pd.DataFrame, metric: PlottedMetric, style: FigureStyle) -> Range:
-    values = table[metric.column].to_numpy(dtype=float)
-    if metric.column in style.axis_ranges:
-        return log_limits(values, style.axis_ranges[metric.column])
-    return fitted_limits(values, metric.limits)
 
 
 def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) -> Figure:
@@ -112,20 +106,22 @@ def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) 
         raise InputError("scales table: no scale that both G-PCC codecs have")
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.8))
     axes = figure.subplots()
-    datasets = style.ordered_datasets(rows["dataset"])
-    for place, dataset in enumerate(datasets):
+    for dataset, look in style.of_datasets(table["dataset"]).items():
         dataset_rows = rows[rows["dataset"] == dataset].sort_values("scale")
-        low, high = dataset_rows[columns[0]], dataset_rows[columns[2]]
-        colour = _COLOURS[place % len(_COLOURS)]
-        axes.fill_between(dataset_rows["scale"], low, high, color=colour, alpha=0.2, linewidth=0)
-        look = PlotStyle(_counted(dataset_rows, style), colour, _MARKERS[place % len(_MARKERS)])
-        _draw(axes, dataset_rows, columns[1], look, look.title)
+        if dataset_rows.empty:
+            continue
+        many = dataset_rows[dataset_rows["clouds"] >= MIN_SCENES]
+        ends = many[columns[0]], many[columns[2]]
+        axes.fill_between(many["scale"], *ends, color=look.colour, alpha=_SHADED, linewidth=0)
+        _draw(axes, dataset_rows, columns[1], look, _counted(dataset_rows, style))
     axes.axhline(1, color="#555555", linewidth=0.7)
     _set_scales(axes, rows["scale"].to_numpy(dtype=float))
     axes.set_xlabel(_SCALE)
     axes.set_ylabel(label)
     handles, _ = axes.get_legend_handles_labels()
-    add_rows_legend(figure, handles, 2 if figure_width(1, style) <= COLUMN_WIDTH_IN else 4)
+    if (rows["clouds"] >= MIN_SCENES).any():
+        handles.append(line_handle("quartiles over clouds", linewidth=6, alpha=_SHADED))
+    add_fitting_legend(figure, handles, style)
     return figure
 
 

@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from puckbench.figures.panels import add_rows_legend
+from puckbench.figures.plot_styles import dataset_title, error_model_colour
 from puckbench.figures.style import FigureStyle
 from puckbench.lidar.errors import ERROR_MODELS
 from puckbench.lidar.residual_table import REAL
@@ -23,9 +23,9 @@ class ModelStyle:
 
 
 _UNREGISTERED = {
-    REAL: ModelStyle("Real VLP-16", "#D55E00"),
-    "vlp16_fig518": ModelStyle("VLP-16, as\u00a05.18", "#88CCEE"),
-    "vlp16_divergence_fig518": ModelStyle("Divergence, as\u00a05.18", "#44AA99"),
+    REAL: ModelStyle("Real VLP-16", "#CC0055"),
+    "vlp16_fig518": ModelStyle("VLP-16, as\u00a05.18", "#CCBBAA"),
+    "vlp16_divergence_fig518": ModelStyle("Divergence, as\u00a05.18", "#AA9977"),
 }
 # The models of thesis Figure 5.18 come first, in its order.
 _ORDER = (
@@ -44,18 +44,13 @@ def _registered(name: str) -> ModelStyle:
 
 MODEL_STYLES = {name: _registered(name) for name in _ORDER}
 
-_OTHER_COLOURS = ("#44AA99", "#AA4499", "#8C6000", "#BB5566", "#5D4037", "#66CDAA")
-
 
 def model_style(model: str, style: FigureStyle) -> ModelStyle:
     plot_style = MODEL_STYLES.get(model)
     if plot_style is None and model in ERROR_MODELS:
         plot_style = _registered(model)
     if plot_style is None or not (plot_style.title and plot_style.colour):
-        digest = hashlib.sha256(model.encode()).digest()
-        words = model.replace("_", " ")
-        title = words[:1].upper() + words[1:]
-        plot_style = ModelStyle(title, _OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)])
+        plot_style = ModelStyle(dataset_title(model), error_model_colour(model))
     return ModelStyle(plot_style.title, style.colours.get(model, plot_style.colour))
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DISTANCES = ("model", "std_m", "emd_m", "emd_low_m", "emd_high_m", "chance_m")
+_DISTANCES = ("model", "std_m", "emd_m", "chance_m")
 _MIN_REACH_M = 0.04
 _REACH_SIGMAS = 4.0
 _LINES = ("-", "--", "-.", ":")
@@ -36,7 +36,7 @@ def draw_verdict(
     """Plane residuals of captured walls, and of error models simulated on the same rays.
 
     Top: densities; n: real residuals. Bottom: earth mover's distance of each model's residuals from
-    the real sensor's, in mm, with a 95 % interval. A sensor that follows the model exceeds the grey
+    the real sensor's, in mm. A sensor that follows the model exceeds the grey
     bar with probability 5 %.
     """
     from matplotlib.figure import Figure
@@ -80,14 +80,13 @@ def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: F
 
 def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
     for place, name in enumerate(models):
-        value, low, high, chance = rows.loc[name, list(_DISTANCES[2:])].to_numpy(float) * 1e3
+        value, chance = rows.loc[name, list(_DISTANCES[2:])].to_numpy(float) * 1e3
         colour = model_style(name, style).colour
         if np.isfinite(chance):
             axes.barh(place, chance, height=0.7, color="#bbbbbb", alpha=0.6, linewidth=0)
-        spread = [[max(value - low, 0)], [max(high - value, 0)]]
-        axes.errorbar(value, place, xerr=spread, fmt="o", color=colour, capsize=2)
+        axes.plot(value, place, "o", color=colour)
         axes.annotate(
-            f"{value:.1f}", (max(value, high), place), (4, 0), textcoords="offset points",
+            f"{value:.1f}", (value, place), (4, 0), textcoords="offset points",
             va="center", fontsize="small",
         )  # fmt: skip
     set_log(axes, "x", _limits(rows.loc[models]), minor=False)
@@ -99,9 +98,8 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
 
 
 def _limits(rows: pd.DataFrame) -> tuple[float, float]:
-    lows = np.concatenate([rows["emd_low_m"].to_numpy(float), rows["chance_m"].to_numpy(float)])
-    low = 0.6 * float(np.nanmin(lows)) * 1e3
-    return max(low, 1e-3), 2.5 * float(rows["emd_high_m"].max()) * 1e3
+    low = 0.6 * float(np.nanmin(rows[["emd_m", "chance_m"]].to_numpy(float))) * 1e3
+    return max(low, 1e-3), 2.5 * float(rows["emd_m"].max()) * 1e3
 
 
 def _density(residuals: Floats) -> tuple[Floats, Floats]:

@@ -8,6 +8,7 @@ from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import add_rows_legend, figure_width, wrapped
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.statistics import MIN_SCENES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FEW = 12
-_MEDIAN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}
-_MEAN: dict[str, Any] = {"marker": "^", "markersize": 3, "mfc": "#009E73", "mec": "#009E73"}
+_MEDIAN: dict[str, Any] = {"color": "black", "linewidth": 1.8}
+_MEAN: dict[str, Any] = {"marker": "^", "markersize": 3.5, "mfc": "white", "mec": "black"}
 _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 
 
@@ -25,8 +26,8 @@ _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Number of points per cloud in each data set (thesis figure 6.4).
 
-    Box: quartiles. Whiskers: farthest cloud within 1.5 interquartile ranges; outliers are not
-    drawn. n: clouds. Circles: clouds of small data sets.
+    Box, of six clouds or more: quartiles. Whiskers: farthest cloud within 1.5 interquartile ranges;
+    outliers are not drawn. n: clouds. Circles: clouds of small data sets.
     """
     from matplotlib.figure import Figure
 
@@ -37,10 +38,8 @@ def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     width = figure_width(1 if len(datasets) <= 4 else 2, style)
     figure = Figure(figsize=(width, 2.4))
     axes = figure.subplots()
-    _draw_boxes(axes, counts)
     for place, values in enumerate(counts, start=1):
-        if len(values) <= _FEW:
-            axes.plot(np.full(len(values), place), values, "o", **_CLOUD)
+        _draw_counts(axes, place, values)
     fit = (width - 0.6) / len(datasets)
     titles = [
         f"{wrapped(style.title(d), fit, style)}\n(n = {len(values)})"
@@ -48,28 +47,38 @@ def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     ]
     axes.set_xticks(range(1, len(datasets) + 1), titles)
     _label_counts(axes)
-    add_rows_legend(figure, _key(any(len(values) <= _FEW for values in counts)), 4)
+    add_rows_legend(figure, _key([len(values) for values in counts]), 4)
     return figure
 
 
-def _key(clouds: bool) -> list[Artist]:
+def _key(clouds: list[int]) -> list[Artist]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    box = Patch(facecolor="none", edgecolor="black", linewidth=0.8, label="quartiles")
     marks: list[Artist] = [
-        Patch(facecolor="none", edgecolor="black", linewidth=0.8, label="quartiles"),
+        *([box] if max(clouds) >= MIN_SCENES else []),
         Line2D([], [], label="median", **_MEDIAN),
         Line2D([], [], linestyle="", label="mean", **_MEAN),
     ]
-    return [*marks, Line2D([], [], marker="o", ls="", label="cloud", **_CLOUD)][: 3 + clouds]
+    if min(clouds) <= _FEW:
+        marks.append(Line2D([], [], marker="o", ls="", label="cloud", **_CLOUD))
+    return marks
 
 
-def _draw_boxes(axes: Axes, counts: list[np.ndarray]) -> None:
+def _draw_counts(axes: Axes, place: int, values: np.ndarray) -> None:
+    if len(values) <= _FEW:
+        axes.plot(np.full(len(values), place), values, "o", **_CLOUD)
     lines: dict[str, Any] = {
         name: {"linewidth": 0.8} for name in ("boxprops", "whiskerprops", "capprops")
     }
+    has_box = len(values) >= MIN_SCENES
     means: dict[str, Any] = {"showmeans": True, "medianprops": _MEDIAN, "meanprops": _MEAN}
-    axes.boxplot(counts, showfliers=False, widths=0.5, **means, **lines)
+    axes.boxplot(
+        [values], positions=[place], widths=0.5, manage_ticks=False,
+        showfliers=False, showbox=has_box, showcaps=has_box, whis=1.5 if has_box else 0,
+        **means, **lines,
+    )  # fmt: skip
 
 
 def _label_counts(axes: Axes) -> None:

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.figures.panels import panel_grid
+from puckbench.figures.panels import add_fitting_legend, panel_grid
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
 from puckbench.thesis.figures.model_styles import (
-    add_model_legend,
     counted,
     model_style,
     ordered_models,
@@ -60,7 +59,8 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
         axes.set_title(counted(source_title(model, style), len(samples[model][0])), pad=3)
     _finish(figure, panels, samples, 1, style)
     _draw_bins(panels[-1], samples, style)
-    add_model_legend(figure, models, style)
+    handles, _ = panels[-1].get_legend_handles_labels()
+    add_fitting_legend(figure, handles, style)
     return figure
 
 
@@ -111,14 +111,24 @@ def _scatter(axes: Axes, sample: Sample, colour: str) -> None:
 
 def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> None:
     bars = {model: binned_moments(*sample, BIN_RAD) for model, sample in samples.items()}
+    titles = {model: source_title(model, style) for model in bars}
     if REAL not in bars:
         bars = {REAL: _published(), **bars}
+        titles[REAL] = "Thesis's VLP-16 (not captured)"
     widest = max(float(centres[-1]) for centres, _, _ in bars.values())
     for index, (model, (centres, means, stds)) in enumerate(bars.items()):
         line = "--" if model not in samples else "-"
         shift = (index - (len(bars) - 1) / 2) * 0.015 * widest
         colour = model_style(model, style).colour
-        axes.errorbar(centres + shift, means, stds, color=colour, linestyle=line, capsize=1.5)
+        axes.errorbar(
+            centres + shift,
+            means,
+            stds,
+            color=colour,
+            linestyle=line,
+            capsize=1.5,
+            label=titles[model],
+        )
     ends = [mean + side * std for _, mean, std in bars.values() for side in (-1, 1)]
     limit = symmetric_limit(np.nan_to_num(np.concatenate(ends)), _MIN_BINS_LIMIT_M)
     axes.set_ylim(-limit, limit)
