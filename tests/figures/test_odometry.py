@@ -41,8 +41,8 @@ def test_legend_names_codecs_times_margin_and_lost_turns() -> None:
     figure = draw_odometry(table, FigureStyle())
     (legend,) = figure.legends
     words = {text.get_text() for text in legend.get_texts()}
-    assert {"margin", "turns lost", "undecoded, no times"} < words
-    assert len(words) == 5  # the codec with times from azimuths, and without
+    assert {"margin", "95 % interval", "turns lost", "undecoded, no times"} < words
+    assert len(words) == 6  # the codec with times from azimuths, and without
 
 
 def test_two_odometries_are_two_rows() -> None:

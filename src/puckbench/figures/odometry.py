@@ -148,6 +148,8 @@ def _handles(rows: pd.DataFrame, style: FigureStyle) -> list[Artist]:
     if ((rows["codec"] == UNDECODED) & (rows["times"] == NONE)).any():
         handles.append(line_handle("undecoded, no times", **untimed))
     handles.append(Patch(color=_MARGIN_COLOUR, label="margin"))
+    if rows["low"].notna().any():
+        handles.append(line_handle("95 % interval", color="#555555", marker="|", linestyle=""))
     if (coded["lost_turns"] > 0).any():
         handles.append(line_handle("turns lost", **_LOST))
     return handles
