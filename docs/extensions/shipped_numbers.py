@@ -145,7 +145,7 @@ def recordings() -> str:
 
 _NOISE_CODECS = ("puck", "jpegxl", "gpcc_predictive", "gpcc_angular", "gpcc", "draco")
 _NOISE_SETS = {"turns": "rooms", "streets": "streets"}
-_MODELS = {"none": "none", "measured": "vlp16_measured", "vlp16": "vlp16"}
+_MODELS = {"none": "none", "measured": "vlp16_measured"}
 
 
 @shown
