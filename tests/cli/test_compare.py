@@ -67,6 +67,16 @@ def test_deltas_are_the_known_ratios(
         assert (np.abs(picture - pale).max(axis=2) < 6).sum() > 200
 
 
+def test_clouds_of_one_scene_count_once(
+    mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The study says which clouds share a scene, the run does not."""
+    scenes = {"scene": lambda rows: rows["cloud"].str[-1].astype(int) // 2}
+    study = write_study(tmp_path / "seeds.parquet", **scenes)
+    _, out, _ = compare(capsys, write_run(tmp_path, mine), "--with", study, "--json")
+    assert [(row["clouds"], row["scenes"]) for row in json.loads(out)["deltas"]] == [(4, 2)] * 4
+
+
 def test_the_table_has_the_run_s_codec_before_theirs(
     study: str, mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -355,7 +355,8 @@ def _curves(**ratios: list[float]) -> pd.DataFrame:
 
 def _ranking(metrics: pd.DataFrame) -> str:
     pairs = bd_rate_pairs(metrics, "gpcc", ["d1_psnr"])
-    return ranking_text(pairs, FigureStyle()).replace("\xa0", " ")
+    codecs, clouds = list(dict.fromkeys(metrics["codec"])), metrics["cloud"].nunique()
+    return ranking_text(pairs, codecs, clouds, FigureStyle()).replace("\xa0", " ")
 
 
 DRACO = [0.5, 0.49, 0.5, 0.52, 0.5, 0.49]
@@ -386,7 +387,7 @@ def test_a_codec_that_is_not_comparable_in_every_scene_wins_nothing() -> None:
     metrics = _curves(gpcc=[1.0] * 7, draco=[*DRACO, 0.5], laz=[*WORSE, 0.6])
     assert _ranking(metrics).startswith("Draco needs the fewest bits")
     apart = (metrics["codec"] == "laz") & (metrics["cloud"] == "c3")
-    told = f"{NOBODY}Draco; 2 of 3 pairs not comparable in all scenes"
+    told = f"{NOBODY}Draco; 2 of 3 pairs not comparable on all clouds"
     far = metrics.assign(d1_psnr=metrics["d1_psnr"] + 100 * apart)
     assert _ranking(far) == told
     assert _ranking(metrics[~apart]) == told
@@ -398,6 +399,29 @@ def test_a_codec_that_met_only_some_of_the_others_wins_nothing() -> None:
     is_late = metrics["cloud"].str[1:].astype(int) >= 6
     metrics = metrics[(metrics["codec"] == "laz") | (is_late == (metrics["codec"] == "gpcc"))]
     assert _ranking(metrics).startswith(f"{NOBODY}Draco")
+
+
+def test_nobody_wins_against_a_codec_without_a_curve_or_on_a_part_of_the_clouds() -> None:
+    metrics = _curves(gpcc=[1.0] * 6, draco=DRACO)
+    exact = metrics[metrics["codec"] == "draco"].head(1).assign(codec="laz", d1_psnr=np.nan)
+    assert _ranking(pd.concat([metrics, exact.assign(lossless=True)])).startswith(NOBODY)
+    late = _curves(gpcc=[1.0] * 10)[
+        lambda rows: rows["cloud"].isin([f"c{n}" for n in range(6, 10)])
+    ]
+    assert _ranking(pd.concat([metrics, late])).startswith(NOBODY)
+
+
+def test_lossless_ranges_stay_in_the_comparison() -> None:
+    metrics = _curves(gpcc=[1.0] * 6, draco=DRACO)
+    ranges = 10 ** (-metrics["d1_psnr"] / 20)
+    exact = metrics[(metrics["rate"] == "r0")].assign(codec="laz", range_rms_mm=0.0, lossless=True)
+    both = pd.concat([metrics.assign(range_rms_mm=ranges, lossless=False), exact])
+    both = both.drop_duplicates(["cloud", "codec", "rate"])
+    pairs = bd_rate_pairs(both, "gpcc", ["range_rms_mm"])
+    assert set(pairs["codec"]) == {"gpcc", "draco", "laz"}
+    assert "needs the fewest bits" not in ranking_text(
+        pairs, ["gpcc", "draco", "laz"], 6, FigureStyle()
+    )
 
 
 def test_findings_have_the_bd_rates_of_all_codecs() -> None:
@@ -434,6 +458,7 @@ PART = {"ratio": np.nan, "verdict": "no verdict", "scenes": 4}
 def test_findings_name_the_codec_of_fewest_bits_that_odometry_needs() -> None:
     drive = {"dataset": "street", "odometry": "kiss_icp", "unit": "%", "trajectories": 8}
     drive |= {"undecoded": 0.4, "margin": 0.1, "value": 0.45}
+    drive |= {"difference": 0.05, "low": 0.02, "high": 0.08}
     table = pd.DataFrame(
         [
             {**drive, "codec": "draco", "bits": 3.0, "verdict": "not worse"},
@@ -449,7 +474,7 @@ def test_findings_name_the_codec_of_fewest_bits_that_odometry_needs() -> None:
         "0.8",
         "8",
     )
-    assert street.verdict == "not worse by more than 0.1 % than 0.4 %"
+    assert street.verdict == "coding adds 0.050 (0.020 to 0.080) % to 0.4 %"
     assert (yard.codec, yard.bits, yard.verdict) == ("\N{EN DASH}", "\N{EN DASH}", "no verdict")
 
 

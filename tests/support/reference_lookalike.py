@@ -59,9 +59,9 @@ def clouds_of(digests: dict[tuple[str, str], str]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def write_study(file: Path) -> Path:
-    """Reference results of Draco and G-PCC."""
-    metrics = pd.concat([rows_of("draco", DRACO), rows_of("gpcc", GPCC)])
+def write_study(file: Path, **columns: Any) -> Path:
+    """Reference results of Draco and G-PCC, with further columns."""
+    metrics = pd.concat([rows_of("draco", DRACO), rows_of("gpcc", GPCC)]).assign(**columns)
     about = {
         "configuration": {},
         "style": [{"dataset_titles": {"objects": "Things"}}],

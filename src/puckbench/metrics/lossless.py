@@ -20,7 +20,7 @@ _ROUNDING = 2.0**-21
 in two operations of a decoder and at writing, along three axes."""
 _MOST = 1e-4
 """Largest error attributed to rounding, metres."""
-_OF_THE_SHAPE = ("d1_", "d2_", "cd_", "acd_", "hausdorff_", "q99_", "view_")
+_OF_THE_SHAPE = ("d1_", "d2_", "cd_", "acd_", "hausdorff_", "q99_", "range_", "view_")
 """Prefixes of columns that compare the decoded cloud with the original."""
 _BEST_DB, MOST_DB = 1e9, 1e4
 """PSNR of lossless clouds in quantiles, and a limit above all PSNRs of lossy clouds, dB."""

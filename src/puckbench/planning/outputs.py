@@ -146,13 +146,18 @@ class OutputJobs:
 
     def table_options(self, table: str) -> Options:
         """Return the options of a table's function that its needs or the configuration set."""
-        entry, chosen = table_entry(table), self.config.bd_rate
+        entry = table_entry(table)
         options = {name: value for need in entry.needs for name, value in self._met[need].items()}
-        compared = {"qualities": chosen.metrics, "margin_percent": chosen.margin_percent}
         taken = signature(entry.make).parameters
         if "anchor" in taken:
             options["anchor"] = self.anchor
-        return options | {name: value for name, value in compared.items() if name in taken}
+        chosen = self._comparison.items()
+        return options | {name: value for name, value in chosen if name in taken}
+
+    @property
+    def _comparison(self) -> Options:
+        chosen = self.config.bd_rate
+        return {"qualities": chosen.metrics, "margin_percent": chosen.margin_percent}
 
     @property
     def anchor(self) -> str:
@@ -291,7 +296,8 @@ class OutputJobs:
     def reference(self) -> PlannedJob:
         """Plan the file of reference results, with which other runs can be compared."""
         record = Reference(
-            contents=self.report_contents.as_json(), bd_rate=self.table_options("bd_rate")
+            contents=self.report_contents.as_json(),
+            bd_rate={"anchor": self.anchor, **self._comparison},
         )
         return planned(record)
 

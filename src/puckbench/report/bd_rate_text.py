@@ -36,7 +36,7 @@ def has_delta(row: _Row | None) -> bool:
 def delta_note(row: _Row | None) -> str:
     """Return interval, scenes and verdict of a BD-rate, or the reason why there is none."""
     if row is None:
-        return NO_COMMON_RANGE
+        return "not measured"
     if not has_delta(row):
         counts = {name: _number(row, name) for name in _REASONS}
         most = max(counts, key=lambda name: counts[name])

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from math import floor, log10
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,12 @@ def cell_text(value: Any) -> str:
     if isinstance(value, float | np.floating):
         return "" if np.isnan(value) else _number_text(float(value))
     return "" if value is None or value is _missing() else str(value)
+
+
+def interval_text(value: float, low: float, high: float) -> str:
+    """Return "1.004 (1.002 to 1.007)": as many decimals as two digits of the width need."""
+    decimals = max(0, 1 - floor(log10(high - low))) if high > low else 2
+    return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
 
 
 def _number_text(value: float) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from puckbench.core.errors import InputError, among, naming
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks
+from puckbench.metrics.statistics import SCENE, with_scenes
 from puckbench.metrics.tables.rate_deltas import bd_rate
 from puckbench.report.reference_results import DIGEST, ReferenceResults, check_results
 
@@ -189,7 +190,10 @@ def _deltas(
     margin = reference.bd_rate["margin_percent"]
     tables = []
     run_rows, reference_rows = (_judged(table) for table in (run_rows, reference_rows))
-    columns = ["dataset", "cloud", "codec", "rate", "bpp", LOSSLESS, PEAK, *qualities]
+    reference_rows = with_scenes(reference_rows)
+    scenes = reference_rows[[*_CLOUD, SCENE]].drop_duplicates()
+    run_rows = run_rows.drop(columns=SCENE, errors="ignore").merge(scenes, on=_CLOUD)
+    columns = [*_CLOUD, SCENE, "codec", "rate", "bpp", LOSSLESS, PEAK, *qualities]
     for codec in reference.style.ordered_codecs(reference_rows["codec"]):
         anchor = f"{codec} ({reference.name})"  # no codec's name has parentheses
         rows = reference_rows.loc[reference_rows["codec"] == codec, columns].assign(codec=anchor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from puckbench.metrics.lossless import lossless_rows
 from puckbench.metrics.statistics import BETTER, MIN_SCENES, NO_VERDICT, NOT_WORSE, UNDECIDED
 from puckbench.metrics.tables.uses import FEWEST, NEAREST, USES
 from puckbench.report.bd_rate_text import delta_note, delta_text, delta_value
+from puckbench.report.cells import interval_text
 from puckbench.report.column_labels import column_label
 from puckbench.report.plot_data import codec_payload
 
@@ -136,21 +137,18 @@ def _use_row(rows: list[dict[Any, Any]], use: str, clouds: str, style: FigureSty
 
 def _drive_rows(table: pd.DataFrame, style: FigureStyle) -> Iterator[UseRow]:
     for (dataset, odometry), part in table.groupby(["dataset", "odometry"], sort=False):
-        rows = part.sort_values("bits", na_position="last").to_dict("records")
-        best = rows[0]
-        enough = best["verdict"] == NOT_WORSE
-        verdict = str(best["verdict"])
+        best = part.sort_values("bits", na_position="last").to_dict("records")[0]
+        unit, verdict = best["unit"], str(best["verdict"])
+        enough = verdict == NOT_WORSE
         if enough:
-            title, unit = style.of_codec(best["codec"]).title, best["unit"]
-            verdict += (
-                f" by more than {best['margin']:.2g} {unit} than {best['undecoded']:.2g} {unit}"
-            )
+            added = interval_text(best["difference"], best["low"], best["high"])
+            verdict = f"coding adds {added} {unit} to {best['undecoded']:.2g} {unit}"
         yield UseRow(
-            use=f"odometry ({odometry}) as good as without coding",
+            use=f"odometry ({odometry}): coding adds less than {best['margin']:.2g} {unit}",
             clouds=style.title(str(dataset)),
-            codec=title if enough else _DASH,
+            codec=style.of_codec(best["codec"]).title if enough else _DASH,
             bits=f"{best['bits']:.3g}" if enough else _DASH,
-            error=f"{best['value']:.2g}\N{NO-BREAK SPACE}{best['unit']}" if enough else _DASH,
+            error=f"{best['value']:.2g}\N{NO-BREAK SPACE}{unit}" if enough else _DASH,
             largest=_DASH,
             seconds=_DASH,
             scenes=str(best["trajectories"]),
@@ -176,7 +174,7 @@ def _verdict_text(rows: list[dict[Any, Any]], style: FigureStyle) -> str:
         rival = style.of_codec(others[0]["codec"]).title
         ratio, low, high = (others[0][name] for name in ("ratio", "ratio_low", "ratio_high"))
         what = "error" if best["verdict"] == NEAREST else "bits"
-        times = f"{ratio:.2f} ({low:.2f} to {high:.2f}) times the {what}"
+        times = f"{interval_text(ratio, low, high)} times the {what}"
         return f"{best['verdict']}; {rival} has {times}"
     near = [row["codec"] for row in others if row["verdict"] in _NEAR][:_NAMED]
     titles = ", ".join(style.of_codec(codec).title for codec in near)
@@ -192,7 +190,7 @@ def _of_dataset(
     rows = metrics[metrics["dataset"] == name]
     codecs = style.ordered_codecs(rows["codec"])
     anchor, of_set = deltas["anchor"].iloc[0], deltas[deltas["dataset"] == name]
-    statements, columns = {}, {}
+    statements, columns, clouds = {}, {}, rows["cloud"].nunique()
     for metric in dict.fromkeys(of_set["metric"]):
         by_codec = of_set[of_set["metric"] == metric].set_index("codec").to_dict("index")
         heading = f"BD-rate, {short_title(metric)}"
@@ -201,11 +199,9 @@ def _of_dataset(
             for codec in codecs
         }
         of_metric = pairs[(pairs["dataset"] == name) & (pairs["metric"] == metric)]
-        statements[heading] = ranking_text(of_metric, style)
+        statements[heading] = ranking_text(of_metric, codecs, clouds, style)
     described = tuple(codec_payload(codec, style) for codec in codecs)
-    return DatasetFindings(
-        style.title(name), rows["cloud"].nunique(), statements, columns, described
-    )
+    return DatasetFindings(style.title(name), clouds, statements, columns, described)
 
 
 def short_title(metric: str) -> str:
@@ -217,18 +213,17 @@ def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
     return Cell(delta_value(row) or _DASH, delta_note(row))
 
 
-def ranking_text(pairs: pd.DataFrame, style: FigureStyle) -> str:
+def ranking_text(
+    pairs: pd.DataFrame, codecs: Sequence[str], clouds: int, style: FigureStyle
+) -> str:
     """Return which codec needs fewer bits than each other one, by the table ``bd_rate_pairs``.
 
-    A codec is named only if it is better than every other in all scenes. Otherwise those are named
-    to which no other codec is better.
+    `codecs` are all codecs of the data set, which has `clouds`. A codec is named only if it is
+    better than every other on all clouds. Otherwise those are named to which no other is better.
     """
-    if pairs.empty:
-        return ""
     rows = pairs.to_dict("records")
-    if max(row["scenes"] for row in rows) < MIN_SCENES:
+    if max((row["scenes"] for row in rows), default=0) < MIN_SCENES:
         return f"no verdict: fewer than {MIN_SCENES} scenes with comparable curves"
-    codecs, clouds = style.ordered_codecs(pairs["codec"]), max(row["clouds"] for row in rows)
     for codec in codecs:
         against = [row for row in rows if row["codec"] == codec]
         if len(against) == len(codecs) - 1 and all(
@@ -241,5 +236,6 @@ def ranking_text(pairs: pd.DataFrame, style: FigureStyle) -> str:
     unbeaten = [style.of_codec(codec).title for codec in codecs if codec not in beaten]
     count = len(codecs) * (len(codecs) - 1) // 2
     apart = count - sum(row["compared"] == clouds for row in rows) // 2
-    unknown = f"; {apart} of {count} pairs not comparable in all scenes" if apart else ""
-    return f"no codec is better than every other; not beaten: {', '.join(unbeaten)}{unknown}"
+    unknown = f"; {apart} of {count} pairs not comparable on all clouds" if apart else ""
+    named = ", ".join(unbeaten) or "none"
+    return f"no codec is better than every other; not beaten: {named}{unknown}"

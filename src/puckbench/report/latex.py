@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from math import floor, isnan, log10, nan
+from math import isnan, nan
 from typing import TYPE_CHECKING, Any
 
-from puckbench.report.cells import cell_text
+from puckbench.report.cells import cell_text, interval_text
 from puckbench.report.column_labels import table_heading
 from puckbench.report.tables import is_bookkeeping
 
@@ -49,8 +49,7 @@ def _cell(row: Mapping[Any, Any], name: str) -> str:
     if isnan(value):
         return ""
     if not (isnan(low) or isnan(high) or low == high):
-        decimals = max(0, 1 - floor(log10(high - low)))
-        return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
+        return interval_text(value, low, high)
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 

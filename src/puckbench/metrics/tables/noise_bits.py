@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 _GRID_MM = 1.0
 BITS = ("grid_1_mm", "at_5_mm")
 """Columns of bits per return: lossless or on a 1 mm grid, and at equal error."""
+_COMPARED = ("added_grid_1_mm", "saved_grid_1_mm_percent", "added_at_5_mm", "saved_at_5_mm_percent")
+"""Columns that compare with the error model of the least noise."""
 _RAYS = (SCENE, "sensor", "turns", "firings")
 """Columns that are equal for clouds of the same rays."""
 _CLOUD = ["dataset", "cloud"]
@@ -33,6 +35,7 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     error of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the error
     model with the least noise; ``saved_..._percent``: by how much fewer bits this quietest model
     needs. ``models``: number of error models of the rays.
+    ``scenes``: scenes with a value, of the column with the fewest.
     """
     import pandas as pd
 
@@ -54,6 +57,8 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
         rows[f"added_{column}"] = rows[column] - rows[f"{column}_least"]
         rows[f"saved_{column}_percent"] = 100 * (1 - rows[f"{column}_least"] / rows[column])
     keys = ["models", "dataset", "error_model", "codec"]
+    values = ["noise_bits", *BITS, *_COMPARED]
+    rows = rows.groupby([*keys, SCENE])[values].mean().reset_index()
     table = pd.DataFrame(
         {**dict(zip(keys, names, strict=True)), **_estimates(part)}
         for names, part in rows.groupby(keys)
@@ -64,13 +69,12 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
 
 def _estimates(rows: pd.DataFrame) -> dict[str, float]:
     values: dict[str, float] = {"noise_bits": float(rows["noise_bits"].mean())}
-    columns = [f"{part}_{bits}" for bits in BITS for part in ("added", "saved")]
-    columns = [f"{name}_percent" if name.startswith("saved") else name for name in columns]
-    for column in (*BITS, *columns):
+    for column in (*BITS, *_COMPARED):
         estimate = Estimate.of(rows[column])
         values |= {column: estimate.mean}
         values |= {f"{column}_low": estimate.low, f"{column}_high": estimate.high}
-    return {**values, "scenes": len(rows)}
+    counts = rows[list(BITS)].count()
+    return {**values, "scenes": int(min(counts[counts > 0], default=0))}
 
 
 def _bits(curve: pd.DataFrame) -> dict[str, Any]:

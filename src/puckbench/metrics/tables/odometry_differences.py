@@ -8,7 +8,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.lidar.drives import KEPT
-from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
+from puckbench.metrics.statistics import SCENE, UNDECIDED, Estimate, means_over_seeds
 from puckbench.metrics.table_registry import ODOMETRY, TABLES, UNDECODED
 from puckbench.metrics.tasks.odometry import GICP
 
@@ -74,7 +74,12 @@ def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
     pooled = rows[rows["measure"] == MEASURES[0].name]
     if pooled["dataset"].nunique() > 1:
         rows, shown = pd.concat([rows, pooled.assign(dataset=ALL)]), [*shown, ALL]
-    results = [row for dataset in shown for row in _of_dataset(rows[rows["dataset"] == dataset])]
+    results = [
+        row
+        for dataset in shown
+        for _, part in rows[rows["dataset"] == dataset].groupby("odometry", sort=False)
+        for row in _of_dataset(part)
+    ]
     if not results:
         raise InputError("drives table: no codec's results and those of the undecoded drives")
     return pd.DataFrame(results)
@@ -136,7 +141,7 @@ def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
     for key, group in means.groupby(_KEYS, sort=False):
         named = dict(zip(_KEYS, key, strict=True))
         is_baseline = named["codec"] == UNDECODED and named["times"] == first["baseline"]
-        if is_baseline or len(group) < trajectories:  # the baseline, or a rate that not all have
+        if is_baseline:
             continue
         difference = Estimate.of(group["difference"])
         undecoded = float(group["undecoded"].mean())
@@ -147,7 +152,7 @@ def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
             "measure": measure.name,
             "unit": measure.unit,
             "bits": float(group["bpp"].mean()),
-            "trajectories": trajectories,
+            "trajectories": len(group),
             "undecoded": undecoded,
             "value": float(group["value"].mean()),
             "difference": difference.mean,
@@ -156,7 +161,7 @@ def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
             "least": difference.least,
             "most": difference.most,
             "margin": margin,
-            "verdict": difference.verdict(margin),
+            "verdict": difference.verdict(margin) if len(group) == trajectories else UNDECIDED,
             "lost_turns": int(np.ceil(group["lost"].sum())),
             "turns": int(group["turns"].sum()),
             "poses": poses,

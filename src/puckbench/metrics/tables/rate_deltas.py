@@ -32,6 +32,8 @@ _GROUP = ["dataset", "metric", "codec"]
 _OF_CURVE = ("points", "pooled", LOSSLESS)
 """Columns that describe the codec's curve; ``anchor_...`` describes the anchor's."""
 _LENGTHS = ("_m", "_mm")
+"""Ends of the names of lengths, and parts of the names of those in the cloud's unit."""
+_LENGTHS_IN_UNITS = ("hausdorff_p", "q99_p")
 _STATUS = {
     "no_common_range": NO_COMMON_RANGE,
     "little_overlap": LITTLE_OVERLAP,
@@ -220,7 +222,8 @@ def _quality(metrics: pd.DataFrame, column: str) -> Floats:
     values = metrics[column].to_numpy(dtype=float)
     if column.endswith("_psnr"):
         return values
-    factor = -20 if column.endswith(_LENGTHS) else -10
+    is_length = column.endswith(_LENGTHS) or any(name in column for name in _LENGTHS_IN_UNITS)
+    factor = -20 if is_length else -10
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(values > 0, factor * np.log10(values), np.nan)
 

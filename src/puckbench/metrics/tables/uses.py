@@ -14,7 +14,6 @@ from puckbench.metrics.statistics import (
     NO_VERDICT,
     SCENE,
     UNDECIDED,
-    WORSE,
     Estimate,
     with_scenes,
 )
@@ -33,7 +32,7 @@ _MM = {
     "truth_q99_mm": "truth_q99_point_m",
     "truth_d2_rms_mm": "truth_d2_rms_m",
 }
-_CURVE = ["bpp", "seconds", "real_time", "lossless", "ranked", *_MM]
+_CURVE = ["bpp", "seconds", "real_time", "lossless", "lost", "ranked", *_MM]
 _ZERO = 1e-6
 """Interpolated value (mm, s) below which a value counts as zero."""
 SHOWN = ("bpp", "error_mm", "largest_mm", "seconds")
@@ -53,9 +52,14 @@ class Curve:
         kept = kept & ~np.isnan(self.columns[column])
         return bits_to_reach(self.bits[kept], self.columns[column][kept], limit)
 
-    def at(self, bits: float, column: str) -> float:
-        """Return a column's value, interpolated on log-log axes; nan are left out."""
+    def at(self, bits: float, column: str, rate: str = "") -> float:
+        """Return a column's value at a rate or, interpolated on log-log axes, at `bits`.
+
+        Rates without a value are left out.
+        """
         values = self.columns[column]
+        if rate in self.rates:
+            return float(values[self.rates.index(rate)])
         known = ~np.isnan(values)
         if not known.any():
             return float("nan")
@@ -95,7 +99,8 @@ def _within(column: str, limit: float) -> Callable[[Curve, str], float]:
 
 
 def _lossless(curve: Curve, _: str) -> float:
-    return float(min(curve.bits[curve.columns["lossless"] > 0], default=np.nan))
+    complete = (curve.columns["lossless"] > 0) & (curve.columns["lost"] == 0)
+    return float(min(curve.bits[complete], default=np.nan))
 
 
 def _in_real_time(curve: Curve, _: str) -> float:
@@ -140,7 +145,8 @@ def uses(
     turns, on one thread).
     ``bpp``: fewest bits per point, interpolated on log-log axes between rates; ``error_mm``: the
     error that the use is about; ``largest_mm``: largest distance to the original, point to point;
-    ``seconds``: to encode and decode a million points; geometric means over scenes. ``ratio``: bits
+    ``seconds``: to encode and decode a million points; geometric means over scenes, arithmetic ones
+    if a value is 0. ``ratio``: bits
     (``nearest``: error) relative to the best codec, with 95 % interval by Student's t from six
     scenes on. ``verdict``: "fewest bits" or "nearest" if the best is better than each other codec;
     of others, "worse", "not worse" by more than the margin, or "undecided"; "no verdict" below six
@@ -152,7 +158,7 @@ def uses(
     rows = with_scenes(metrics).assign(
         lossless=lossless_rows(metrics), ranked=ranked_rows(metrics), seconds=_seconds(metrics)
     )
-    rows = rows.assign(real_time=_real_time(rows), **_in_mm(rows))
+    rows = rows.assign(real_time=_real_time(rows), lost=_lost(rows), **_in_mm(rows))
     noisy = _noisy(scan_errors)
     table: list[dict[str, Any]] = []
     for dataset, part in rows.groupby("dataset", sort=False):
@@ -172,10 +178,11 @@ def uses(
                 for codec, of_codec in curves.items()
                 if len(values := _served(*of_codec, use))
             }
+            is_timed = not use.in_time or all(_is_timed(each) for _, each in curves.values())
             margin = float(np.log1p(margin_percent / 100))
             table += [
                 {"dataset": dataset, "use": name, **row}
-                for row in _ranked(served, scenes, use, margin)
+                for row in _ranked(served, scenes, use, margin, is_timed)
             ]
     columns = ["dataset", "use", "codec", *SHOWN, "ratio", "ratio_low", "ratio_high"]
     return pd.DataFrame(table, columns=[*columns, "verdict", "scenes"])
@@ -204,34 +211,55 @@ def _real_time(rows: pd.DataFrame) -> Any:
     return speeds.min(axis=1, skipna=False).where(threads.eq(1))
 
 
+def _lost(rows: pd.DataFrame) -> Any:
+    """Return the numbers of lost points; 0 where the numbers of points are not known."""
+    counts = rows.reindex(columns=["points_in", "points_out"])
+    return (counts["points_in"] - counts["points_out"]).clip(lower=0).fillna(0)
+
+
+def _is_timed(curves: list[tuple[Any, Curve]]) -> bool:
+    """Return whether times decide if a codec is fast enough for an error of 5 mm.
+
+    Codecs that do not reach this error need no times.
+    """
+    columns = [curve.columns for _, curve in curves if np.isfinite(curve.within("d1_rms_mm", 5.0))]
+    return all(each["ranked"].all() and not np.isnan(each["real_time"]).any() for each in columns)
+
+
 def _served(rows: pd.DataFrame, curves: list[tuple[Any, Curve]], use: Use) -> pd.DataFrame:
-    """Return the values of a codec that serves a use, by scene (means over seeds)."""
+    """Return the values of a codec by scene (means over seeds), for scenes of which it serves a use
+    on every cloud.
+    """
     import pandas as pd
 
     nearest = _nearest_rates(rows) if use.by_error else {}
     values = []
     for scene, curve in curves:
-        bits = use.choose(curve, nearest.get(scene, ""))
+        rate = nearest.get(scene, "")
+        bits = use.choose(curve, rate)
+        shown = {"error_mm": use.error, "largest_mm": "largest_mm", "seconds": "seconds"}
+        row = dict.fromkeys(shown, np.nan)
         if np.isfinite(bits):
-            shown = {"error_mm": use.error, "largest_mm": "largest_mm", "seconds": "seconds"}
-            row = {name: curve.at(bits, column) for name, column in shown.items()}
-            ranked = float(curve.columns["ranked"].all())
-            values.append({SCENE: scene, "bpp": bits, **row, "ranked": ranked})
-    return pd.DataFrame(values).groupby(SCENE).mean() if values else pd.DataFrame()
+            row = {name: curve.at(bits, column, rate) for name, column in shown.items()}
+        is_served = np.isfinite(bits) and np.isfinite(row["error_mm"])
+        values.append({SCENE: scene, "bpp": bits, **row, "served": is_served})
+    table = pd.DataFrame(values).groupby(SCENE).mean()
+    return table[table["served"] == 1]
 
 
 def _nearest_rates(rows: pd.DataFrame) -> dict[Any, str]:
     """Return, by scene, the rate with the least mean log distance to the truth in all others."""
     errors = rows.groupby([SCENE, "rate"])["truth_d2_rms_mm"].mean().unstack()
-    logs: pd.DataFrame = errors.dropna(axis="columns", how="all").transform("log")
+    known = errors.dropna(axis="columns", how="all").dropna(axis="index", how="all")
+    logs: pd.DataFrame = known.transform("log")
     if logs.empty:
         return {}
     others = {scene: logs.drop(scene) if len(logs) > 1 else logs for scene in logs.index}
-    return {scene: str(each.mean().idxmin()) for scene, each in others.items()}
+    return {scene: str(each.mean().dropna().idxmin()) for scene, each in others.items()}
 
 
 def _ranked(
-    served: Mapping[str, pd.DataFrame], scenes: int, use: Use, margin: float
+    served: Mapping[str, pd.DataFrame], scenes: int, use: Use, margin: float, is_timed: bool
 ) -> Iterator[dict[str, Any]]:
     score = "error_mm" if use.by_error else "bpp"
     whole = {codec: values for codec, values in served.items() if len(values) == scenes}
@@ -240,7 +268,6 @@ def _ranked(
         codec: Estimate.of(np.log(whole[codec][score] / whole[order[0]][score]))
         for codec in order[1:]
     }
-    is_timed = all(values["ranked"].all() for values in whole.values()) or not use.in_time
     can_rank = is_timed and scenes >= MIN_SCENES
     for codec in [*order, *(codec for codec in served if codec not in whole)]:
         values, verdict = served[codec], NO_VERDICT
@@ -250,7 +277,7 @@ def _ranked(
             ends = {"": estimate.mean, "_low": estimate.low, "_high": estimate.high}
             ratio = {f"ratio{end}": float(np.exp(value)) for end, value in ends.items()}
             if can_rank:
-                verdict = WORSE if estimate.low > 0 else estimate.verdict(margin)
+                verdict = estimate.verdict(margin)
         elif codec in order and can_rank and ratios:
             is_best = all(other.low > 0 for other in ratios.values())
             verdict = (NEAREST if use.by_error else FEWEST) if is_best else UNDECIDED
@@ -259,6 +286,5 @@ def _ranked(
 
 
 def _mean(values: pd.Series[float]) -> float:
-    if values.eq(0).all():
-        return 0.0
-    return Estimate.of_ratios(values[values > 0]).mean
+    """Return the geometric mean or, if a value is 0, the arithmetic mean."""
+    return float(values.mean() if values.eq(0).any() else Estimate.of_ratios(values).mean)
