@@ -143,7 +143,8 @@ def uses(
     ``nearest`` (least RMS distance of a noisy scan to the true surface, D2, at the rate that is
     best in the other scenes); ``real_time`` (5 mm, coded and decoded no slower than the sensor
     turns, on one thread).
-    ``bpp``: fewest bits per point, interpolated on log-log axes between rates; ``error_mm``: the
+    ``bpp``: fewest bits per point, interpolated on log-log axes between rates, or those of the
+    lowest rate if it is already good enough; ``error_mm``: the
     error that the use is about; ``largest_mm``: largest distance to the original, point to point;
     ``seconds``: to encode and decode a million points; geometric means over scenes, arithmetic ones
     if a value is 0. ``ratio``: bits
