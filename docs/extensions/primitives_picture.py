@@ -77,7 +77,7 @@ def draw_primitives(cloud: PointCloud, truth: Mesh, rate: str = "r4") -> Figure:
             decoded,
             None,
         ),
-        f"(d) The decoded cloud: at most {most[1]:.0f} mm from the truth": (decoded, by_error[1]),
+        f"(d) Decoded: at most {most[1]:.0f} mm from the truth": (decoded, by_error[1]),
     }
     shown = {
         title: render_cloud(xyz, colours, view, _PIXELS, radius=3)

@@ -224,6 +224,15 @@ def primitives_truth() -> str:
 
 
 @shown
+def primitives_nearest() -> str:
+    part = rows_of("evidence", "nearest_truth", dataset="rooms", codec="primitives", distance="D2")
+    row = part.sort_values("percent_of_scan").iloc[0]
+    return (
+        f"{ends(row, 'percent_of_scan', 0)} % of the scan's at {row['rate']}, {row['bpp']:.2g} bits"
+    )
+
+
+@shown
 def rivals_truth() -> str:
     """The nearest rate of other codecs (one rate for all rooms), in percent of the scan's."""
     rows = []
@@ -257,6 +266,17 @@ def primitives_bits() -> str:
 
 
 # ---- puck
+
+
+@shown
+def jpegxl_more() -> str:
+    """How many more bits JPEG XL needs than `puck` for lossless turns."""
+    texts = []
+    for dataset, words in (("turns_measured", "rooms"), ("streets_measured", "streets")):
+        row = rows_of("evidence", "uses", dataset=dataset, use="archive", codec="jpegxl").iloc[0]
+        more = (100 * (row[name] - 1) for name in ("ratio", "ratio_low", "ratio_high"))
+        texts.append(f"{interval(*more, 1)} % in {words}")
+    return ", ".join(texts)
 
 
 @shown

@@ -81,7 +81,7 @@ def test_what_noise_costs_is_drawn_at_equal_errors() -> None:
     ]  # fmt: skip
     table = noise_bits(metrics, clouds).set_index(["codec", "error_model"])
     none, vlp16 = [line.get_xdata() for line in exact.get_lines()[-2:]]
-    assert exact.get_title() == "Lossless, or on a grid of 1 mm (n = 3)"
+    assert exact.get_title() == "Rooms: lossless, or 1 mm (n = 3)"
     for drawn, model, noise in ((none, "none", 0.0), (vlp16, "vlp16", 4.4)):
         bits = [table.loc[(codec, model), "grid_1_mm"] for codec in ("puck", "gpcc")]
         np.testing.assert_allclose(drawn, [noise, *bits])

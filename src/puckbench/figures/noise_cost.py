@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.errors import error_model_title
-from puckbench.metrics.statistics import MIN_SCENES
+from puckbench.metrics.statistics import MIN_SCENES, SCENE, with_scenes
 from puckbench.metrics.table_registry import SEVERAL_NOISES
 from puckbench.metrics.tables.noise_bits import noise_bits
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PANELS = {"grid_1_mm": "Lossless, or on a grid of 1 mm", "at_5_mm": "At a D1 error of 5 mm"}
+_PANELS = {"grid_1_mm": "lossless, or 1 mm", "at_5_mm": "D1 error of 5 mm"}
 _MARKERS = "osD^vP"
 _JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}
 _INTERVAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
@@ -42,9 +43,10 @@ Line = tuple[str, Floats]
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Bits per return of the same rays under several error models, for the data sets with the most
-    error models and, among these, the most scenes. Markers: means over n scenes; grey lines join
-    the error models; black lines: 95 % intervals of the means of six scenes or more. Top: lossless,
-    or on a 1 mm grid. Bottom: at a D1 RMS error of 5 mm, if a codec reaches it.
+    error models and, among these, the most scenes; panels for each set of scenes. Markers: means
+    over n scenes; grey lines join the error models; black lines: 95 % intervals of the means of six
+    scenes or more. Bits without loss or on a 1 mm grid, and at a D1 RMS error of 5 mm, if a codec
+    reaches it.
 
     First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
     lossless codecs. It excludes the mean error of each laser in each turn, which a codec can learn.
@@ -58,21 +60,21 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     bits = noise_bits(metrics, clouds)
     bits = bits[bits["models"] == bits["models"].max()]
     bits = bits[bits["scenes"] == bits["scenes"].max()]
-    noise = bits.groupby("error_model")["noise_bits"].mean().sort_values(kind="stable")
-    markers = _markers(list(noise.index))
-    panel_lines = [_lines(bits, column, list(noise.index), style) for column in _PANELS]
-    if not any(panel_lines):
+    models = bits.groupby("error_model")["noise_bits"].mean().sort_values(kind="stable").index
+    markers = _markers(list(models))
+    panels = [panel for group in _groups(bits, clouds, style) for panel in _panels(group, style)]
+    if not panels:
         raise InputError("metrics table: no codec reaches a grid of 1 mm or a D1 error of 5 mm")
-    panel_lines[0].insert(0, ("entropy of the noise", np.tile(noise.to_numpy(float), (3, 1))))
     scenes = int(bits["scenes"].max())
-    heights = [len(lines) + 1 for lines in panel_lines]
+    heights = [len(lines) + 1.5 for _, lines in panels]
     height_in = _LINE_IN * sum(heights) + _AROUND_IN
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, height_in))
-    panels = figure.subplots(2, 1, height_ratios=heights)
-    for axes, lines, title in zip(panels, panel_lines, _PANELS.values(), strict=True):
+    drawn = figure.subplots(len(panels), 1, height_ratios=heights, squeeze=False, sharex=True)
+    for axes, (title, lines) in zip(drawn[:, 0], panels, strict=True):
         _draw_lines(axes, lines, list(markers.values()), scenes >= MIN_SCENES)
-        set_title(axes, f"{title} (n = {scenes})", 1, style)
-    panels[-1].set_xlabel(f"Bits per return, {BETTER}")
+        set_title(axes, title, 1, style)
+    drawn[0, 0].set_xlim(left=-0.02 * drawn[0, 0].get_xlim()[1])
+    drawn[-1, 0].set_xlabel(f"Bits per return, {BETTER}")
     handles = [line_handle(error_model_title(name), **mark) for name, mark in markers.items()]
     handles.append(line_handle("range of the models", **_JOINED))
     if scenes >= MIN_SCENES:
@@ -92,6 +94,29 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
         }
         for position, model in enumerate(models)
     }
+
+
+def _groups(
+    bits: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle
+) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield title and rows of the data sets of the same scenes."""
+    scenes = with_scenes(clouds).groupby("dataset")[SCENE].agg(frozenset)
+    names = style.ordered_datasets(bits["dataset"])
+    for group in dict.fromkeys(scenes[name] for name in names):
+        same = [name for name in names if scenes[name] == group]
+        yield style.title(same[0]).partition(",")[0], bits[bits["dataset"].isin(same)]
+
+
+def _panels(
+    group: tuple[str, pd.DataFrame], style: FigureStyle
+) -> Iterator[tuple[str, list[Line]]]:
+    title, bits = group
+    noise = bits.groupby("error_model")["noise_bits"].mean().sort_values(kind="stable")
+    entropy: Line = ("entropy of the noise", np.tile(noise.to_numpy(float), (3, 1)))
+    for column, words in _PANELS.items():
+        if lines := _lines(bits, column, list(noise.index), style):
+            first = [entropy] if column == next(iter(_PANELS)) else []
+            yield f"{title}: {words} (n = {int(bits['scenes'].max())})", [*first, *lines]
 
 
 def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyle) -> list[Line]:
@@ -118,7 +143,6 @@ def _draw_lines(
         axes.plot([values[1, number] for _, values in lines], positions, zorder=3, **marker)
     axes.set_yticks(positions, [name for name, _ in lines])
     axes.set_ylim(len(lines) - 0.4, -0.6)
-    axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="x", linewidth=0.4, alpha=0.6)
     axes.grid(visible=False, axis="y")
