@@ -94,7 +94,10 @@ def test_who_serves_some_scenes_alone_is_last_without_a_verdict() -> None:
     assert list(table.index) == ["x", "y", "part"]
     assert (table.loc["part", "verdict"], table.loc["part", "scenes"]) == ("no verdict", 5)
     assert np.isnan(table.loc["part", "ratio"])
-    assert table.loc["x", "verdict"] == "fewest bits"
+    assert table.loc["x", "verdict"] == "undecided"  # there it needs more bits
+    dear = part.assign(bpp=50 * part["bpp"])
+    table = _used("within_5_mm", dear, _rows("x", (10, 2)), _rows("y", (10, 2), 2))
+    assert table.loc["x", "verdict"] == "undecided"  # five scenes are too few to tell
 
 
 def test_who_never_serves_a_use_is_left_out() -> None:

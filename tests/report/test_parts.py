@@ -496,8 +496,8 @@ def test_the_best_for_a_use_has_its_numbers_and_its_rival() -> None:
     [
         ([_use("gpcc"), _use("laz", **RIVAL)], "undecided; then G-PCC"),
         ([_use("gpcc", verdict="not worse"), _use("laz")], "undecided; then G-PCC, LAZ"),
-        ([_use("gpcc", **RIVAL), _use("laz", **PART)], "undecided"),
-        ([_use("laz", **PART)], "the only one in every scene"),
+        ([_use("gpcc", **RIVAL), _use("laz", **PART)], "undecided; in some scenes alone LAZ"),
+        ([_use("laz", **PART)], "the only one in every scene; in some scenes alone LAZ"),
         ([], "the only one"),
     ],
 )
@@ -510,7 +510,7 @@ def test_without_a_winner_those_near_it_are_named(
 
 def test_who_serves_some_scenes_is_not_named_the_best() -> None:
     row = _use_row(_use("draco", **PART), _use("gpcc", **PART))
-    assert (row.verdict, row.is_decided) == ("none in every scene", False)
+    assert (row.verdict, row.is_decided) == ("no codec in every scene", False)
 
 
 def test_lossless_rates_are_named() -> None:

@@ -173,14 +173,18 @@ def lossless_tick_handle() -> Line2D:
     return line_handle("bits of lossless streams", **tick)
 
 
+_LONG_NAME = 3
+
+
 def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
-    """Label the rates r1, r2, ... or, if space is short, 1, 2, ..."""
+    """Label the rates r1, r2, ... or, if space is short, 1, 2, ...; long names stand upright."""
     density = len(rates) * abreast
     names = rates if density <= _MOST_NAMES else [rate.removeprefix("r") for rate in rates]
     step = math.ceil(density / _MOST_NUMBERS)
+    rotation = 90 if max(map(len, names), default=0) > _LONG_NAME else 0
     for axes in panels:
         axes.set_xlim(-0.5, len(rates) - 0.5)
-        axes.set_xticks(range(0, len(rates), step), names[::step])
+        axes.set_xticks(range(0, len(rates), step), names[::step], rotation=rotation)
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:

@@ -164,21 +164,23 @@ def _length_text(value: float) -> str:
 def _verdict_text(rows: list[dict[Any, Any]], style: FigureStyle) -> str:
     best, *others = rows
     if isnan(best["ratio"]):
-        return "none in every scene"
+        return "no codec in every scene"
     if not others:
         return "the only one"
+    partly = [style.of_codec(row["codec"]).title for row in others if isnan(row["ratio"])]
+    also = f"; in some scenes alone {', '.join(partly[:_NAMED])}" if partly else ""
     others = [row for row in others if not isnan(row["ratio"])]
     if not others:
-        return "the only one in every scene"
+        return f"the only one in every scene{also}"
     if best["verdict"] in (FEWEST, NEAREST):
         rival = style.of_codec(others[0]["codec"]).title
         ratio, low, high = (others[0][name] for name in ("ratio", "ratio_low", "ratio_high"))
         what = "error" if best["verdict"] == NEAREST else "bits"
         times = f"{interval_text(ratio, low, high)} times the {what}"
-        return f"{best['verdict']}; {rival} has {times}"
+        return f"{best['verdict']}; {rival} has {times}{also}"
     near = [row["codec"] for row in others if row["verdict"] in _NEAR][:_NAMED]
     titles = ", ".join(style.of_codec(codec).title for codec in near)
-    return f"{best['verdict']}{f'; then {titles}' if titles else ''}"
+    return f"{best['verdict']}{f'; then {titles}' if titles else ''}{also}"
 
 
 # ---- BD-rates

@@ -149,7 +149,8 @@ def uses(
     ``seconds``: to encode and decode a million points; geometric means over scenes, arithmetic ones
     if a value is 0. ``ratio``: bits
     (``nearest``: error) relative to the best codec, with 95 % interval by Student's t from six
-    scenes on. ``verdict``: "fewest bits" or "nearest" if the best is better than each other codec;
+    scenes on. ``verdict``: "fewest bits" or "nearest" if the best is better than each other codec,
+    also than those that serve the use in some scenes alone (there);
     of others, "worse", "not worse" by more than the margin, or "undecided"; "no verdict" below six
     scenes, or if times were not measured three times without other jobs. Codecs that serve the use
     in some scenes alone come last, without a verdict.
@@ -270,7 +271,13 @@ def _ranked(
         for codec in order[1:]
     }
     can_rank = is_timed and scenes >= MIN_SCENES
-    for codec in [*order, *(codec for codec in served if codec not in whole)]:
+    partly = [codec for codec in served if codec not in whole]
+    partly.sort(key=lambda codec: (-len(served[codec]), _mean(served[codec][score])))
+    rivals = [*ratios.values()]
+    for codec in partly if order else ():
+        there = (served[codec][score] / whole[order[0]][score]).dropna()
+        rivals.append(Estimate.of(np.log(there)))
+    for codec in [*order, *partly]:
         values, verdict = served[codec], NO_VERDICT
         ratio = {"ratio": 1.0} if codec in order else {}
         if codec in ratios:
@@ -279,8 +286,8 @@ def _ranked(
             ratio = {f"ratio{end}": float(np.exp(value)) for end, value in ends.items()}
             if can_rank:
                 verdict = estimate.verdict(margin)
-        elif codec in order and can_rank and ratios:
-            is_best = all(other.low > 0 for other in ratios.values())
+        elif codec in order and can_rank and rivals:
+            is_best = all(other.low > 0 for other in rivals)
             verdict = (NEAREST if use.by_error else FEWEST) if is_best else UNDECIDED
         shown = {name: _mean(values[name]) for name in SHOWN}
         yield {"codec": codec, **shown, **ratio, "verdict": verdict, "scenes": len(values)}
