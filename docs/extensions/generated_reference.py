@@ -80,7 +80,9 @@ def _uses(rows: Iterable[Any]) -> str:
         "Use": "use", "Clouds": "clouds", "Codec": "codec", "Bits per point": "bits",
         "Error": "error", "Largest error": "largest", "Scenes": "scenes", "Verdict": "verdict",
     }  # fmt: skip
-    return _table(list(shown), [[(getattr(row, k), "") for k in shown.values()] for row in rows])
+    return _html_table(
+        list(shown), [[(getattr(row, k), "") for k in shown.values()] for row in rows]
+    )
 
 
 def _deltas(dataset: Any) -> str:
@@ -91,10 +93,10 @@ def _deltas(dataset: Any) -> str:
         for codec in dataset.codecs
         for cells in [[column[codec["name"]] for column in columns]]
     ]
-    return _table(["Codec", *dataset.columns], rows)
+    return _html_table(["Codec", *dataset.columns], rows)
 
 
-def _table(heads: Sequence[str], rows: Iterable[Sequence[tuple[str, str]]]) -> str:
+def _html_table(heads: Sequence[str], rows: Iterable[Sequence[tuple[str, str]]]) -> str:
     """Rows of values with remarks below, as HTML that a narrow window shows as cards."""
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in heads)
     body = "\n".join(

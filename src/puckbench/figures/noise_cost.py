@@ -49,7 +49,8 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     reaches it.
 
     First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
-    codecs that keep ranges exactly. It excludes the mean error of each laser in each turn, which a codec can learn.
+    codecs that keep ranges exactly. It excludes the mean error of each laser in each turn, which a
+    codec can learn.
     """
     from matplotlib.figure import Figure
 
