@@ -81,7 +81,7 @@ def test_the_same_returns_give_the_same_bytes(codec: ReturnsCodec) -> None:
     first = codec.encode_returns(recorded(), rate)
     again = open_codec(codec.name)
     assert again.encode_returns(recorded(), rate) == first
-    assert codec_of(first) == codec.name
+    assert codec_of(first) == codec.name.replace("_key_turns", "")  # a variant's streams are puck's
 
 
 @pytest.fixture(scope="module")

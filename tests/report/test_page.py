@@ -133,7 +133,7 @@ def test_findings_say_first_which_codec_is_for_what(opened: Opened) -> None:
     ]  # fmt: skip
     nearest = rows[-1]
     assert nearest[1:3] == ["S3dis noisy", "Draco"]
-    assert re.fullmatch(r"nearest; G-PCC has 1\.\d\d \(.+ to .+\) times the error", nearest[-1])
+    assert re.fullmatch(r"nearest; G-PCC has 1\.\d+ \(.+ to .+\) times the error", nearest[-1])
     assert page.run("[...document.querySelectorAll('.best')].map((c) => c.innerText)") == ["Draco"]
 
 

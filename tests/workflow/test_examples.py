@@ -170,6 +170,6 @@ def test_files_that_the_readme_names_exist() -> None:
 
 def test_the_default_configuration_has_the_paths_that_the_pages_name() -> None:
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
-    assert "office_1" in config["scenes"]["rooms"]["select"]
+    assert "Area_1_office_1" in config["scenes"]["rooms"]["select"]
     assert "rooms_noisy" in config["datasets"]
     assert Path(ROOT / "config" / "README.md").exists()

@@ -69,7 +69,7 @@ def medians_per_rate(rows: pd.DataFrame, y: str, rates: Sequence[str]) -> Curve:
 
     rows = rows[rows["rate"].isin(rates)].dropna(subset=[y])
     places = rows["rate"].map({rate: float(place) for place, rate in enumerate(rates)})
-    frame = pd.DataFrame({"x": places, "y": rows[y].astype(float)})
+    frame = pd.DataFrame({"x": places.astype(float), "y": rows[y].astype(float)})
     curve = _curve(frame, frame["x"])
     values = np.full((3, len(rates)), np.nan)
     values[:, curve.x.astype(int)] = curve.y, curve.low, curve.high

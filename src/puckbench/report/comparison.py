@@ -56,7 +56,8 @@ def compare_with_reference(
     codecs
         Codecs in the run; by default those that the reference lacks.
     qualities
-        Metrics; by default those of the reference's Bjontegaard deltas.
+        Metrics; by default those of the reference's Bjontegaard deltas that it has on these
+        clouds.
     common
         Whether to ignore clouds that only the run has.
 
@@ -66,7 +67,7 @@ def compare_with_reference(
         No cloud is common, a cloud is not in the reference and `common` is false, or a codec, rate
         or metric is missing.
     """
-    qualities = tuple(dict.fromkeys(qualities or reference.bd_rate["qualities"]))
+    chosen = tuple(dict.fromkeys(qualities))
     check_results(metrics)
     reference_names, left_out = _matched(clouds, reference)
     if not reference_names or (left_out and not common):
@@ -81,6 +82,9 @@ def compare_with_reference(
     published = reference.metrics
     keys = zip(published["dataset"], published["cloud"], strict=True)
     reference_rows = published[[key in common_clouds for key in keys]]
+    of_study = reference.bd_rate["qualities"]
+    measured = [q for q in of_study if q in reference_rows and reference_rows[q].notna().any()]
+    qualities = chosen or tuple(measured) or of_study
     _check_qualities(run_rows, reference_rows, qualities, reference.name)
     _check_rates(run_rows, reference_rows, qualities)
     deltas = _deltas(run_rows, reference_rows, qualities, reference)
