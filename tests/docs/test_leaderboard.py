@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from dataclasses import replace
 from types import ModuleType
@@ -11,19 +10,13 @@ import pytest
 
 from puckbench.report.reference_results import ReferenceResults, read_reference
 from tests.support import reference_lookalike
-from tests.support.pages import ROOT
+from tests.support.pages import extension
 
 
 @pytest.fixture(scope="module")
 def pages() -> ModuleType:
     """The extension of the site that writes pages from the program."""
-    file = ROOT / "docs" / "extensions" / "generated_reference.py"
-    spec = importlib.util.spec_from_file_location("generated_reference", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return extension("generated_reference")
 
 
 @pytest.fixture(scope="module")

@@ -1,24 +1,17 @@
 """The numbers of the pages are those of the shipped reference results."""
 
-import importlib.util
 from types import ModuleType
 
 import pandas as pd
 import pytest
 
-from tests.support.pages import ROOT
+from tests.support.pages import extension
 
 
 @pytest.fixture(scope="module")
 def numbers() -> ModuleType:
     """The module that writes numbers into the pages (`make pages`)."""
-    file = ROOT / "docs" / "extensions" / "shipped_numbers.py"
-    spec = importlib.util.spec_from_file_location("shipped_numbers", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return extension("shipped_numbers")
 
 
 def test_pages_have_todays_numbers(numbers: ModuleType) -> None:

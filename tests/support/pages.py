@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
 from itertools import takewhile
 from pathlib import Path
+from types import ModuleType
 
 ROOT = Path(__file__).parents[2]
+
+
+def extension(name: str) -> ModuleType:
+    """Import a module of the documentation's site, by its name in ``docs/extensions``."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs/extensions" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def page(name: str) -> str:

@@ -128,7 +128,9 @@ def draw_data_sets(
 
 
 def mark_handles(curves: Iterable[Lines]) -> list[Artist]:
-    """Return legend entries for quartiles, single clouds and lossless streams, if there are any."""
+    """Return legend entries for those marks that the curves have: quartiles, single clouds, and
+    lossless streams.
+    """
     drawn = [curve for lines in curves for curve in lines.values()]
     has_lossless = any((curve.y == 0).any() for curve in drawn)
     return spread_handles(drawn) + ([lossless_tick_handle()] if has_lossless else [])

@@ -141,7 +141,7 @@ def draw_spread(axes: Axes, curve: Curve, plot_style: PlotStyle) -> None:
 
 
 def spread_handles(curves: Iterable[Curve]) -> list[Artist]:
-    """Return legend entries for quartiles and for single clouds, if a curve has any."""
+    """Return legend entries for those marks that the curves have: quartiles and single clouds."""
     curves = list(curves)
     handles: list[Artist] = []
     if any(np.isfinite(curve.low).any() for curve in curves):

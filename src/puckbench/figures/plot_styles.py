@@ -27,7 +27,7 @@ DATASET_COLOURS = (
     *("#666600", "#AAAAFF", "#222200", "#DDBB88"),
 )
 OTHER_MODEL_COLOURS = ("#885577", "#557799", "#998877", "#336644")
-"""Colours of error models that are not ours."""
+"""Colours of error models that do not come with puckbench, chosen by the model's name."""
 
 
 def codec_style(codec: str) -> PlotStyle:

@@ -88,8 +88,8 @@ def draw_truth_chamfer_point(
 def draw_truth_hausdorff(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Hausdorff distance (largest distance, point to plane) in millimetres, against bits per point,
-    otherwise as in figure ``truth_rd``.
+    """Largest distance (Hausdorff distance, point to plane) in mm against bits per point; panels,
+    lines and markers as in figure ``truth_rd``.
     """
     return _draw_references(metrics, scan_errors, _FARTHEST, style)
 

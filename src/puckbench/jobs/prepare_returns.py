@@ -105,7 +105,7 @@ class PrepareReturns(Job):
 
 
 def select_turns(returns: Returns, turns: tuple[int, int] | None) -> Returns:
-    """Return the returns of some turns only.
+    """Return a sensor's returns without those of other turns than the selected ones.
 
     `turns` are the numbers of the first and the last turn to keep, counted from 0; None keeps all.
     Turns that `returns` does not have raise InputError.

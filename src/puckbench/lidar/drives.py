@@ -28,7 +28,8 @@ from puckbench.lidar.returns import Returns, read_firings, write_firings
 KEPT, AZIMUTH, NONE = "kept", "azimuth", "none"
 """Values of the column ``times``: where the times of a decoded turn's points come from."""
 UNDECODED_POSES = "KISS-ICP on the undecoded turns"
-"""Value of the column ``poses`` for drives without true poses."""
+"""Value of the column ``poses`` for drives without true poses: KISS-ICP estimated the reference
+poses from the turns before coding."""
 TURN_SHARE = "turn_share"
 """Field of a turn's points: their times as fractions of the turn's duration, from 0 to 1."""
 _POSES, _ABOUT = "poses.tum", "drive.json"
@@ -130,12 +131,14 @@ def firing_shares(returns: Returns) -> Floats:
 
 
 def azimuth_shares(points: Floats, returns: Returns) -> Floats:
-    """Return the time of each point (n, 3), m, by its azimuth, as a fraction of the turn, 0 to 1.
+    """Return when each point was measured, (n,), from its azimuth: 0 is the turn's beginning, 1
+    its end.
 
-    `returns` are those of the original turn: their first azimuth and direction of rotation are the
-    only values taken from them. A sensor all of whose lasers fire at the column's azimuth, as a
-    virtual sensor or a VLP-16, has exact times; others have errors of the lasers' azimuths. A point
-    that coding moved across the first azimuth gets the other end of the turn.
+    `points` (n, 3) are in m, in the sensor's coordinate frame. `returns` are those of the original
+    turn, of which only the first azimuth and the direction of rotation are used. A sensor all of
+    whose lasers fire at the column's azimuth, as a virtual sensor or a VLP-16, has exact times;
+    others have errors of the lasers' azimuths. A point that coding moved across the first azimuth
+    gets the other end of the turn.
     """
     clockwise = returns.beams.clockwise
     azimuths = np.arctan2(points[:, 0] if clockwise else -points[:, 0], points[:, 1])
@@ -153,9 +156,10 @@ def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
 
 
 def shares_of(turn: PointCloud) -> Floats | None:
-    """Return the times of a turn's points as fractions of the turn, (n,), or None.
+    """Return when each point of a turn was measured, (n,): 0 is the turn's beginning, 1 its end.
 
-    They come from the firings of `returns`, else from the field `TURN_SHARE`.
+    The times come from the turn's returns or, for points without returns, from the field
+    `TURN_SHARE`. Return None if the turn has neither.
     """
     if turn.returns is not None:
         return firing_shares(turn.returns)

@@ -35,11 +35,11 @@ class Motion(Model):
     start: tuple[float, float] = (0.0, 0.0)
     """First position, x and y in m, relative to the scan's origin."""
     heading_deg: float = 0.0
-    """Mean direction of travel, counter-clockwise from x."""
+    """Mean direction of travel in degrees, counter-clockwise from the x axis."""
     swing_deg: float = 0.0
-    """Amplitude of the heading's swing to both sides."""
+    """By how many degrees the heading swings to each side of its mean."""
     swing_m: PositiveFloat = 25.0
-    """Path in which the heading swings to and fro once."""
+    """Length of the path, in m, in which the heading swings to both sides once."""
     bend_deg_per_m: float = 0.0
     """Turn of the mean heading per metre: 57.3 / radius, positive to the left."""
 

@@ -16,9 +16,9 @@ Code = tuple[tuple[str, ...], str]
 
 
 def code_of_models(models: Iterable[ErrorModel]) -> Code:
-    """Return what affects the results of error models: their modules, and all their parameters.
+    """Return the names of the modules that define error models, and their parameters as one text.
 
-    The parameters are a text in the order of `models`.
+    A change of either changes the results of the `models`; the text keeps their order.
     """
     models = tuple(models)
     return tuple(map(module_of_model, models)), " ".join(map(str, models))

@@ -18,7 +18,10 @@ def cell_text(value: Any) -> str:
 
 
 def interval_text(value: float, low: float, high: float) -> str:
-    """Return "1.004 (1.002 to 1.007)": as many decimals as two digits of the width need."""
+    """Return a value with its interval as text, such as "1.004 (1.002 to 1.007)".
+
+    The width of the interval is given with two digits, which determines the number of decimals.
+    """
     decimals = max(0, 1 - floor(log10(high - low))) if high > low else 2
     return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
 

@@ -24,14 +24,27 @@ _DASH = "\N{EN DASH}"
 _NEAR = (UNDECIDED, NOT_WORSE, NO_VERDICT)
 """Verdicts of codecs that are named beside the best."""
 _NAMED = 3
-"""Largest number of codecs named beside the best."""
+"""How many codecs, at most, the verdict on a use names besides the best one."""
 
 
 @dataclass(frozen=True)
 class UseRow:
-    """The best codec for a use on a data set, with numbers as text, and the verdict.
+    """A row of the page's first table: the best codec for a use on a data set, as text.
 
-    `is_decided` is false if the verdict names no winner.
+    Parameters
+    ----------
+    use, clouds, codec
+        What is asked for, and titles of the data set and of the codec.
+    bits, error, largest
+        Bits per point, the error that the use limits, and the largest error, with units.
+    seconds
+        Time to encode and decode a million points.
+    scenes
+        Number of scenes in which the codec serves the use.
+    verdict
+        What the intervals allow to say of the codec and its rivals.
+    is_decided
+        Whether the verdict names the codec as the winner.
     """
 
     use: str

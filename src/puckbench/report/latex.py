@@ -24,7 +24,7 @@ _ENDS = ("_low", "_high")
 
 
 def latex_table(table: pd.DataFrame) -> str:
-    """Return a LaTeX table (booktabs) with units in its heading.
+    """Return a table as a LaTeX ``tabular`` (package booktabs), with units in its heading.
 
     An interval stands beside its value, which has as many digits as the interval allows; other
     numbers have three significant digits. Missing values are dashes; empty columns, those on how

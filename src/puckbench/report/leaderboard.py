@@ -54,14 +54,13 @@ def write_study(reference: ReferenceResults, folder: Path) -> Path:
 def _comparisons(reference: ReferenceResults) -> dict[str, pd.DataFrame]:
     if reference.metrics["codec"].nunique() < 2:
         return {}
-    options = dict(reference.bd_rate)
-    margin = options.pop("margin_percent")
-    errors = reference.table("scan_errors")
+    metrics, options = reference.metrics, reference.bd_rate
+    errors, margin = reference.table("scan_errors"), options["margin_percent"]
     return {
-        "uses": uses(reference.metrics, errors, margin),
-        "bd_rate": bd_rate(reference.metrics, **options, margin_percent=margin),
-        "bd_rate_pairs": bd_rate_pairs(reference.metrics, **options, margin_percent=margin),
-        "bd_rate_clouds": bd_rate_clouds(reference.metrics, **options),
+        "uses": uses(metrics, errors, margin),
+        "bd_rate": bd_rate(metrics, **options),
+        "bd_rate_pairs": bd_rate_pairs(metrics, **options),
+        "bd_rate_clouds": bd_rate_clouds(metrics, options["anchor"], options["qualities"]),
     }
 
 

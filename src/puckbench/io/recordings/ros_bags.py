@@ -45,7 +45,7 @@ def bag_format(start: bytes) -> str | None:
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path is a folder, or a file that begins as a ROS bag does."""
+    """Return whether a path can be a ROS bag: a folder, or a file with the first bytes of a bag."""
     if path.is_dir():
         return True
     try:

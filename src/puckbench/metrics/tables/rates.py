@@ -15,7 +15,7 @@ _LARGEST = {"q99_mm": "q99_point_m", "largest_mm": "hausdorff_point_m"}
 
 @TABLES.register("rates", title="Bits, errors and times at each rate")
 def rates(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Bits per point, errors in mm, and times of each codec at each rate of a data set.
+    """One row for each data set, codec and rate: bits per point, errors in mm, and coding times.
 
     ``bpp``: mean over the clouds. ``d1_rms_mm``, ``d2_rms_mm``: RMS distance, point to point and
     point to plane, the larger of both directions. ``q99_mm``, ``largest_mm``: 99 % quantile and
