@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.core.seeding import generator
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.sensors import load_sensor
+from pointkit.seeding import generator
 from puckbench.geometry.sampling import sample_surface
 from puckbench.geometry.scaling import cube_scaling
-from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
-from puckbench.scenes.objects import make_object
-from puckbench.scenes.rooms import make_room
+from virtual_lidar import free_origin, open_error_model, open_sweep, scan
+from virtual_lidar.scenes.objects import make_object
+from virtual_lidar.scenes.rooms import make_room
 
 
 def scanned_room(errors: str, azimuth_step_deg: float = 0.1, name: str = "office_1") -> Floats:

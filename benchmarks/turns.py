@@ -10,14 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.core.seeding import generator
-from puckbench.geometry.morton import Ints
-from puckbench.gpcc.sensor import SensorDescription, describe_sensor
-from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
-from puckbench.lidar.recordings import read_recording
-from puckbench.lidar.returns import Beams, Returns
-from puckbench.lidar.scan_returns import returns_of_scan
-from puckbench.scenes.rooms import make_room
+from gpcc.sensor import SensorDescription, describe_sensor
+from pointkit.geometry.morton import Ints
+from pointkit.lidar.returns import Beams, Returns
+from pointkit.lidar.sensors import load_sensor
+from pointkit.seeding import generator
+from puckbench.recordings.reading import read_recording
+from virtual_lidar import free_origin, open_error_model, open_sweep, scan
+from virtual_lidar.scan_returns import returns_of_scan
+from virtual_lidar.scenes.rooms import make_room
 
 UNIT_M = 0.001
 SENSORS = ("vlp16", "puck_hires", "hdl32e", "hdl64e_s2")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
-from puckbench.core.compiling import NOTICE
+from pointkit.compiling import NOTICE
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from tests.support.bench import ROOT
 

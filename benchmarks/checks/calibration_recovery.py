@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.core.files import write_json
-from puckbench.core.seeding import generator
-from puckbench.lidar.calibration import Calibration, CalibrationOptions, Estimate, calibrate
-from puckbench.thesis.residuals.virtual import SWEEP, Procedure, residual_table
+from jenco2022.residuals.virtual import SWEEP, Procedure, residual_table
+from pointkit.files import write_json
+from pointkit.seeding import generator
+from virtual_lidar.calibration import Calibration, CalibrationOptions, Estimate, calibrate
 
 # The parameters of hidden models: `device` has a bias of every kind, as real sensors seem to;
 # `frames` is vlp16_incidence with biases per frame alone, and Laplace noise.

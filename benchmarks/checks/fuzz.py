@@ -49,12 +49,12 @@ from tests.support.returns import EXAMPLES
 from tests.support.stream_damage import damaged
 from tests.support.structured_streams import WRITERS, structured
 
+from gpcc.conformance import FOLDER
+from pointkit.errors import InputError
+from pointkit.lidar.returns import Returns
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned import Learned
 from puckbench.codecs.registry import codec_class, codecs, open_codec
-from puckbench.core.errors import InputError
-from puckbench.gpcc.conformance import FOLDER
-from puckbench.lidar.returns import Returns
 
 ROOT = Path(__file__).parents[2]
 SECONDS, MIB = 5, 1024

@@ -29,10 +29,10 @@ from benchmarks.tmc3 import (
 )
 from benchmarks.turns import Turn, all_turns
 
-from puckbench.gpcc.coder import decode_geometry, encode_geometry
-from puckbench.gpcc.grid import InputGrid, quantise
-from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
-from puckbench.gpcc.sensor import SensorDescription
+from gpcc.coder import decode_geometry, encode_geometry
+from gpcc.grid import InputGrid, quantise
+from gpcc.options import PROFILES, SPINNING, GpccOptions
+from gpcc.sensor import SensorDescription
 
 COMMON: dict[str, Any] = {**PROFILES["ctc"].model_dump(exclude_defaults=True), **SPINNING}
 """MPEG's common test conditions for a spinning sensor's sparse clouds."""

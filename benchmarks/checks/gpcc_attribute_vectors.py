@@ -19,7 +19,8 @@ from benchmarks.checks.gpcc_vectors import make_vectors, silent
 from numpy.typing import NDArray
 from tests.gpcc.attribute_vectors import FOLDER, GEOMETRIES, VECTORS, colours, points, reflectances
 
-from puckbench.gpcc.conformance import digest, program_decoder
+from gpcc.conformance import digest
+from puckbench.cli.decoding_program import program_decoder
 
 Rows = NDArray[np.int64]
 

@@ -18,9 +18,9 @@ import numpy as np
 from benchmarks.clouds import grown, sampled_object, scanned_room
 from benchmarks.tmc3 import Checked, Tally, differ, judged
 
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.geometry.cloud import Floats
 
 SCALES = {"e3": 0.125, "e4": 1 / 6, "e5": 0.375, "e6": 0.5, "e7": 0.9, "e8": 1.0}
 RATES = {name: {"scale": scale} for name, scale in SCALES.items()}

@@ -29,10 +29,10 @@ from benchmarks.tmc3 import (
 )
 from benchmarks.turns import Turn, all_turns
 
-from puckbench.core.errors import InputError
-from puckbench.gpcc.coder import decode_geometry
-from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
-from puckbench.gpcc.sensor import SensorDescription
+from gpcc.coder import decode_geometry
+from gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
+from gpcc.sensor import SensorDescription
+from pointkit.errors import InputError
 
 AS_TMC3: dict[str, Any] = {"slice_qp_interval_log2": 0}
 """TMC3's default for slices differs from its default for streams."""

@@ -22,11 +22,12 @@ from benchmarks.clouds import grown, sampled_object, scanned_room
 from tests.gpcc.geometry_vectors import VECTORS
 from tests.support.small_turn import small_turn
 
+from gpcc.conformance import FOLDER, digest
+from pointkit.files import write_json
+from pointkit.geometry.cloud import Floats
+from puckbench.cli.decoding_program import program_decoder
 from puckbench.codecs.external import write_points
 from puckbench.codecs.tmc13 import PROFILES
-from puckbench.core.files import write_json
-from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.conformance import FOLDER, digest, program_decoder
 
 
 @cache

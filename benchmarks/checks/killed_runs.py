@@ -24,7 +24,7 @@ from pathlib import Path
 
 from tests.support.same_results import after_a_kill, differences
 
-from puckbench.core.seeding import generator
+from pointkit.seeding import generator
 
 ROOT = Path(__file__).parents[2]
 SNAKEFILE = ROOT / "workflow" / "Snakefile"

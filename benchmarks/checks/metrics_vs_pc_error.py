@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.core.seeding import generator
-from puckbench.geometry.cloud import Floats, PointCloud
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.seeding import generator
 
 ROOM = np.array([6.2, 4.1, 2.8])
 SENSOR = np.array([3.0, 1.9, 1.3])

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 import puckbench
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 from puckbench.metrics.sensor_metrics import entropy_bits
 
 EDGE_M, APART_RAD = 0.05, 0.01

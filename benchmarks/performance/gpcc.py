@@ -29,15 +29,15 @@ from benchmarks.tmc3 import Reference
 from benchmarks.turns import virtual_turn
 from tests.gpcc.attribute_vectors import reflectances
 
+from gpcc.attributes.cloud import decode_cloud, encode_cloud
+from gpcc.attributes.options import ATTRIBUTE_PROFILES
+from gpcc.coder import decode_geometry, encode_geometry
+from gpcc.grid import DEFAULT_GRID, quantise
+from gpcc.options import PROFILES, GpccOptions
+from gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.morton import Ints
 from puckbench.codecs.tmc13 import PROFILES as TMC3_PROFILES
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.morton import Ints
-from puckbench.gpcc.attributes.cloud import decode_cloud, encode_cloud
-from puckbench.gpcc.attributes.options import ATTRIBUTE_PROFILES
-from puckbench.gpcc.coder import decode_geometry, encode_geometry
-from puckbench.gpcc.grid import DEFAULT_GRID, quantise
-from puckbench.gpcc.options import PROFILES, GpccOptions
-from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 
 SCALES = (0.125, 0.5, 1.0)
 MODES = ("octree", "angular", "predictive", "attributes")

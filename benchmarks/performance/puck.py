@@ -19,11 +19,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from puckbench.lidar.recordings.packet_turns import split_turns, turn_of
-from puckbench.lidar.recordings.reading import read_packets
-from puckbench.lidar.turns import Layout, Turn
-from puckbench.puck import CodingOptions, compress, decode_turns, decompress, encode_turns
-from puckbench.puck.options import EFFORTS
+from pointkit.lidar.turns import Layout, Turn
+from puck import CodingOptions, compress, decode_turns, decompress, encode_turns
+from puck.options import EFFORTS
+from puck.recordings.packet_turns import split_turns, turn_of
+from puckbench.recordings.reading import read_packets
 
 
 def strongest(path: Path) -> tuple[Layout, list[Turn], float]:

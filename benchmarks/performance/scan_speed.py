@@ -18,19 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh
-from puckbench.lidar import (
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh
+from pointkit.lidar.sensors import load_sensor
+from virtual_lidar import (
     ScanTable,
     Sweep,
     error_model_names,
     free_origin,
-    load_sensor,
     open_error_model,
     open_sweep,
     scan,
 )
-from puckbench.scenes.rooms import make_room
+from virtual_lidar.scenes.rooms import make_room
 
 SENSOR = load_sensor("vlp16")
 OPTIONS: dict[str, dict[str, Any]] = {

@@ -153,8 +153,8 @@ def codecs() -> str:
 
 def trainings() -> str:
     """The settings of the training of every learned codec."""
+    from pointkit.registry import load
     from puckbench.codecs.registry import codecs, has_weights, training_class
-    from puckbench.core.registry import load
 
     shown = {name: load(training_class(name), name) for name in codecs() if has_weights(name)}
     return _plugins(shown)
@@ -162,26 +162,26 @@ def trainings() -> str:
 
 def error_models() -> str:
     """Every error model with what it does, and its parameters."""
-    from puckbench.lidar.errors import ERROR_MODELS
+    from virtual_lidar.errors import ERROR_MODELS
 
     return _plugins({name: ERROR_MODELS.get(name) for name in ERROR_MODELS.names()})
 
 
 def capture_options() -> str:
     """The options of a recording's residuals, and the limits of its planes."""
-    from puckbench.lidar.walls.detection import PlaneSearch
-    from puckbench.lidar.walls.residuals import RecordingOptions
+    from virtual_lidar.walls.detection import PlaneSearch
+    from virtual_lidar.walls.residuals import RecordingOptions
 
     return f"{_grouped(RecordingOptions, {})}\n\n## `search`\n\n{_grouped(PlaneSearch, {})}"
 
 
 def sensors() -> str:
     """Every shipped sensor."""
-    from puckbench.lidar.sensor import load_sensor
+    from pointkit.lidar.sensor import load_sensor
 
     names = sorted(
         path.name.removesuffix(".yaml")
-        for path in files("puckbench.lidar").joinpath("sensors").iterdir()
+        for path in files("virtual_lidar").joinpath("sensors").iterdir()
         if path.name.endswith(".yaml")
     )
     shown = {name: load_sensor(name) for name in names}

@@ -21,14 +21,14 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from primitives_picture import draw_primitives
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import PointCloud
 from puckbench.figures.drawing import lay_out, save_figure
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import PointCloud
+from puckbench.files.clouds import read_cloud
+from puckbench.files.meshes.reading import read_mesh
 from puckbench.geometry.digest import cloud_digest
-from puckbench.io.clouds import read_cloud
-from puckbench.io.meshes.reading import read_mesh
 from puckbench.metrics.coordinate_frames import rows_in_frame
 from puckbench.report.reference_results import (
     DIGEST,
@@ -125,7 +125,7 @@ def draw(picture: Picture, style: FigureStyle, results: Path) -> Figure:
 
 
 def _table(picture: Picture, name: str) -> pd.DataFrame:
-    from puckbench.io.tables import read_table
+    from pointkit.tables import read_table
 
     if picture.study == DRIVES:
         return read_table(study_file(DRIVES))
@@ -159,7 +159,7 @@ def _cloud(path: Path, digest: str) -> PointCloud:
 
 
 def style_of(study: str) -> FigureStyle:
-    from puckbench.io.parquet_files import parquet_metadata
+    from pointkit.parquet_files import parquet_metadata
     from puckbench.report.reference_results import KEY as ABOUT
 
     if study != DRIVES:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.geometry.mesh import Mesh
+from pointkit.seeding import generator
+from primitive_codec.decoder import read_patches
+from primitive_codec.segmentation import segment_points
 from puckbench.codecs.registry import open_codec
-from puckbench.core.seeding import generator
 from puckbench.figures.style import PAGE_WIDTH_IN
 from puckbench.geometry.closest import closest_surface_points
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.rendering import View, render_cloud
-from puckbench.primitives.decoder import read_patches
-from puckbench.primitives.segmentation import segment_points
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable

@@ -11,9 +11,11 @@ As a library::
         print(8 * len(stream) / len(turn), puckbench.measures(turn, decoded)["range_rms_mm"])
 """
 
+import sys
 from typing import TYPE_CHECKING
 
-from puckbench.core.lazy import lazy
+from pointkit.lazy import lazy
+from puckbench.moved import MovedModules
 
 if TYPE_CHECKING:
     from puckbench.library import InputError as InputError
@@ -34,3 +36,5 @@ __getattr__, __dir__, __all__ = lazy(
         *("open_codec", "prepare", "read_cloud", "turns"),
     ),
 )
+
+sys.meta_path.append(MovedModules())

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, PointCloud, check_points
+from pointkit.measurement import measured
+from pointkit.models import parsed
+from pointkit.registry import trust
 from puckbench.codecs import registry
 from puckbench.codecs.base import Codec, SharedWork
-from puckbench.core.errors import InputError
-from puckbench.core.measurement import measured
-from puckbench.core.models import parsed
-from puckbench.core.registry import trust
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.io.clouds import read_cloud
+from puckbench.files.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, ready
 from puckbench.jobs.curve_files import read_curve
 from puckbench.jobs.encode_curve import measured_encoding
@@ -87,8 +87,8 @@ def turns(
         The recording cannot be read, or its sensor is unknown.
     """
     from puckbench.datasets.recordings import decompressed
-    from puckbench.lidar.recordings import cloud_messages
-    from puckbench.lidar.recordings.reading import read_turns
+    from puckbench.recordings import cloud_messages
+    from puckbench.recordings.reading import read_turns
 
     path = Path(recording)
     if cloud_messages.has_clouds(path, topic):

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.gpcc.attributes.options import AttributeOptions
-from puckbench.gpcc.conformance import FOLDER as GEOMETRY_FOLDER
-from puckbench.gpcc.options import GpccOptions
-from puckbench.gpcc.predictive_coder import PredictiveOptions
-from puckbench.gpcc.sensor import SensorDescription
+from gpcc.attributes.options import AttributeOptions
+from gpcc.conformance import FOLDER as GEOMETRY_FOLDER
+from gpcc.options import GpccOptions
+from gpcc.predictive_coder import PredictiveOptions
+from gpcc.sensor import SensorDescription
 
 FOLDER = GEOMETRY_FOLDER / "attributes"
 Rows = NDArray[np.int64]

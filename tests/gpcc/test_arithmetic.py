@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puckbench.gpcc.arithmetic import (
+from gpcc.arithmetic import (
     HALF,
     Encoder,
     code_bit,
@@ -22,7 +22,7 @@ from puckbench.gpcc.arithmetic import (
     finish,
     restart,
 )
-from puckbench.gpcc.tables import ADAPTATION
+from gpcc.tables import ADAPTATION
 
 MODELS = 3
 BYPASS = 3

@@ -9,26 +9,26 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
-from puckbench.gpcc import syntax
-from puckbench.gpcc.attributes.cloud import decode_cloud, encode_cloud
-from puckbench.gpcc.attributes.colours import BT709, YCGCO, coded_colours, decoded_colours
-from puckbench.gpcc.attributes.geometry import SlicePoints
-from puckbench.gpcc.attributes.neighbour_search import boxes
-from puckbench.gpcc.attributes.options import AttributeOptions
-from puckbench.gpcc.attributes.reader import AttributeReader
-from puckbench.gpcc.attributes.syntax import (
+from gpcc import syntax
+from gpcc.attributes.cloud import decode_cloud, encode_cloud
+from gpcc.attributes.colours import BT709, YCGCO, coded_colours, decoded_colours
+from gpcc.attributes.geometry import SlicePoints
+from gpcc.attributes.neighbour_search import boxes
+from gpcc.attributes.options import AttributeOptions
+from gpcc.attributes.reader import AttributeReader
+from gpcc.attributes.syntax import (
     RAW,
     AttributeHeader,
     AttributeParameterSet,
     attribute_header,
     attribute_parameter_set,
 )
-from puckbench.gpcc.bits import BitReader
-from puckbench.gpcc.coder import decode_geometry
-from puckbench.gpcc.conformance import decode_rows
-from puckbench.gpcc.options import GpccOptions
+from gpcc.bits import BitReader
+from gpcc.coder import decode_geometry
+from gpcc.conformance import decode_rows
+from gpcc.options import GpccOptions
+from pointkit.errors import InputError
+from pointkit.files import read_json
 from tests.gpcc.attribute_vectors import (
     FOLDER,
     OURS,

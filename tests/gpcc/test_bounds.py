@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from puckbench.coding.byte_io import base_128
-from puckbench.core.errors import InputError
-from puckbench.gpcc import coder, syntax
-from puckbench.gpcc.coder import PROFILES, decode_geometry, encode_geometry
-from puckbench.gpcc.lossless import decode_voxels, encode_voxels
+from gpcc import coder, syntax
+from gpcc.coder import PROFILES, decode_geometry, encode_geometry
+from gpcc.lossless import decode_voxels, encode_voxels
+from pointkit.coding.byte_io import base_128
+from pointkit.errors import InputError
 
 
 def _bare(corner: int = 0) -> tuple[bytes, bytes]:

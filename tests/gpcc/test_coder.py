@@ -10,15 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import parsed
-from puckbench.gpcc.coder import (
-    PROFILES,
-    GpccOptions,
-    decode_geometry,
-    encode_geometry,
-)
-from puckbench.gpcc.lossless import decode_voxels, encode_voxels
+from gpcc.coder import PROFILES, GpccOptions, decode_geometry, encode_geometry
+from gpcc.lossless import decode_voxels, encode_voxels
+from pointkit.errors import InputError
+from pointkit.models import parsed
 
 OPTIONS = st.builds(
     GpccOptions,

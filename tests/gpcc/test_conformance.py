@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from puckbench.cli import main
-from puckbench.core.errors import InputError
-from puckbench.gpcc import decode_cloud
-from puckbench.gpcc.conformance import (
+from gpcc import decode_cloud
+from gpcc.conformance import (
     FOLDER,
     conformance_streams,
     decode_rows,
     digest,
-    program_decoder,
     verdicts,
 )
+from pointkit.errors import InputError
+from puckbench.cli import main
+from puckbench.cli.decoding_program import program_decoder
 
 STREAMS = conformance_streams()
 SMALL = [stream for stream in STREAMS if stream.name in {"one_ctc", "spin_one", "trees_two"}]
@@ -74,7 +74,7 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 import numpy as np
-from puckbench.io.ply import write_vertices
+from puckbench.files.ply import write_vertices
 name = sha256(Path(sys.argv[1]).read_bytes()).hexdigest() + ".npz"
 columns = dict(np.load(Path(__file__).with_name(name)))
 CHANGE

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from puckbench.coding.intrinsics import leading_zeros
-from puckbench.gpcc.compiled import compiled
-from puckbench.gpcc.fixed_point import arc_tangent, inverse_square_root
+from gpcc.compiled import compiled
+from gpcc.fixed_point import arc_tangent, inverse_square_root
+from pointkit.coding.intrinsics import leading_zeros
 
 
 @compiled

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from puckbench.core.errors import InputError
-from puckbench.gpcc.container import MAGIC, unwrap, wrap
-from puckbench.gpcc.grid import InputGrid, input_coordinates, input_grid, quantise
+from gpcc.container import MAGIC, unwrap, wrap
+from gpcc.grid import InputGrid, input_coordinates, input_grid, quantise
+from pointkit.errors import InputError
 
 COLUMN = np.array([[-2.5, 0, 0], [-0.6, 0, 0], [0.4, 0, 0], [0.5, 0, 0], [1.75, 0, 0]])
 

@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from puckbench.core.compiling import compiled
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
-from puckbench.gpcc import predictive_coder, syntax
-from puckbench.gpcc.azimuth_order import azimuth_order
-from puckbench.gpcc.bits import BitReader
-from puckbench.gpcc.coder import decode_geometry
-from puckbench.gpcc.conformance import FOLDER
-from puckbench.gpcc.prediction_search import add_position, empty_search, nearest
-from puckbench.gpcc.prediction_tree import nearest_tree
-from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
-from puckbench.gpcc.sensor import SensorDescription
-from puckbench.gpcc.spherical import Sphere, cartesian, cosine, sine, spherical
+from gpcc import predictive_coder, syntax
+from gpcc.azimuth_order import azimuth_order
+from gpcc.bits import BitReader
+from gpcc.coder import decode_geometry
+from gpcc.conformance import FOLDER
+from gpcc.prediction_search import add_position, empty_search, nearest
+from gpcc.prediction_tree import nearest_tree
+from gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
+from gpcc.sensor import SensorDescription
+from gpcc.spherical import Sphere, cartesian, cosine, sine, spherical
+from pointkit.compiling import compiled
+from pointkit.errors import InputError
+from pointkit.files import read_json
 from tests.support.small_turn import SENSOR, small_turn
 
 MANIFEST: dict[str, dict[str, Any]] = read_json(FOLDER / "manifest.json")

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puckbench.geometry.morton import morton_codes
-from puckbench.gpcc.attributes import raht
-from puckbench.gpcc.attributes.quantisation import Qps
+from gpcc.attributes import raht
+from gpcc.attributes.quantisation import Qps
+from pointkit.geometry.morton import morton_codes
 
 
 def _cloud() -> tuple[np.ndarray, np.ndarray, np.ndarray]:

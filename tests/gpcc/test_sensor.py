@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from puckbench.core.errors import InputError
-from puckbench.gpcc.coder import encode_geometry
-from puckbench.gpcc.options import PROFILES, SPINNING
-from puckbench.gpcc.sensor import SensorDescription, describe_sensor
-from puckbench.gpcc.syntax import Laser
-from puckbench.lidar.returns import Beams, Returns
-from puckbench.lidar.sensor import load_sensor
-from puckbench.lidar.turns import Layout, Turn
+from gpcc.coder import encode_geometry
+from gpcc.options import PROFILES, SPINNING
+from gpcc.sensor import SensorDescription, describe_sensor
+from gpcc.syntax import Laser
+from pointkit.errors import InputError
+from pointkit.lidar.returns import Beams, Returns
+from pointkit.lidar.sensor import load_sensor
+from pointkit.lidar.turns import Layout, Turn
 
 # Tangents and heights in mm of the VLP-16's lasers upwards, as given to TMC13, and what it wrote.
 TANGENTS = (-0.267949, -0.230868, -0.194380, -0.158384, -0.122785, -0.087489, -0.052408, -0.017455)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puckbench.core.errors import InputError
-from puckbench.gpcc import syntax
-from puckbench.gpcc.bits import BitReader, BitWriter
-from puckbench.gpcc.conformance import FOLDER
+from gpcc import syntax
+from gpcc.bits import BitReader, BitWriter
+from gpcc.conformance import FOLDER
+from pointkit.errors import InputError
 
 # TMC13 release-v14.0, one point at (5, 6, 7), neighbour contexts within 2^8.
 REFERENCE_SPS = bytes.fromhex("000000000080959dee40")

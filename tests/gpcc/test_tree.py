@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from puckbench.geometry.morton import first_child_code, morton_points, spread_bits
-from puckbench.gpcc.neighbours import (
+from gpcc.neighbours import (
     empty_atlas,
     face_neighbours,
     neigh_pattern_of,
@@ -19,13 +18,8 @@ from puckbench.gpcc.neighbours import (
     refine_by_adjacent_children,
     update_atlas,
 )
-from puckbench.gpcc.tree import (
-    build_tree,
-    coded_axes,
-    leaf_codes,
-    leaf_starts,
-    node_sizes_log2,
-)
+from gpcc.tree import build_tree, coded_axes, leaf_codes, leaf_starts, node_sizes_log2
+from pointkit.geometry.morton import first_child_code, morton_points, spread_bits
 
 BITS = st.tuples(*[st.integers(1, 21)] * 3)
 

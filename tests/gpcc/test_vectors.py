@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gpcc.coder import PROFILES, decode_geometry, encode_geometry
+from gpcc.conformance import FOLDER
+from gpcc.options import SPINNING
+from gpcc.sensor import SensorDescription
+from pointkit.errors import InputError
+from pointkit.files import read_json
 from puckbench.codecs.registry import open_codec
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
-from puckbench.gpcc.coder import PROFILES, decode_geometry, encode_geometry
-from puckbench.gpcc.conformance import FOLDER
-from puckbench.gpcc.options import SPINNING
-from puckbench.gpcc.sensor import SensorDescription
 from tests.support.small_turn import SENSOR, small_turn
 from tests.support.stream_damage import damaged
 

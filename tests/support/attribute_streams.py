@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.gpcc import AttributeOptions, GpccOptions, decode_cloud, encode_cloud, syntax
-from puckbench.gpcc.attributes.syntax import (
+from gpcc import AttributeOptions, GpccOptions, decode_cloud, encode_cloud, syntax
+from gpcc.attributes.syntax import (
     RAW,
     AttributeHeader,
     AttributeParameterSet,
@@ -17,8 +17,8 @@ from puckbench.gpcc.attributes.syntax import (
     attribute_header,
     attribute_parameter_set,
 )
-from puckbench.gpcc.bits import BitReader
-from puckbench.gpcc.conformance import FOLDER
+from gpcc.bits import BitReader
+from gpcc.conformance import FOLDER
 from tests.support.structured_streams import change, data, limit
 
 Random = np.random.Generator

@@ -42,8 +42,8 @@ class Raw(Codec):
 BOX_CODEC = """
 import numpy as np
 from puckbench.codecs.base import Codec
-from puckbench.core.errors import InputError
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
+from pointkit.errors import InputError
+from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 
 SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 

@@ -7,10 +7,10 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
-from puckbench.lidar import load_sensor
-from puckbench.lidar.recordings.packets import LASERS, RETURN, PacketLog
-from puckbench.lidar.recordings.writing import distance_counts, pack_blocks
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.sensors import load_sensor
+from puck.recordings.packets import LASERS, RETURN, PacketLog
+from puckbench.recordings.writing import distance_counts, pack_blocks
 
 BOX = np.array([1.5, 2.0, 0.9])
 """Half the size of the box, m; the sensor stands in its middle."""

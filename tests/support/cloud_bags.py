@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.io.recordings.compressed_point_cloud2 import COMPRESSED_POINT_CLOUD2, DEFINITION
-from puckbench.io.recordings.point_cloud2 import POINT_CLOUD2
+from puck.recordings.compressed_point_cloud2 import COMPRESSED_POINT_CLOUD2, DEFINITION
+from puck.recordings.point_cloud2 import POINT_CLOUD2
 
 FORMATS = ("bag", "db3", "mcap")
 NUMBERS = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}

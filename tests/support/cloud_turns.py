@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
-from puckbench.lidar import load_sensor
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.sensors import load_sensor
 from tests.support.cloud_bags import Rows, cloud_bag
 
 ELEVATIONS = np.sort(np.asarray(load_sensor("vlp16").laser_elevation_deg))

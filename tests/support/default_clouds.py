@@ -5,16 +5,16 @@ from functools import partial
 
 import numpy as np
 
+from pointkit.geometry.cloud import PointCloud
+from pointkit.lidar.sensor import load_sensor
 from puckbench.datasets.embedded_objects import EmbeddedObjects
 from puckbench.datasets.embedded_rooms import EmbeddedRooms
-from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.sampling import sample_surface
 from puckbench.jobs.preparation import prepare
-from puckbench.lidar.errors import open_error_model
-from puckbench.lidar.placement import free_origin
-from puckbench.lidar.scan import scan
-from puckbench.lidar.sensor import load_sensor
-from puckbench.lidar.sweep import open_sweep
+from virtual_lidar.errors import open_error_model
+from virtual_lidar.placement import free_origin
+from virtual_lidar.scan import scan
+from virtual_lidar.sweep import open_sweep
 
 
 def _sampled(

@@ -126,17 +126,17 @@ CONFIG: dict[str, Any] = {
 
 CODEC = """
 import numpy as np
-import puckbench.gpcc
+import gpcc
 from puckbench.codecs.base import Codec
 
 
 class Mine(Codec):
     def _encode(self, points, parameters):
         grid = np.round(points / parameters["step"]).astype(np.int64)
-        return puckbench.gpcc.encode_geometry(grid)
+        return gpcc.encode_geometry(grid)
 
     def _decode(self, stream):
-        return puckbench.gpcc.decode_geometry(stream).positions()
+        return gpcc.decode_geometry(stream).positions()
 """
 
 

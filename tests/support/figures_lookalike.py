@@ -10,9 +10,9 @@ from itertools import count
 import numpy as np
 import pandas as pd
 
-from puckbench.core.seeding import generator
-from puckbench.geometry.cloud import PointCloud
-from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS, median_rows
+from jenco2022.published_rates import CLEAN, NOISY, OBJECTS, ROOMS, median_rows
+from pointkit.geometry.cloud import PointCloud
+from pointkit.seeding import generator
 
 DATASETS = ("capod", "s3dis_raw", "s3dis_clean", "s3dis_noisy")
 

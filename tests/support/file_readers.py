@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import PointCloud
-from puckbench.geometry.mesh import Mesh
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import PointCloud
+from pointkit.geometry.mesh import Mesh
 from tests.support import bag_files, e57_files, las_files, structured_files
 from tests.support.capture_lookalike import box_capture
 
@@ -71,21 +71,20 @@ class FileReader:
 
 
 def _cloud(path: Path) -> NDArray[np.float64]:
-    from puckbench.io.clouds import read_cloud
+    from puckbench.files.clouds import read_cloud
 
     return read_cloud(path).xyz
 
 
 def _mesh(path: Path) -> NDArray[np.float64]:
-    from puckbench.io.meshes import read_mesh
+    from puckbench.files.meshes import read_mesh
 
     return read_mesh(path).vertices
 
 
 def _recording(path: Path) -> NDArray[np.float64]:
     """The table of a recording; its turns, where the table is made of packets."""
-    from puckbench.lidar.recordings import read_recording
-    from puckbench.lidar.recordings.reading import read_turns
+    from puckbench.recordings.reading import read_recording, read_turns
 
     table = read_recording(path)
     if path.suffix != ".parquet":
@@ -94,19 +93,19 @@ def _recording(path: Path) -> NDArray[np.float64]:
 
 
 def _scan(path: Path) -> NDArray[np.float64]:
-    from puckbench.lidar.scan_table import read_scan
+    from virtual_lidar.scan_table import read_scan
 
     return read_scan(path).vectors("x", "y", "z")
 
 
 def _results(path: Path) -> None:
-    from puckbench.io.tables import read_table
+    from pointkit.tables import read_table
 
     read_table(path)
 
 
 def _residuals(path: Path) -> None:
-    from puckbench.lidar.residual_table import read_residuals
+    from virtual_lidar.residual_table import read_residuals
 
     read_residuals(path)
 
@@ -123,13 +122,13 @@ def _description(path: Path) -> NDArray[np.float64]:
 
 
 def _weights(path: Path) -> None:
-    from puckbench.learned.weights_file import read_weights
+    from pcc_networks.weights_file import read_weights
 
     read_weights(path)
 
 
 def _checkpoint(path: Path) -> None:
-    from puckbench.io.tensorflow_checkpoints import read_variables
+    from puckbench.files.tensorflow_checkpoints import read_variables
 
     read_variables(path.read_bytes(), bytes(1000))
 
@@ -142,7 +141,7 @@ def _points() -> NDArray[np.float64]:
 
 
 def _write_cloud(path: Path) -> None:
-    from puckbench.io.clouds import write_cloud
+    from puckbench.files.clouds import write_cloud
 
     write_cloud(path, PointCloud(_points(), normals=np.eye(3)[np.arange(40) % 3]))
 
@@ -234,7 +233,7 @@ def _write_box(path: Path) -> None:
 
 
 def _write_mesh(path: Path) -> None:
-    from puckbench.io.meshes import write_mesh
+    from puckbench.files.meshes import write_mesh
 
     write_mesh(path, Mesh(np.asarray(_box().vertices), np.asarray(_box().faces)))
 
@@ -249,7 +248,7 @@ def _write_obj(path: Path) -> None:
 
 
 def _capture() -> bytes:
-    from puckbench.lidar.recordings.writing import pcap_bytes
+    from puckbench.recordings.writing import pcap_bytes
 
     return pcap_bytes(box_capture(2))
 
@@ -278,13 +277,14 @@ def _write_packed_mcap(path: Path) -> None:
 
 
 def _write_returns(path: Path) -> None:
-    from puckbench.lidar.recordings import decode_packets, write_returns
+    from pointkit.lidar.recorded_returns import write_returns
+    from puck.recordings.packet_turns import decode_packets
 
     write_returns(path, decode_packets(box_capture(1).payloads))
 
 
 def _write_scan(path: Path) -> None:
-    from puckbench.lidar.scan_table import COLUMNS, ScanTable, write_scan
+    from virtual_lidar.scan_table import COLUMNS, ScanTable, write_scan
 
     columns = {name: np.ones(20, kind) for name, (kind, *_) in COLUMNS.items()}
     write_scan(path, ScanTable(columns, {"sensor": {}}))

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 import torch
 
+from pcc_networks.catalogue import PCGCV1, PCGCV2
+from pcc_networks.octree_net import weights as octree_weights
+from pcc_networks.octree_net.fixed_point import UNITS
+from pcc_networks.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
+from pcc_networks.octree_net.symbols import powers_of_two
+from pcc_networks.pcgcv1.model import PCGCv1, Pcgcv1Shape
+from pcc_networks.pcgcv2.model import PCGCv2, Pcgcv2Shape
+from pcc_networks.reno.weights import shapes as reno_shapes
+from pcc_networks.weights_file import save_multi_rate
+from pointkit.errors import InputError
 from puckbench.codecs.base import Codec
-from puckbench.core.errors import InputError
-from puckbench.learned.catalogue import PCGCV1, PCGCV2
-from puckbench.learned.octree_net import weights as octree_weights
-from puckbench.learned.octree_net.fixed_point import UNITS
-from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
-from puckbench.learned.octree_net.symbols import powers_of_two
-from puckbench.learned.pcgcv1.model import PCGCv1, Pcgcv1Shape
-from puckbench.learned.pcgcv2.model import PCGCv2, Pcgcv2Shape
-from puckbench.learned.reno.weights import shapes as reno_shapes
-from puckbench.learned.weights_file import save_multi_rate
 
 TINY1 = Pcgcv1Shape(
     cube_size=16, channels=(4, 8, 16), latent_channels=4, hyper_channels=(16, 8), blocks=1, rates=2

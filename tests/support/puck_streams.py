@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.lidar.recordings.packet_turns import split_turns, turn_of
-from puckbench.puck import CodingOptions, compress, decode_turns, decompress, encode_turns
+from puck import CodingOptions, compress, decode_turns, decompress, encode_turns
+from puck.recordings.packet_turns import split_turns, turn_of
 from tests.support import ouster
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from puckbench.core.files import write_bytes
-from puckbench.io.tables import write_table
+from pointkit.files import write_bytes
+from pointkit.tables import write_table
 from puckbench.jobs.registry import JOBS
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import (

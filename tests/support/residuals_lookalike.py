@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from puckbench.core.seeding import generator
+from pointkit.seeding import generator
 
 ELEVATIONS = (-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15)
 SIGMAS = {  # bias of a laser, noise of a ray, metres

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.lidar.recordings.packet_turns import returns_of_packets
-from puckbench.lidar.returns import Beams, Returns
-from puckbench.lidar.turns import Layout, Turn
+from pointkit.lidar.returns import Beams, Returns
+from pointkit.lidar.turns import Layout, Turn
+from puck.recordings.packet_turns import returns_of_packets
 from tests.support.spinning import DUAL, spin
 
 

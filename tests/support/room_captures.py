@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from puckbench.geometry.mesh import Mesh
-from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan
-from puckbench.lidar.recordings import RecordedReturns, decode_packets
-from puckbench.lidar.recordings.writing import scan_packets
+from pointkit.geometry.mesh import Mesh
+from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.sensors import load_sensor
+from puck.recordings.packet_turns import decode_packets
+from puckbench.recordings.writing import scan_packets
 from tests.support.sensor_scenes import ROOM, room
+from virtual_lidar import ScanTable, open_error_model, open_sweep, scan
 
 ROTATION_HZ = 10.0
 STEP_DEG = 0.5

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh, Primitive
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh, Primitive
 
 Numbers = list[float]
 

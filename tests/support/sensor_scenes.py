@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
+from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 
 ROOM = np.array([6.0, 5.0, 3.0])
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.gpcc.sensor import SensorDescription
+from gpcc.sensor import SensorDescription
 
 STEPS = 450
 ELEVATIONS_DEG, HEIGHTS_MM = np.linspace(-15, 15, 8), np.linspace(8, -8, 8)

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.lidar import load_sensor
+from pointkit.lidar.sensors import load_sensor
 
 VLP16, PUCK_HIRES, HDL32E, VLP32C, HDL64E, VLS128 = 0x22, 0x24, 0x21, 0x28, 0x63, 0xA1
 STRONGEST, DUAL = 0x37, 0x39

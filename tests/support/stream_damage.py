@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from puckbench.core.seeding import generator
+from pointkit.seeding import generator
 
 Random = np.random.Generator
 _UNIT = struct.Struct(">BI")
@@ -68,7 +68,7 @@ def _sealed_records(stream: bytes) -> bytes:
 
 
 FRAMED = ("packets_xz", "packets_zstd", "jpegls", "jpegxl")
-"""Codecs whose streams are those of `puckbench.coding.framing`, without a header."""
+"""Codecs whose streams are those of `pointkit.coding.framing`, without a header."""
 SEALS: dict[str, Callable[[bytes], bytes]] = {
     "pcgcv1_plus": _sealed_at(5),
     "pcgcv2_plus": _sealed_at(6),

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from puckbench.core.seeding import generator
+from pointkit.seeding import generator
 from tests.support.structured_streams import limit
 
 Random = np.random.Generator

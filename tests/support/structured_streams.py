@@ -18,14 +18,14 @@ from unittest.mock import patch
 
 import numpy as np
 
-from puckbench.coding.byte_io import Reader, base_128, signed_128
-from puckbench.coding.framing import Framing
-from puckbench.coding.zstandard import compressed
-from puckbench.core.errors import InputError
-from puckbench.core.seeding import generator
-from puckbench.gpcc import syntax
-from puckbench.learned.sparse.voxels import morton_voxels
-from puckbench.puck.records import Record, RecordKind, read_records, start
+from gpcc import syntax
+from pcc_networks.sparse.voxels import morton_voxels
+from pointkit.coding.byte_io import Reader, base_128, signed_128
+from pointkit.coding.framing import Framing
+from pointkit.coding.zstandard import compressed
+from pointkit.errors import InputError
+from pointkit.seeding import generator
+from puck.records import Record, RecordKind, read_records, start
 
 Random = np.random.Generator
 
@@ -64,7 +64,7 @@ def packed_voxels(random: Random) -> bytes:
 
 def primitives(streams: Sequence[bytes], random: Random) -> bytes:
     """A surface, voxels, or a hybrid of two streams, each of which may be any of the three."""
-    from puckbench.primitives.stream import CLASSES, HybridHeader, pack_hybrid
+    from primitive_codec.stream import CLASSES, HybridHeader, pack_hybrid
 
     if random.random() < 0.8:
         return _surface_or_voxels(random)
@@ -80,7 +80,7 @@ def primitives(streams: Sequence[bytes], random: Random) -> bytes:
 
 def _surface_or_voxels(random: Random) -> bytes:
     """A header of surfaces or voxels, changed in a few fields or in all."""
-    from puckbench.primitives.stream import (
+    from primitive_codec.stream import (
         CLASSES,
         MAX_CELLS,
         DisplacementTable,
@@ -114,7 +114,7 @@ def _surface_or_voxels(random: Random) -> bytes:
 
 
 def _revolution(random: Random) -> bytes:
-    from puckbench.primitives.revolution import _PARAMETERS
+    from primitive_codec.revolution import _PARAMETERS
 
     signed = [limit(random, 15) * int(random.choice([-1, 1])) for _ in range(7)]
     kind, rows = int(random.integers(7)), limit(random, 16)
@@ -430,7 +430,7 @@ def _filling(random: Random) -> bytes:
 
 def recording(streams: Sequence[bytes], random: Random) -> bytes:
     """Compressed recordings whose turns, gaps, pages and end are at their limits."""
-    from puckbench.puck.gaps import compress_bytes
+    from puck.gaps import compress_bytes
 
     whole = _records(streams, random)
     if random.random() < 0.2:
@@ -484,7 +484,7 @@ def draco(streams: Sequence[bytes], random: Random) -> bytes:
 
 def laz(streams: Sequence[bytes], random: Random) -> bytes:
     """Points, scales and chunks at their limits, before points of a stream or any."""
-    from puckbench.storage import laz as codec
+    from puckbench.codecs.storage import laz as codec
 
     plain = [each for each in streams if each.startswith(codec.MAGIC)]
     stream = bytearray(plain[random.integers(len(plain))])
@@ -569,7 +569,7 @@ def gpcc_attributes(streams: Sequence[bytes], random: Random) -> bytes:
     return with_changed_attributes(streams, random)
 
 
-_NETS = "puckbench.learned"
+_NETS = "pcc_networks"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
     "gpcc": gpcc,

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.seeding import generator
-from puckbench.lidar import load_sensor, open_error_model, open_sweep, scan
-from puckbench.lidar.recordings.packet_turns import packet_kind, packets_of
-from puckbench.lidar.scan_returns import returns_of_scan
-from puckbench.lidar.turns import Turn
-from puckbench.scenes.street.layout import make_street, street_origin
+from pointkit.lidar.sensors import load_sensor
+from pointkit.lidar.turns import Turn
+from pointkit.seeding import generator
+from puck.recordings.packet_turns import packet_kind, packets_of
 from tests.support.spinning import HDL64E, SENSORS, STATUS, STRONGEST, pcap, rows
+from virtual_lidar import open_error_model, open_sweep, scan
+from virtual_lidar.scan_returns import returns_of_scan
+from virtual_lidar.scenes.street.layout import make_street, street_origin
 
 
 def virtual_packets(product: int, turns: int = 3, columns: int | None = None) -> NDArray[np.uint8]:

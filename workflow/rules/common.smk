@@ -12,11 +12,12 @@ SOURCE = FOLDER.parent / "src"
 if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import refusing_paths
+from pointkit.errors import InputError
+from pointkit.files import refusing_paths
 from puckbench.core.interrupts import interrupt_with_run
 from puckbench.figures.registry import figure_entry
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
+from puckbench.core.packages import packages_alone
 from puckbench.jobs.process import TIMEOUT
 from puckbench.metrics.table_registry import table_entry
 from puckbench.planning.config import check_config_files
@@ -31,12 +32,12 @@ from puckbench.planning.running import (
     hold_results,
     left_out_lines,
 )
-from puckbench.planning.workflow import Workflow, package_alone, run_jobs_with
+from puckbench.planning.workflow import Workflow, run_jobs_with
 from snakemake_logger_plugin_puckbench import BARS
 
 if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
     # Environments that Snakemake deploys have every package but puckbench.
-    SOURCE = package_alone(Path(".snakemake", "packages"))
+    SOURCE = packages_alone(Path(".snakemake", "packages"))
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that are not freed, so garbage collection is rare.
 gc.set_threshold(100_000, 50, 100)

@@ -22,13 +22,14 @@ import numpy as np
 from benchmarks.performance.scan_speed import least_times
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh
+from pointkit.lidar.sensors import load_sensor
 from puckbench.jobs.surfaces import read_surface
-from puckbench.lidar import ScanJob, Sweep, free_origin, load_sensor, open_error_model
-from puckbench.lidar.raycast import RayCaster
-from puckbench.scenes.calibration import calibration_origin, make_calibration
-from puckbench.scenes.rooms import make_room
+from virtual_lidar import ScanJob, Sweep, free_origin, open_error_model
+from virtual_lidar.raycast import RayCaster
+from virtual_lidar.scenes.calibration import calibration_origin, make_calibration
+from virtual_lidar.scenes.rooms import make_room
 
 SENSOR, SWEEP = load_sensor("vlp16"), Sweep()
 FARTHEST_M = 100.0

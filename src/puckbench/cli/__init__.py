@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import NoReturn
 
 import puckbench
+from pointkit.errors import InputError
+from pointkit.files import refusing_paths, unwritable
 from puckbench.cli.answers import text_of
 from puckbench.cli.registry import Answer, command, help_texts
-from puckbench.core.errors import InputError
-from puckbench.core.files import refusing_paths, unwritable
 from puckbench.core.interrupts import interrupted_by_signals
 
 _DESCRIPTION = (
@@ -69,9 +69,10 @@ class _Remarks(logging.Handler):
 
 
 def _show_remarks() -> None:
-    log = logging.getLogger("puckbench")
-    log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
-    log.addHandler(_Remarks())
+    remarks = _Remarks()
+    for log in map(logging.getLogger, ("puckbench", "puck")):
+        log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
+        log.addHandler(remarks)
 
 
 def _show(text: str) -> None:
@@ -91,7 +92,7 @@ def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
     name, texts = next((word for word in words if not word.startswith("-")), None), help_texts()
     parser = parser_of([name] if name in texts else [])
     if name is not None and name not in texts:
-        from puckbench.core.errors import among
+        from pointkit.errors import among
 
         parser.error(f"unknown command '{name}'{among(name, texts)}")
     return parser, name

@@ -22,16 +22,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_time_unit(parser: argparse.ArgumentParser) -> None:
-    from puckbench.lidar.recordings.times import TIME_UNITS
+    from pointkit.lidar.times import TIME_UNITS
 
     text = "unit of a cloud's times (default: from their values)"
     parser.add_argument("--time-unit", choices=TIME_UNITS, help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    from pointkit.lidar.recorded_returns import write_returns
+    from pointkit.lidar.sensors import load_sensor
     from puckbench.datasets.recordings import decompressed
-    from puckbench.lidar import load_sensor
-    from puckbench.lidar.recordings import read_recording, write_returns
+    from puckbench.recordings.reading import read_recording
 
     sensor = load_sensor(options.sensor) if options.sensor else None
     interval, stream, unit = (options.start, options.end), options.stream, options.time_unit

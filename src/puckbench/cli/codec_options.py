@@ -3,8 +3,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from pointkit.models import parsed
 from puckbench.cli.types import json_object
-from puckbench.core.models import parsed
 from puckbench.jobs.codec_jobs import with_options
 from puckbench.planning.config import CodecConfig
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from pointkit.registry import trust
 from puckbench.codecs.registry import codecs, open_codec
-from puckbench.core.registry import trust
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -44,12 +44,12 @@ def run(options: argparse.Namespace) -> dict[str, Any] | str:
 
 
 def _compared(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.core.errors import naming
+    from pointkit.errors import naming
+    from pointkit.tables import read_table, write_table
     from puckbench.figures.comparison import draw_comparison
     from puckbench.figures.drawing import lay_out, save_figure
     from puckbench.figures.plot_styles import read_looks
     from puckbench.figures.style import FigureStyle
-    from puckbench.io.tables import read_table, write_table
     from puckbench.metrics.peaks import peak_phrase
     from puckbench.report.comparison import compare_with_reference
     from puckbench.report.findings import lossless_text

@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.registry import Registry
+from pointkit.registry import Registry
 
 SHELLS = ("bash", "zsh", "fish")
 

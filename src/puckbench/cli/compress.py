@@ -9,8 +9,8 @@ _LOG = logging.getLogger(__name__)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    from puck.options import EFFORTS
     from puckbench.cli.types import integer
-    from puckbench.puck.options import EFFORTS
 
     add = parser.add_argument
     add("recording", type=Path, help="packet capture or bag (any file)")
@@ -24,8 +24,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    from puck import CodingOptions, compress
     from puckbench.core.progress import Progress
-    from puckbench.puck import CodingOptions, compress
 
     coding = CodingOptions(effort=options.effort, key_every=options.key_every)
     summary = compress(options.recording, options.out, coding, Progress("byte"))

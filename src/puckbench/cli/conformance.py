@@ -20,15 +20,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Decode the streams; count the decoded, refused and failed ones, and list the latter two."""
-    from puckbench.codecs.registry import codecs, open_codec
-    from puckbench.gpcc.conformance import (
+    from gpcc.conformance import (
         FOLDER,
         Decode,
         conformance_streams,
         decode_rows,
-        program_decoder,
         verdicts,
     )
+    from puckbench.cli.decoding_program import program_decoder
+    from puckbench.codecs.registry import codecs, open_codec
 
     streams = conformance_streams(options.streams or FOLDER)
     selected = [stream for stream in streams if not options.tools or stream.tools in options.tools]

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.datasets.fetch import fetch_data
 
 

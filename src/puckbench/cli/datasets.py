@@ -3,8 +3,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from pointkit.registry import trust
 from puckbench.cli.types import json_object, refuse
-from puckbench.core.registry import trust
 from puckbench.datasets.registry import LOADERS, loader_class, open_scene_set
 
 

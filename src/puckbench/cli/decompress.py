@@ -14,8 +14,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    from puck import decompress
     from puckbench.core.progress import Progress
-    from puckbench.puck import decompress
 
     summary = decompress(options.stream, options.out, Progress("byte"), trusted=options.trusted)
     return summary.as_json()

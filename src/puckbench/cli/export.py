@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import InputError
 from puckbench.cli.capture import STREAM, TOPIC, add_time_unit
 from puckbench.cli.types import refuse, turns
-from puckbench.core.errors import InputError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,13 +28,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    from puckbench.io.recordings.pcap import refuse_stream
-    from puckbench.io.return_tables import is_table_of
+    from pointkit.lidar.returns import FiringTable
+    from pointkit.return_tables import is_table_of
+    from puck.recordings.pcap import refuse_stream
     from puckbench.jobs.prepare_recording import is_recording, read_selected_turns
-    from puckbench.lidar.export import export, export_points, read_source
-    from puckbench.lidar.recordings.cloud_messages import has_clouds
-    from puckbench.lidar.recordings.message_returns import read_message_columns
-    from puckbench.lidar.returns import FiringTable
+    from puckbench.recordings.cloud_messages import has_clouds
+    from puckbench.recordings.export import export, export_points, read_source
+    from puckbench.recordings.message_returns import read_message_columns
 
     source, out, selection = options.source, options.out, turns(options.turns)
     if is_recording(source) and has_clouds(source, options.topic):

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from pointkit.yaml_files import read_yaml
 from puckbench.cli.types import files_by_name, json_object, made_of_tables
-from puckbench.core.yaml_files import read_yaml
 from puckbench.figures.plot_styles import read_looks
 from puckbench.figures.registry import figure_entries
 from puckbench.jobs.figure import Figure

@@ -4,18 +4,18 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import InputError
+from pointkit.lidar.returns import returns_file
+from pointkit.return_tables import is_table_of
+from puck.recordings.data_packets import LEFT_OUT
+from puck.recordings.pcap import refuse_stream
 from puckbench.cli.capture import STREAM, TOPIC
 from puckbench.cli.types import add_cloud_options, add_unit, integer, refuse, selected, turns
 from puckbench.core.content import plain_suffix
-from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
-from puckbench.io.recordings.pcap import refuse_stream
-from puckbench.io.return_tables import is_table_of
 from puckbench.jobs.prepare import Box, Prepare
 from puckbench.jobs.prepare_message import PrepareMessage
 from puckbench.jobs.prepare_recording import PrepareRecording, is_recording
-from puckbench.lidar.recordings.data_packets import LEFT_OUT
-from puckbench.lidar.returns import returns_file
 
 _FOR_CLOUDS = {
     "metres_per_unit": 1,
@@ -111,7 +111,7 @@ def _cloud(
 
 
 def _refuse_returns(path: Path) -> None:
-    from puckbench.lidar.recordings.returns import RecordedReturns
+    from pointkit.lidar.recorded_returns import RecordedReturns
 
     if is_table_of(path, RecordedReturns):
         how = f"export it as a cloud first (puckbench export {path} cloud.ply)"
@@ -119,7 +119,7 @@ def _refuse_returns(path: Path) -> None:
 
 
 def _has_clouds(options: argparse.Namespace) -> bool:
-    from puckbench.lidar.recordings.cloud_messages import has_clouds
+    from puckbench.recordings.cloud_messages import has_clouds
 
     return has_clouds(options.cloud, options.topic)
 

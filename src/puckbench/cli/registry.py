@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from puckbench.core.registry import Registry
+from pointkit.registry import Registry
 
 Answer = dict[str, Any] | str | None
 
@@ -57,7 +57,7 @@ class Command:
     help: str
 
 
-COMMANDS: Registry[Command] = Registry("command", "commands", make=Command)
+COMMANDS: Registry[Command] = Registry("command", "puckbench.commands", make=Command)
 """Commands of other packages; every help text imports their modules."""
 
 

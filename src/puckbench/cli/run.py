@@ -10,8 +10,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import InputError
 from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
-from puckbench.core.errors import InputError
 from puckbench.core.interrupts import run_environment
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import CALLER_GOES_ON, snakemake_command

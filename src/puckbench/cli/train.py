@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import InputError
 from puckbench.cli.codec_options import add_entry, entry_of
 from puckbench.cli.types import integer, json_object, refuse, selected
-from puckbench.core.errors import InputError
 from puckbench.jobs.train import Train
 
 

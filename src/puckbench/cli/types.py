@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError, error_text
-from puckbench.core.files import unique_keys
+from pointkit.errors import InputError, error_text
+from pointkit.files import unique_keys
 
 
 def json_object(text: str) -> dict[str, Any]:

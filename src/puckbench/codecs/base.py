@@ -28,16 +28,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import Floats, PointCloud, check_points
+from pointkit.geometry.mesh import Mesh, labelled_mesh_in_metres
+from pointkit.measurement import NO_COST, Cost
 from puckbench.codecs.facts import CodecFacts, Line, Memory, Pace, Parameters, Takes, lengths
-from puckbench.coding.shift import moved, shift_of, shifted, unshifted
-from puckbench.core.errors import InputError, naming
-from puckbench.core.measurement import NO_COST, Cost
+from puckbench.codecs.shift import moved, shift_of, shifted, unshifted
 from puckbench.geometry.attributes import Attributes, attributes_of, check_attributes
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.geometry.mesh import Mesh, labelled_mesh_in_metres
 
 if TYPE_CHECKING:
-    from puckbench.lidar.returns import Returns
+    from pointkit.lidar.returns import Returns
 
 __all__ = [
     "Availability",
@@ -231,7 +231,7 @@ class Codec(CodecFacts, ABC):
     def decode_mesh(self, stream: bytes) -> Mesh:
         """Decode a triangulated surface in the coordinate frame of the input cloud.
 
-        Triangles are labelled with primitives and objects (`puckbench.geometry.mesh`); an object
+        Triangles are labelled with primitives and objects (`pointkit.geometry.mesh`); an object
         may have several primitives. Raises InputError as `decode` does, and if the codec or the
         stream has no surfaces.
         """

@@ -3,11 +3,11 @@ from __future__ import annotations
 from functools import cached_property
 from importlib.metadata import version
 
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Availability, Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
-from puckbench.geometry.cloud import Floats
-from puckbench.storage.cloudini import MAGIC, decode_cloudini, encode_cloudini
-from puckbench.storage.steps import MOST_STEPS
+from puckbench.codecs.storage.cloudini import MAGIC, decode_cloudini, encode_cloudini
+from puckbench.codecs.storage.steps import MOST_STEPS
 
 
 @CODECS.register("cloudini")

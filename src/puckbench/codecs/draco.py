@@ -7,7 +7,7 @@ that become equal by quantisation.
 For a length, single precision adds up to 1/8 step to the error of half a step, if neither extent
 nor coordinates exceed `_FINE` steps. Wider clouds are rounded to the grid in double precision; then
 their grid positions are encoded as a generic attribute of integers (beside coordinates of 0), after
-headers with the step (`puckbench.coding.unit`) and the lowest position (`puckbench.coding.shift`).
+headers with the step (`puckbench.codecs.unit`) and the lowest position (`puckbench.codecs.shift`).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from pointkit.errors import NARROWER, InputError
+from pointkit.geometry.cloud import Floats, bounds
+from pointkit.models import Model
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
+from puckbench.codecs.most_points import most_points
 from puckbench.codecs.registry import CODECS
-from puckbench.coding.most_points import most_points
-from puckbench.coding.shift import moved, shifted, unshifted
-from puckbench.coding.unit import multiplied, with_unit, without_unit
-from puckbench.core.errors import NARROWER, InputError
-from puckbench.core.models import Model
-from puckbench.geometry.cloud import Floats, bounds
+from puckbench.codecs.shift import moved, shifted, unshifted
+from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from pydantic import Field
 
+from pointkit.errors import InputError
+from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats
+from pointkit.models import Model
 from puckbench.codecs.base import Parameters
 from puckbench.codecs.draco import DRACO_RATES
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes
-from puckbench.core.models import Model
-from puckbench.geometry.cloud import Floats
 
 
 class DracoToolOptions(Model):

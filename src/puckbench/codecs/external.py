@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Availability, Codec, Cost, SharedWork
-from puckbench.core.errors import InputError
 from puckbench.core.programs import run_program
+from puckbench.files.clouds import read_cloud
 from puckbench.geometry.attributes import Attributes
-from puckbench.geometry.cloud import Floats
-from puckbench.io.clouds import read_cloud
 
 _MEMORY_BYTES, _MEMORY_PER_BYTE = 2**31, 400
 _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4

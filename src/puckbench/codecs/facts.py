@@ -9,9 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple
 
-from puckbench.core.errors import InputError, among, naming
-from puckbench.core.models import Model, parsed
-from puckbench.geometry.cloud import CoordinateFrame
+from pointkit.errors import InputError, among, naming
+from pointkit.geometry.cloud import CoordinateFrame
+from pointkit.models import Model, parsed
 
 Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]

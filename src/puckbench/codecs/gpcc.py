@@ -10,16 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from puckbench import __version__
-from puckbench.codecs.base import Codec, Pace, Parameters, Takes, lengths
-from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError, naming
-from puckbench.core.models import Model
-from puckbench.geometry.attributes import COLOUR, REFLECTANCE, Attributes, cloud_with
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.gpcc.attributes.options import mpeg_conditions, qp_of_scale, qp_of_step
-from puckbench.gpcc.container import unwrap, wrap
-from puckbench.gpcc.grid import (
+from gpcc.attributes.options import mpeg_conditions, qp_of_scale, qp_of_step
+from gpcc.container import unwrap, wrap
+from gpcc.grid import (
     DEFAULT_GRID,
     MOST_BITS,
     InputGrid,
@@ -28,12 +21,19 @@ from puckbench.gpcc.grid import (
     input_grid,
     quantise,
 )
-from puckbench.gpcc.options import PROFILES, GpccOptions
-from puckbench.lidar.returns import Beams, Returns
-from puckbench.lidar.turns import Layout, Turn
+from gpcc.options import PROFILES, GpccOptions
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import Floats, PointCloud, check_points
+from pointkit.lidar.returns import Beams, Returns
+from pointkit.lidar.turns import Layout, Turn
+from pointkit.models import Model
+from puckbench import __version__
+from puckbench.codecs.base import Codec, Pace, Parameters, Takes, lengths
+from puckbench.codecs.registry import CODECS
+from puckbench.geometry.attributes import COLOUR, REFLECTANCE, Attributes, cloud_with
 
 if TYPE_CHECKING:
-    from puckbench.gpcc.predictive_coder import PredictiveOptions
+    from gpcc.predictive_coder import PredictiveOptions
 
 EIGHTHS: Mapping[str, Parameters] = {
     f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
@@ -173,7 +173,7 @@ class OwnCodec(GridCodec):
         return (REFLECTANCE, COLOUR) if self.options.attributes else ()
 
     def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        from puckbench.gpcc.attributes.cloud import attribute_bytes
+        from gpcc.attributes.cloud import attribute_bytes
 
         sizes = attribute_bytes(unwrap(stream).stream)
         return {_NAMES.get(name, name): size for name, size in sizes.items()}
@@ -202,7 +202,7 @@ class OwnCodec(GridCodec):
         return self._encoded(points, parameters, attributes=attributes)
 
     def _decode_with_attributes(self, stream: bytes) -> PointCloud:
-        from puckbench.gpcc.attributes.cloud import decode_cloud
+        from gpcc.attributes.cloud import decode_cloud
 
         bare, grid = unwrap(stream)
         decoded = decode_cloud(bare)
@@ -220,8 +220,8 @@ class OwnCodec(GridCodec):
         returns: Returns | None,
         attributes: Attributes,
     ) -> bytes:
-        from puckbench.gpcc.attributes.cloud import encode_cloud
-        from puckbench.gpcc.sensor import describe_sensor
+        from gpcc.attributes.cloud import encode_cloud
+        from gpcc.sensor import describe_sensor
 
         scale = scale_of(parameters)
         positions, origin = quantise(points, grid, scale, self.options.rounding)
@@ -237,7 +237,7 @@ class OwnCodec(GridCodec):
         return encode_cloud(positions, values, tools, chosen, scale, origin, sensor, source)
 
     def _units(self, stream: bytes) -> Floats:
-        from puckbench.gpcc.coder import decode_geometry
+        from gpcc.coder import decode_geometry
 
         return decode_geometry(stream).positions()
 

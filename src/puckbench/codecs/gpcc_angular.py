@@ -5,10 +5,10 @@ from typing import Literal
 
 from pydantic import Field
 
+from gpcc.options import PROFILES, SPINNING, GpccOptions
 from puckbench.codecs.base import Pace, Parameters
 from puckbench.codecs.gpcc import CoderOptions, SensorCodec
 from puckbench.codecs.registry import CODECS
-from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
 
 _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 

@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
+from pointkit.geometry.cloud import Floats
+from pointkit.measurement import CostlyResult
 from puckbench.codecs.base import Availability, Pace, Parameters
 from puckbench.codecs.gpcc import CoderOptions, Gpcc
 from puckbench.codecs.registry import CODECS
-from puckbench.core.measurement import CostlyResult
 from puckbench.geometry.attributes import Attributes
-from puckbench.geometry.cloud import Floats
 from puckbench.geometry.jet_smoothing import LEAST_NEIGHBOURS, smooth_by_jets
 
 

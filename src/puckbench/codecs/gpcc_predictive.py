@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
+from gpcc.attributes.options import qp_of_step
 from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.gpcc import CoderOptions, SensorCodec
 from puckbench.codecs.registry import CODECS
-from puckbench.gpcc.attributes.options import qp_of_step
 
 if TYPE_CHECKING:
-    from puckbench.gpcc.predictive_coder import PredictiveOptions
+    from gpcc.predictive_coder import PredictiveOptions
 
 _LEAST_QP = 58
 
@@ -59,7 +59,7 @@ class GpccPredictive(SensorCodec):
         return super()._qp(parameters)
 
     def _tools(self, parameters: Parameters, *, angular: bool = False) -> PredictiveOptions:
-        from puckbench.gpcc.predictive_coder import PredictiveOptions
+        from gpcc.predictive_coder import PredictiveOptions
 
         steps: dict[str, Any] = {
             key: value for key, value in parameters.items() if key.endswith("_log2")

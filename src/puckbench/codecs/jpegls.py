@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from pointkit.errors import InputError
 from puckbench.codecs.range_image import RangeImageCodec
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
-from puckbench.storage.range_images import Image
+from puckbench.codecs.storage.range_images import Image
 
 _MOST_NEAR = 255
 _END = b"\xff\xd9"

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
+from pointkit.errors import InputError
 from puckbench.codecs.range_image import RangeImageCodec, RangeImageOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError
-from puckbench.storage.range_images import Image
+from puckbench.codecs.storage.range_images import Image
 
 _BOX = b"jxlc"
 

@@ -6,13 +6,13 @@ from importlib.metadata import version
 import numpy as np
 from pydantic import Field
 
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.models import Model
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
-from puckbench.core.models import Model
+from puckbench.codecs.storage.laz import MAGIC, decode_laz, encode_laz, intensity_bytes
+from puckbench.codecs.storage.steps import MOST_STEPS
 from puckbench.geometry.attributes import REFLECTANCE, Attributes, cloud_with
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.storage.laz import MAGIC, decode_laz, encode_laz, intensity_bytes
-from puckbench.storage.steps import MOST_STEPS
 
 
 class LazOptions(Model):

@@ -15,14 +15,14 @@ from typing import Any, ClassVar, Generic, Protocol, TypedDict, TypeVar
 import numpy as np
 from pydantic import Field
 
+from pcc_networks.catalogue import SUFFIX, NetworkType, header_of
+from pcc_networks.device import DeviceName, why_not
+from pointkit.errors import InputError
+from pointkit.files import sha256
+from pointkit.geometry.cloud import Floats
+from pointkit.models import Model
 from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
-from puckbench.coding.unit import multiplied, with_unit, without_unit
-from puckbench.core.errors import InputError
-from puckbench.core.files import sha256
-from puckbench.core.models import Model
-from puckbench.geometry.cloud import Floats
-from puckbench.learned.catalogue import SUFFIX, NetworkType, header_of
-from puckbench.learned.device import DeviceName, why_not
+from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
 _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
 _INSTALL = "pip install 'puckbench[learned]', or make learned where its Makefile is"
@@ -49,7 +49,7 @@ R = TypeVar("R", bound=RateWeights)
 
 
 class GridArguments(TypedDict, total=False):
-    """Arguments that choose the encoder's grid (`puckbench.learned.choose_grid_level`)."""
+    """Arguments that choose the encoder's grid (`pcc_networks.choose_grid_level`)."""
 
     mean_occupied_children: float
     grid_level_offset: float

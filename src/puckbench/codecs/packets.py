@@ -6,15 +6,15 @@ import lzma
 from abc import abstractmethod
 from typing import ClassVar
 
+from pointkit.coding.framing import Framing
+from pointkit.coding.zstandard import compressed, decompressed
+from pointkit.errors import InputError
+from pointkit.lidar.returns import Returns
 from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec
-from puckbench.coding.framing import Framing
-from puckbench.coding.zstandard import compressed, decompressed
-from puckbench.core.errors import InputError
-from puckbench.lidar.returns import Returns
-from puckbench.storage.packets import check_whole_packets, decode_packets, encode_packets
+from puckbench.codecs.storage.packets import check_whole_packets, decode_packets, encode_packets
 
 _MEMORY_BYTES = 1 << 28
 """Maximum memory for LZMA's decompression; preset 9 has a dictionary of 64 MiB."""

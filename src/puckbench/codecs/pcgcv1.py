@@ -16,19 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from pcc_networks.catalogue import PCGCV1
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Line, Pace, Parameters
-from puckbench.codecs.learned import (
-    Improved,
-    ImprovedOptions,
-    LearnedByLambda,
-    PublishedOptions,
-)
+from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda, PublishedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.geometry.cloud import Floats
-from puckbench.learned.catalogue import PCGCV1
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv1.weights import Pcgcv1Weights
+    from pcc_networks.pcgcv1.weights import Pcgcv1Weights
 
 
 class Pcgcv1Options(PublishedOptions):
@@ -60,7 +55,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
     Options: type[Pcgcv1Options] = Pcgcv1Options
     options: Pcgcv1Options
     magic = b"PCG1"
-    training = "puckbench.learned.pcgcv1.training_settings:Pcgcv1Training"
+    training = "pcc_networks.pcgcv1.training_settings:Pcgcv1Training"
     version = "PCGCv1, stream version 4"
     network = PCGCV1
 
@@ -69,7 +64,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
         self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.pcgcv1.codec import encode
+        from pcc_networks.pcgcv1.codec import encode
 
         weights, rate = self._numbered(parameters)
         return encode(
@@ -86,14 +81,14 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
         )
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.pcgcv1.codec import decode
-        from puckbench.learned.pcgcv1.stream import read_stream
+        from pcc_networks.pcgcv1.codec import decode
+        from pcc_networks.pcgcv1.stream import read_stream
 
         coded = read_stream(stream)
         return decode(stream, self._of_rate(coded.digest, coded.rate))
 
     def _read(self, path: Path) -> Pcgcv1Weights:
-        from puckbench.learned.pcgcv1.weights import load_weights
+        from pcc_networks.pcgcv1.weights import load_weights
 
         return load_weights(path, self.options.device)
 

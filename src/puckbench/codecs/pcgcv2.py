@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
+from pcc_networks.catalogue import PCGCV2
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Line, Pace, Parameters
 from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda
 from puckbench.codecs.registry import CODECS
-from puckbench.geometry.cloud import Floats
-from puckbench.learned.catalogue import PCGCV2
 
 if TYPE_CHECKING:
-    from puckbench.learned.pcgcv2.stream import CodingTools
-    from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
+    from pcc_networks.pcgcv2.stream import CodingTools
+    from pcc_networks.pcgcv2.weights import Pcgcv2Weights
 
 
 @CODECS.register("pcgcv2")
@@ -50,19 +50,19 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
         "r7": {"lmbda": 10},
     }
     magic = b"PCG2"
-    training = "puckbench.learned.pcgcv2.training_settings:Pcgcv2Training"
+    training = "pcc_networks.pcgcv2.training_settings:Pcgcv2Training"
     version = "PCGCv2, stream version 6"
     network = PCGCV2
     grid = 1.0
 
     def _tools(self) -> CodingTools:
         """Return the coding tools in use that the authors' program lacks."""
-        from puckbench.learned.pcgcv2.stream import CodingTools
+        from pcc_networks.pcgcv2.stream import CodingTools
 
         return CodingTools(0)
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.pcgcv2.codec import encode
+        from pcc_networks.pcgcv2.codec import encode
 
         weights, rate = self._numbered(parameters)
         return encode(
@@ -76,8 +76,8 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
         )
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.pcgcv2.codec import decode
-        from puckbench.learned.pcgcv2.stream import Pcgcv2Stream, read_stream
+        from pcc_networks.pcgcv2.codec import decode
+        from pcc_networks.pcgcv2.stream import Pcgcv2Stream, read_stream
 
         coded = read_stream(stream)
         if not isinstance(coded, Pcgcv2Stream):
@@ -85,7 +85,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
         return decode(stream, self._of_rate(coded.digest, coded.rate))
 
     def _read(self, path: Path) -> Pcgcv2Weights:
-        from puckbench.learned.pcgcv2.weights import load_weights
+        from pcc_networks.pcgcv2.weights import load_weights
 
         return load_weights(path, self.options.device)
 
@@ -122,7 +122,7 @@ class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
     version = "PCGCv2+, stream version 6"
 
     def _tools(self) -> CodingTools:
-        from puckbench.learned.pcgcv2.stream import CodingTools
+        from pcc_networks.pcgcv2.stream import CodingTools
 
         return CodingTools.CHILD_PER_PARENT | (
             CodingTools.CONTEXT_MIXING if self.context_mixing else CodingTools(0)

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh
+from pointkit.models import Model, parsed
+from primitive_codec.settings import PrimitiveSettings
 from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.registry import CODECS
-from puckbench.core.models import Model, parsed
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh
-from puckbench.primitives.settings import PrimitiveSettings
 
 if TYPE_CHECKING:
-    from puckbench.primitives.mode_decision import SurfaceCache
+    from primitive_codec.mode_decision import SurfaceCache
 
 _SURFACE_PARAMETERS = (
     *("min_leaf_size", "column_size", "max_leaf_size"),
@@ -71,7 +71,7 @@ class Primitives(Codec):
     version = "9"
 
     def load(self) -> None:
-        from puckbench.primitives.mode_decision import encode
+        from primitive_codec.mode_decision import encode
 
         rng = np.random.default_rng(0)
         turn = 2 * np.pi * rng.random(1000)
@@ -87,7 +87,7 @@ class Primitives(Codec):
 
         Return None if a subclass overrides `_encode`, which does not receive the cache.
         """
-        from puckbench.primitives.mode_decision import SurfaceCache
+        from primitive_codec.mode_decision import SurfaceCache
 
         return SurfaceCache() if type(self)._encode is Primitives._encode else None
 
@@ -97,17 +97,17 @@ class Primitives(Codec):
     def _encode_sharing(
         self, points: Floats, parameters: Parameters, shared: SurfaceCache | None
     ) -> bytes:
-        from puckbench.primitives.mode_decision import encode
+        from primitive_codec.mode_decision import encode
 
         settings = parsed(PrimitiveSettings, parameters, "codec primitives: rate")
         return encode(points, settings, shared)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
-        from puckbench.primitives.mesh_reconstruction import decode_mesh
+        from primitive_codec.mesh_reconstruction import decode_mesh
 
         return decode_mesh(stream)
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.primitives.decoder import decode
+        from primitive_codec.decoder import decode
 
         return decode(stream)

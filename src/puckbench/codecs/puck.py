@@ -12,15 +12,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from pointkit.lidar.returns import Beams, Returns
+from pointkit.lidar.turns import Layout, Turn
+from pointkit.models import Model
+from puck.records import MAGIC
 from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
-from puckbench.core.models import Model
 from puckbench.geometry.attributes import REFLECTANCE
-from puckbench.lidar.returns import Beams, Returns
-from puckbench.lidar.turns import Layout, Turn
-from puckbench.puck.records import MAGIC
 
 
 class PuckOptions(Model):
@@ -70,7 +70,7 @@ class Puck(ReturnsCodec):
         return (REFLECTANCE,) if self.options.reflectivities else ()
 
     def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        from puckbench.puck import reflectivity_bytes
+        from puck import reflectivity_bytes
 
         return {REFLECTANCE: reflectivity_bytes(stream)}
 
@@ -83,7 +83,7 @@ class Puck(ReturnsCodec):
         return self._stream(returns, step_in_quanta(returns, parameters))
 
     def _stream(self, returns: Returns, step: int) -> bytes:
-        from puckbench.puck import CodingOptions, encode_returns
+        from puck import CodingOptions, encode_returns
 
         options = self.options
         if options.reflectivities == "returns":
@@ -100,7 +100,7 @@ class Puck(ReturnsCodec):
         return encode_returns(returns, coding)
 
     def _decode_returns(self, stream: bytes) -> Returns:
-        from puckbench.puck import decode_returns
+        from puck import decode_returns
 
         return decode_returns(stream)
 

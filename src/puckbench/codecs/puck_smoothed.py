@@ -4,12 +4,12 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import PointCloud
+from pointkit.lidar.returns import Returns
 from puckbench.codecs.base import Pace, lengths
 from puckbench.codecs.puck import Puck, PuckOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import PointCloud
-from puckbench.lidar.returns import Returns
 
 _MAGIC = b"SMOOTH"
 
@@ -25,7 +25,7 @@ class PuckSmoothed(Puck):
     """Codec `puck` with a decoder that fits planes to the returns, and removes biases of lasers.
 
     Decoded returns are those of `puck`, lossless at the finest rate; decoded points are estimates
-    of the surface at every rate (`puckbench.puck.smoothing`).
+    of the surface at every rate (`puck.smoothing`).
     """
 
     title = "Puck, smoothed"
@@ -48,7 +48,7 @@ class PuckSmoothed(Puck):
         return super()._decode_returns(_without_magic(stream))
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        from puckbench.puck import range_steps, smoothed_points
+        from puck import range_steps, smoothed_points
 
         with naming(f"codec {self.name}"):
             returns = self._decode_returns(stream)

@@ -5,18 +5,18 @@ from collections.abc import Mapping
 
 from pydantic import Field
 
+from pointkit.coding.framing import Framing
+from pointkit.lidar.returns import Returns
+from pointkit.models import Model
 from puckbench.codecs.base import Availability, Pace, Parameters, lengths
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
-from puckbench.coding.framing import Framing
-from puckbench.core.models import Model
-from puckbench.geometry.attributes import REFLECTANCE
-from puckbench.lidar.returns import Returns
-from puckbench.storage.range_images import (
+from puckbench.codecs.storage.range_images import (
     Image,
     decode_range_images,
     encode_range_images,
     reflectivity_bytes,
 )
+from puckbench.geometry.attributes import REFLECTANCE
 
 
 class RangeImageOptions(Model):

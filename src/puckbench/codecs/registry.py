@@ -14,24 +14,24 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import create_model
 
+from pointkit.errors import InputError, among, naming
+from pointkit.models import Model, parsed
+from pointkit.registry import Registry, is_place, load, trust
+from pointkit.yaml_files import read_yaml
 from puckbench.codecs.base import Codec
 from puckbench.codecs.facts import find_rate
-from puckbench.coding.shift import unshifted
-from puckbench.coding.unit import without_unit
-from puckbench.core.errors import InputError, among, naming
-from puckbench.core.models import Model, parsed
-from puckbench.core.registry import Registry, is_place, load, trust
-from puckbench.core.yaml_files import read_yaml
+from puckbench.codecs.shift import unshifted
+from puckbench.codecs.unit import without_unit
 
 if TYPE_CHECKING:
-    from puckbench.learned.training.settings import BaseTraining
+    from pcc_networks.training.settings import BaseTraining
 
 Entry = Mapping[str, Any]
 """A configuration's entry for a codec: class, options, rates, metric_rates, and `LOOKS`."""
 LOOKS = ("title", "use", "colour", "marker", "line", "rank")
 """Class attributes for lists and figures, which an entry may change."""
 
-CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
+CODECS: Registry[type[Codec]] = Registry("codec", "puckbench.codecs")
 """Registry of codec classes; a class is registered by ``@CODECS.register("name")`` above it."""
 
 
@@ -60,7 +60,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
     ----------
     name
         Name of the codec, or a trusted ``module:Class`` or ``path/to/file.py:Class`` (see
-        `puckbench.core.registry.trust`).
+        `pointkit.registry.trust`).
     entry
         A configuration's entry, whose ``class`` may name another codec or ``module:Class``.
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
+from pcc_networks.catalogue import RENO
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Line, Memory, Pace, Parameters, lengths
 from puckbench.codecs.learned import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.geometry.cloud import Floats
-from puckbench.learned.catalogue import RENO
 
 if TYPE_CHECKING:
-    from puckbench.learned.reno.weights import RenoWeights
+    from pcc_networks.reno.weights import RenoWeights
 
 PUBLISHED_WEIGHTS = "data/reno_weights"
 """Folder to which `puckbench data reno_weights` writes the weights of RENO's authors."""
@@ -78,18 +78,18 @@ class Reno(Learned["RenoWeights"]):
         return next((path for path in files if is_file or path.stem == name), None)
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.reno.codec import encode
+        from pcc_networks.reno.codec import encode
 
         posq = round(float(parameters["step_m"]) / _MM, 6)
         return encode(points / _MM, self._weights(parameters), posq)
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.reno.codec import decode
-        from puckbench.learned.reno.stream import read_stream
+        from pcc_networks.reno.codec import decode
+        from pcc_networks.reno.stream import read_stream
 
         return decode(stream, self._made_with(read_stream(stream).digest)) * _MM
 
     def _read(self, path: Path) -> RenoWeights:
-        from puckbench.learned.reno.weights import load_weights
+        from pcc_networks.reno.weights import load_weights
 
         return load_weights(path)

@@ -3,13 +3,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
+from pointkit.coding.byte_io import stream_bytes
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.codecs.base import Codec, Parameters, Takes
-from puckbench.coding.byte_io import stream_bytes
-from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import Floats, PointCloud
 
 if TYPE_CHECKING:
-    from puckbench.lidar.returns import Returns
+    from pointkit.lidar.returns import Returns
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from gpcc.grid import input_grid
+from pcc_networks.catalogue import OCTREE_NET
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Memory, Parameters, lengths
 from puckbench.codecs.gpcc import EIGHTHS, UnitOptions
 from puckbench.codecs.learned import Learned, LearnedOptions
 from puckbench.codecs.registry import CODECS
-from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.grid import input_grid
-from puckbench.learned.catalogue import OCTREE_NET
 
 if TYPE_CHECKING:
-    from puckbench.learned.octree_net.weights import OctreeNetWeights
+    from pcc_networks.octree_net.weights import OctreeNetWeights
 
 
 class OctreeNetOptions(LearnedOptions, UnitOptions):
@@ -45,7 +45,7 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
     magic = b"PBON"
     most_steps = float(2**20 - 2)
     memory = Memory(1500, 3000)
-    training = "puckbench.learned.octree_net.training_settings:OctreeNetTraining"
+    training = "pcc_networks.octree_net.training_settings:OctreeNetTraining"
     version = "sparse_octree_net, stream version 3"
     network = OCTREE_NET
 
@@ -58,19 +58,19 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
         self._try([{"scale": 1}])
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        from puckbench.learned.octree_net.codec import encode
+        from pcc_networks.octree_net.codec import encode
 
         scale = float(parameters.get("scale", 1.0))
         grid = input_grid(points, float(parameters.get("step_m", self.options.step)), scale)
         return encode(points, self._weights(parameters), scale, grid)
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.learned.octree_net.codec import decode
-        from puckbench.learned.octree_net.stream import read_stream
+        from pcc_networks.octree_net.codec import decode
+        from pcc_networks.octree_net.stream import read_stream
 
         return decode(stream, self._made_with(read_stream(stream).digest))
 
     def _read(self, path: Path) -> OctreeNetWeights:
-        from puckbench.learned.octree_net.weights import load_weights
+        from pcc_networks.octree_net.weights import load_weights
 
         return load_weights(path)

@@ -4,13 +4,13 @@ import subprocess
 from functools import cached_property
 from typing import Any
 
+from gpcc.grid import InputGrid, quantise
+from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Parameters
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
 from puckbench.codecs.registry import CODECS
-from puckbench.core.files import read_bytes
-from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.grid import InputGrid, quantise
 
 PROFILES: dict[str, tuple[str, ...]] = {
     "minimal": (

@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import open_file, read_bytes, refuse_pointer, unreadable
+from pointkit.errors import InputError
+from pointkit.files import open_file, read_bytes, refuse_pointer, unreadable
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -11,6 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pointkit.sources import loops_folder
+from pointkit.threads import allowed_threads
+
 THREAD_VARIABLES = (
     *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"),
     *("NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
@@ -33,18 +36,6 @@ COMMIT = "PUCKBENCH_COMMIT"
 def thread_environment(threads: int) -> dict[str, str]:
     """Return environment variables that limit the threads of numerical libraries."""
     return dict.fromkeys(THREAD_VARIABLES, str(threads))
-
-
-def allowed_threads() -> int:
-    """Return ``OMP_NUM_THREADS`` or, if not set, the number of the process's cores."""
-    limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
-    return int(limit) if limit.isdigit() else _cores()
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def run_environment(alone: bool) -> dict[str, Any]:
@@ -115,17 +106,3 @@ def installation() -> dict[str, str]:
         "compiled loops": str(loops_folder(sources)),
         **installed_versions(),
     }
-
-
-def loops_folder(sources: Path) -> Path:
-    """Return the folder in which functions compiled from a folder of sources are cached.
-
-    The folder is ``NUMBA_CACHE_DIR`` if set; else ``__pycache__`` beside the sources or, if the
-    sources are read-only, ``puckbench`` in the user's cache folder.
-    """
-    if folder := os.environ.get("NUMBA_CACHE_DIR"):
-        return Path(folder)
-    if os.access(sources, os.W_OK):
-        return sources / "__pycache__"
-    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 (Path raises without a home)
-    return Path(caches, "puckbench")

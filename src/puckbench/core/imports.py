@@ -2,7 +2,7 @@
 
 The search covers files of puckbench, of the file's package, and of the file's folder. Other
 installed packages are ignored. Imports for type checkers are ignored, except those of a lazy
-package (`puckbench.core.lazy`), which name the modules of its public names.
+package (`pointkit.lazy`), which name the modules of its public names.
 """
 
 from __future__ import annotations

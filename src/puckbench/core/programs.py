@@ -9,9 +9,9 @@ from pathlib import Path
 from subprocess import PIPE
 from typing import Any
 
+from pointkit.errors import InputError
+from pointkit.measurement import Cost
 from puckbench.core import launch
-from puckbench.core.errors import InputError
-from puckbench.core.measurement import Cost
 
 _MAX_WORDS = 80
 """Maximum number of characters of a program's last line in a message."""

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Labels, Mesh, SceneObject, check_mesh
 from puckbench.datasets.base import freeform_labels
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Labels, Mesh, SceneObject, check_mesh
 
 UNKNOWN = "unknown"
 
@@ -82,9 +82,9 @@ def read_area_mesh(path: Path, area: str) -> AreaMesh:
 
 @lru_cache(maxsize=1)
 def _read(path: Path, area: str, _modified_ns: int) -> AreaMesh:
-    from puckbench.io.meshes.obj import read_obj
-    from puckbench.io.meshes.polygons import triangulate
-    from puckbench.io.meshes.reading import y_up_to_z_up
+    from puckbench.files.meshes.obj import read_obj
+    from puckbench.files.meshes.polygons import triangulate
+    from puckbench.files.meshes.reading import y_up_to_z_up
 
     polygons = read_obj(path)
     if polygons.material_id is None:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
-from puckbench.core.errors import InputError, among
-from puckbench.core.models import Model
+from pointkit.errors import InputError, among
+from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
+from pointkit.models import Model
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
-from puckbench.io.meshes import read_mesh_report
+from puckbench.files.meshes import read_mesh_report
 
 T = TypeVar("T")
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 from puckbench.datasets.base import GeneratedSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
-from puckbench.scenes.calibration import CALIBRATIONS, calibration_origin, make_calibration
+from virtual_lidar.scenes.calibration import CALIBRATIONS, calibration_origin, make_calibration
 
 
 @LOADERS.register("calibration")

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes
+from pointkit.errors import InputError
+from pointkit.files import read_bytes
 from puckbench.datasets.base import Count, MeshFolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name

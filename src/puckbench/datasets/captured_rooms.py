@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import open_file, read_json
+from pointkit.errors import InputError
+from pointkit.files import open_file, read_json
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Labels, Mesh, check_mesh
 from puckbench.datasets.base import FolderSet, freeform_labels, numbered_objects
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Labels, Mesh, check_mesh
-from puckbench.io.meshes.reading import y_up_to_z_up
+from puckbench.files.meshes.reading import y_up_to_z_up
 
 Entity = Mapping[str, Any]
 

@@ -24,14 +24,14 @@ class EmbeddedAreas(GeneratedSet):
     """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
-        from puckbench.scenes.building import AREAS
+        from virtual_lidar.scenes.building import AREAS
 
         kept = select_names("areas", self.areas, list(AREAS))
         return sorted(name for area in kept for name in _rooms_of(area)[: self.rooms])
 
     def load(self, name: str) -> Scene:
-        from puckbench.scenes.building import room_types
-        from puckbench.scenes.rooms import make_room, origin, room_box
+        from virtual_lidar.scenes.building import room_types
+        from virtual_lidar.scenes.rooms import make_room, origin, room_box
 
         kind = look_up(room_types(), name, "the generated building")
         mesh = make_room(name, self.seed, self.detail)
@@ -41,6 +41,6 @@ class EmbeddedAreas(GeneratedSet):
 
 
 def _rooms_of(area: str) -> list[str]:
-    from puckbench.scenes.building import room_types
+    from virtual_lidar.scenes.building import room_types
 
     return [name for name in room_types() if name.startswith(f"{area}_")]

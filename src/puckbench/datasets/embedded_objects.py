@@ -7,7 +7,7 @@ from pydantic import PositiveFloat
 from puckbench.datasets.base import GeneratedSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
-from puckbench.scenes.objects import CLASSES, MEMBERS, make_object
+from virtual_lidar.scenes.objects import CLASSES, MEMBERS, make_object
 
 
 @LOADERS.register("embedded_objects")

@@ -21,12 +21,12 @@ class EmbeddedRooms(GeneratedSet):
     """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
-        from puckbench.scenes.room_catalogue import ROOMS
+        from virtual_lidar.scenes.room_catalogue import ROOMS
 
         return sorted(select_names("rooms", self.rooms, list(ROOMS)))
 
     def load(self, name: str) -> Scene:
-        from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
+        from virtual_lidar.scenes.rooms import make_room, origin, room_box, room_spec
 
         mesh = make_room(name, self.seed, self.detail)
         place, box = origin(name, self.seed), room_box(name, self.seed)

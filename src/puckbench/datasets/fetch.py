@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from puckbench.core.errors import InputError, among
-from puckbench.core.files import read_json, sha256, write_bytes, write_json
+from pointkit.errors import InputError, among
+from pointkit.files import read_json, sha256, write_bytes, write_json
 from puckbench.datasets.sources import SOURCES, PackageSource
 
 _RECORD = "fetched.json"

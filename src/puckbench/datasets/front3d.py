@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.datasets.base import Count, DataSet, existing_folder, look_up, select_names
 from puckbench.datasets.front3d_house import HouseRoom, build_room, read_rooms
 from puckbench.datasets.registry import LOADERS

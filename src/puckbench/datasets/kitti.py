@@ -19,20 +19,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.core.errors import InputError, naming
-from puckbench.core.files import read_bytes
+from pointkit.errors import InputError, naming
+from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats, UncheckedCloud, check_points
+from pointkit.geometry.missing_returns import missing_returns
 from puckbench.datasets.base import Count, select_names
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.geometry.cloud import Floats, UncheckedCloud, check_points
-from puckbench.geometry.missing_returns import missing_returns
-from puckbench.io.clouds import without_invalid, without_missing
-from puckbench.io.float32_frames import check_column_count, float32_rows
-from puckbench.io.poses import read_kitti_calibration, read_poses, read_times
+from puckbench.files.clouds import without_invalid, without_missing
+from puckbench.files.float32_frames import check_column_count, float32_rows
+from puckbench.files.poses import read_kitti_calibration, read_poses, read_times
 
 if TYPE_CHECKING:
-    from puckbench.lidar.recordings.rings import RecoveredReturns
+    from puck.recordings.rings import RecoveredReturns
 
 _LAYOUTS = (  # object benchmark, odometry, the same as unpacked, raw drives
     "*/velodyne",
@@ -135,7 +135,7 @@ class Kitti(FrameSet):
 
 
 def _recovered(xyz: Floats) -> RecoveredReturns:
-    from puckbench.lidar.recordings.rings import recovered_returns, split_rings
+    from puck.recordings.rings import recovered_returns, split_rings
 
     turned = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])
     rings = split_rings(np.mod(np.arctan2(xyz[:, 1], xyz[:, 0]), 2 * np.pi))

@@ -16,18 +16,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from puckbench.core.errors import InputError, naming
-from puckbench.core.files import read_bytes
+from pointkit.errors import InputError, naming
+from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats, UncheckedCloud, check_points
+from pointkit.geometry.missing_returns import missing_firings
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.geometry.cloud import Floats, UncheckedCloud, check_points
-from puckbench.geometry.missing_returns import missing_firings
-from puckbench.io.clouds import without_invalid, without_missing
-from puckbench.io.float32_frames import check_column_count, float32_rows
+from puckbench.files.clouds import without_invalid, without_missing
+from puckbench.files.float32_frames import check_column_count, float32_rows
 
 if TYPE_CHECKING:
-    from puckbench.lidar.recordings.rings import RecoveredReturns
+    from puck.recordings.rings import RecoveredReturns
 
 _SUFFIX = ".pcd.bin"
 _NUMBERS, _RINGS = 5, 32
@@ -85,7 +85,7 @@ def _name(path: Path) -> str:
 
 
 def _recovered(table: Floats) -> RecoveredReturns:
-    from puckbench.lidar.recordings.rings import recovered_firings
+    from puck.recordings.rings import recovered_firings
 
     rings = table[:, 4]
     whole = len(rings) > 0 and len(rings) % _RINGS == 0 and bool(np.isfinite(table).all())

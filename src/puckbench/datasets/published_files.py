@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError, naming
-from puckbench.core.yaml_files import read_yaml
+from pointkit.errors import InputError, naming
+from pointkit.yaml_files import read_yaml
 
 HOST = "https://raw.githubusercontent.com"
 _TIMEOUT_S = 60
@@ -88,7 +88,7 @@ def _git_name(content: bytes) -> str:
 def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
     import numpy as np
 
-    from puckbench.io.tensorflow_checkpoints import read_variables
+    from puckbench.files.tensorflow_checkpoints import read_variables
 
     with naming(name):
         variables = read_variables(*checkpoint)

@@ -3,13 +3,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import check_extent
 from puckbench.datasets.base import look_up
 from puckbench.datasets.recordings import BAG_SUFFIXES, RecordingSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.geometry.cloud import check_extent
-from puckbench.io.clouds import checked_cloud, removal_counts
+from puckbench.files.clouds import checked_cloud, removal_counts
 
 
 @LOADERS.register("recorded_clouds")
@@ -29,7 +29,7 @@ class RecordedClouds(RecordingSet):
     """Whether to keep missing returns (points without coordinates, or repeated at the origin)."""
 
     def load(self, name: str) -> Scene:
-        from puckbench.lidar.recordings.cloud_messages import cloud_topic, read_recorded_cloud
+        from puckbench.recordings.cloud_messages import cloud_topic, read_recorded_cloud
 
         path, number = self._place(name)
         topic, _ = cloud_topic(path, self.topic)
@@ -45,7 +45,7 @@ class RecordedClouds(RecordingSet):
         return Scene(name, safe_name(path.stem), cloud=replace(cloud, about=about), about=about)
 
     def _numbers(self, path: Path) -> range:
-        from puckbench.lidar.recordings.cloud_messages import cloud_topic
+        from puckbench.recordings.cloud_messages import cloud_topic
 
         _, (_, count) = cloud_topic(path, self.topic)
         return range(0, count, self.every)

@@ -11,28 +11,23 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, PositiveInt
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import unreadable
-from puckbench.core.lazy import imported
+from pointkit.errors import InputError
+from pointkit.files import unreadable
+from pointkit.lazy import imported
 from puckbench.datasets.base import DataSet, look_up
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.datasets.user_files import (
-    is_file_or_lost,
-    paths_at,
-    refuse_repeated,
-    scene_names,
-)
+from puckbench.datasets.user_files import is_file_or_lost, paths_at, refuse_repeated, scene_names
 
 if TYPE_CHECKING:
-    from puckbench.lidar.recordings.reading import RecordedTurns
-    from puckbench.lidar.returns import Returns
+    from pointkit.lidar.returns import Returns
+    from puckbench.recordings.reading import RecordedTurns
 
 COMPRESSED = ".puck"
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 CAPTURE_SUFFIXES = (".pcap", ".pcapng", *BAG_SUFFIXES)
 RECORDING_SUFFIXES = (*CAPTURE_SUFFIXES, COMPRESSED)
-READERS = {COMPRESSED: "puckbench.puck.recording:decompress"}
+READERS = {COMPRESSED: "puck.recording:decompress"}
 """Functions that restore a compressed recording, by suffix."""
 _MOST_KEPT = 1 << 28
 """Maximum total size of the ranges in cached recordings, bytes."""
@@ -214,7 +209,7 @@ def decompressed(path: Path) -> Iterator[Path]:
 
 
 def _is_compressed(path: Path) -> bool:
-    from puckbench.puck.records import MAGIC
+    from puck.records import MAGIC
 
     if not path.is_file():
         return False
@@ -232,8 +227,8 @@ _kept: dict[_Key, RecordedTurns] = {}
 
 
 def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> RecordedTurns:
-    from puckbench.io.recordings.ros_bags import is_bag
-    from puckbench.lidar.recordings.reading import read_turns
+    from puck.recordings.ros_bags import is_bag
+    from puckbench.recordings.reading import read_turns
 
     key = (path, start_s, stream, topic, _state(path))
     if key not in _kept:
@@ -249,8 +244,8 @@ def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> 
 
 def recording_files(path: Path) -> list[Path]:
     """Return a recording's path, and the files beside it with its sensor's metadata."""
-    from puckbench.lidar.recordings.ouster import metadata_beside
-    from puckbench.lidar.unit_calibration import calibration_beside
+    from pointkit.lidar.unit_calibration import calibration_beside
+    from puck.recordings.ouster import metadata_beside
 
     beside = [None] if path.is_dir() else [metadata_beside(path), calibration_beside(path)]
     return [path, *filter(None, beside)]

@@ -3,12 +3,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import parsed
-from puckbench.core.registry import Registry
+from pointkit.errors import InputError
+from pointkit.models import parsed
+from pointkit.registry import Registry
 from puckbench.datasets.base import DataSet
 
-LOADERS: Registry[type[DataSet]] = Registry("loader", "datasets")
+LOADERS: Registry[type[DataSet]] = Registry("loader", "puckbench.datasets")
 """Classes that read or generate data sets, by the configuration's `loader`."""
 
 

@@ -9,12 +9,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import PointCloud
 from puckbench.datasets.base import Count, FolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.datasets.xyzrgb import read_xyzrgb
-from puckbench.geometry.cloud import PointCloud
 
 _ROOMS = {"Area_1": 44, "Area_2": 40, "Area_3": 23, "Area_4": 49, "Area_5": 68, "Area_6": 48}
 _NUMBER = re.compile(r"_\d+$")

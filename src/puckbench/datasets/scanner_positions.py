@@ -5,8 +5,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_json
+from pointkit.errors import InputError
+from pointkit.files import read_json
 
 Position = tuple[float, float, float]
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes
+from pointkit.errors import InputError
+from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh
 from puckbench.datasets.base import Count, MeshFolderSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh
 
 _SCAN = re.compile(r"scene\d{4}_\d{2}")
 _PUBLISHED = 1513

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.mesh import Mesh
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.geometry.mesh import Mesh
 
 if TYPE_CHECKING:
-    from puckbench.lidar.returns import Returns
+    from pointkit.lidar.returns import Returns
 
 
 @dataclass(frozen=True)

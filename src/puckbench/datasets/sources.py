@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.datasets import published_files
 from puckbench.datasets.captured_rooms import CapturedRooms
 from puckbench.datasets.sweethome3d import SweetHome3D

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import NonNegativeFloat
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from puckbench.datasets.area_mesh import AreaMesh, in_frame_of_s3dis, read_area_mesh
 from puckbench.datasets.base import DataSet, existing_folder, look_up, select_names
 from puckbench.datasets.registry import LOADERS
@@ -21,7 +22,6 @@ from puckbench.datasets.scanner_positions import (
     pose_files,
 )
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.cloud import Floats
 
 AREAS = ("area_1", "area_2", "area_3", "area_4", "area_5a", "area_5b", "area_6")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pydantic import PositiveFloat
 
-from puckbench.core.errors import InputError, closest
+from pointkit.errors import InputError, closest
 
 Units = PositiveFloat | dict[str, PositiveFloat]
 """Metres per unit, of all files or by file name; files without a value are in metres."""

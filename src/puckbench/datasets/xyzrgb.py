@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes
-from puckbench.geometry.cloud import Floats
+from pointkit.errors import InputError
+from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats
 
 _COLUMNS = 6
 _ALLOWED = b"0123456789+-.eE \t\r\n"

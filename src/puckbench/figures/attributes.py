@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import (
     add_legend,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 from puckbench.metrics.statistics import MIN_SCENES, SCENE, with_scenes
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from pointkit.geometry.cloud import Floats
     from puckbench.figures.style import Range
-    from puckbench.geometry.cloud import Floats
 
 _ERRORS_MM = np.geomspace(0.5, 50, 61)
 _MARK_EVERY = 10

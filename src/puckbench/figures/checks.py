@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd

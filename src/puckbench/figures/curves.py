@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.figures.binning import Curve, medians_against
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (

@@ -6,12 +6,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.errors import InputError, among
-from puckbench.core.files import write_bytes
+from pointkit.errors import InputError, among
+from pointkit.files import write_bytes
+from pointkit.geometry.cloud import CoordinateFrame
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import CoordinateFrame
-from puckbench.io.clouds import read_cloud
+from puckbench.files.clouds import read_cloud
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,8 +77,8 @@ def _selected(values: dict[str, Any], column: str, chosen: Sequence[str]) -> dic
 
 def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
     """Read a ``DataFrame`` (only rows in `frame`), or a ``PointCloud`` with its returns."""
-    from puckbench.io.tables import read_table
-    from puckbench.lidar.returns import with_returns
+    from pointkit.lidar.returns import with_returns
+    from pointkit.tables import read_table
     from puckbench.metrics.coordinate_frames import rows_in_frame
 
     if kind == "DataFrame":

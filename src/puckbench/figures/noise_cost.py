@@ -5,18 +5,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import add_fitting_legend, line_handle, set_title
 from puckbench.figures.plot_styles import error_model_colour
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
-from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors import error_model_title
 from puckbench.metrics.statistics import MIN_SCENES, SCENE, with_scenes
 from puckbench.metrics.table_registry import SEVERAL_NOISES
 from puckbench.metrics.tables.noise_bits import noise_bits
+from virtual_lidar.errors import error_model_title
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,6 @@ from puckbench.figures.panels import (
 from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
-from puckbench.lidar.drives import AZIMUTH, KEPT, NONE
 from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.metrics.table_registry import ODOMETRY, UNDECODED
 from puckbench.metrics.tables.odometry_differences import (
@@ -24,6 +23,7 @@ from puckbench.metrics.tables.odometry_differences import (
     ODOMETRIES,
     odometry_differences,
 )
+from puckbench.recordings.drives import AZIMUTH, KEPT, NONE
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from pointkit.geometry.cloud import Floats
 from puckbench.figures.binning import Curve
 from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle, Range
-from puckbench.geometry.cloud import Floats
 from puckbench.metrics.statistics import SCENE, with_scenes
 from puckbench.metrics.timing import MIN_REPEATS
 

@@ -48,7 +48,7 @@ def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
 
 def read_looks(folder: Path) -> dict[str, dict[str, str]]:
     """Return plot styles from a folder's table ``codecs``, if it exists (see `looks_layer`)."""
-    from puckbench.io.tables import read_table
+    from pointkit.tables import read_table
 
     path = folder / "codecs.parquet"
     if not path.exists():
@@ -87,7 +87,7 @@ def _style_from_name(codec: str) -> PlotStyle:
 
 def error_model_colour(model: str) -> str:
     """Return the colour of an error model, the same in every figure and process."""
-    from puckbench.lidar.errors import ERROR_MODELS
+    from virtual_lidar.errors import ERROR_MODELS
 
     own = ERROR_MODELS.get(model).colour if model in ERROR_MODELS else ""
     digest = hashlib.sha256(model.encode()).digest()

@@ -18,9 +18,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pointkit.geometry.cloud import CoordinateFrame
+from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, typed_parameters
-from puckbench.core.registry import Registry
-from puckbench.geometry.cloud import CoordinateFrame
 
 SPINS = "spins"
 """Requirement: virtual scans by a level, static sensor, with their true surfaces."""
@@ -75,7 +75,7 @@ class FigureEntry:
         return caption_of(self.draw)
 
 
-FIGURES: Registry[FigureEntry] = Registry("figure", "figures", make=FigureEntry)
+FIGURES: Registry[FigureEntry] = Registry("figure", "puckbench.figures", make=FigureEntry)
 
 
 def figure_entry(name: str) -> FigureEntry:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pointkit.geometry.cloud import Floats
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
@@ -18,7 +19,6 @@ from puckbench.figures.panels import (
 from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import Floats
 from puckbench.metrics.statistics import MIN_SCENES
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.panels import panel_grid, set_title
 from puckbench.figures.plotted_metrics import BETTER, PlottedMetric
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from puckbench.geometry.cloud import Floats, PointCloud
-    from puckbench.lidar.returns import Returns
+    from pointkit.geometry.cloud import Floats, PointCloud
+    from pointkit.lidar.returns import Returns
 
 BITS = f"Bits per return, {BETTER}"
 ERROR = PlottedMetric("error_mm", "RMS error to the scan (D1)", "mm")

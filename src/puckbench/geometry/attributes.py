@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, PointCloud
 
 Attributes = Mapping[str, NDArray[Any]]
 REFLECTANCE, COLOUR = "reflectance", "colour"

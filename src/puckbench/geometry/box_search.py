@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.core.compiling import compiled, inlined
-from puckbench.core.threads import in_threads
-from puckbench.geometry.box_tree import BoxTree, push
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.spatial_order import Rows
+from pointkit.compiling import compiled, inlined
+from pointkit.geometry.box_tree import BoxTree, push
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.spatial_order import Rows
+from pointkit.threads import in_threads
 
 SAME_DISTANCE = 1e-8
 """Squared distances that differ by less are equal (similarPointThreshold of MPEG's pc_error)."""

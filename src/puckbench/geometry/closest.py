@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import compiled
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Mesh
+from pointkit.compiling import compiled
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh
 
 
 @dataclass(frozen=True)

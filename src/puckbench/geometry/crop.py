@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 MARGIN_M = 1e-6
 """Margin, in metres, that keeps walls on a face of the box despite rounding."""

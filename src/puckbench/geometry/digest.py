@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 _STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
 """Steps to which coordinates are rounded: thousandths of a grid unit, or micrometres."""

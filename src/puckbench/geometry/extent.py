@@ -3,7 +3,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 _LOG = logging.getLogger(__name__)
 LARGEST_M, SMALLEST_M = 1000.0, 0.05

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 LEAST_NEIGHBOURS = 6
 """Number of coefficients of a quadric."""

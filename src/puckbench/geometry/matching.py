@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 _SLACK = 1 + 1e-6
 _ORDER_SLACK = 0.25

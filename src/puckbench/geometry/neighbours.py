@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pykdtree.kdtree import KDTree
 
-from puckbench.core.compiling import compiled
+from pointkit.compiling import compiled
+from pointkit.geometry.box_tree import box_tree
+from pointkit.geometry.cloud import Floats
 from puckbench.geometry.box_search import SAME_DISTANCE, nearest_two
-from puckbench.geometry.box_tree import box_tree
-from puckbench.geometry.cloud import Floats
 
 Rows = NDArray[np.int64]
 Indices = NDArray[np.uint32]

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.spatial_order import morton_order
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.spatial_order import morton_order
 
 
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import compiled
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from pointkit.compiling import compiled
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 
 Image = NDArray[np.uint8]
 

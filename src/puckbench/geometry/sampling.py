@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.geometry.cloud import PointCloud
-from puckbench.geometry.mesh import Mesh
+from pointkit.geometry.cloud import PointCloud
+from pointkit.geometry.mesh import Mesh
 
 
 def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import INTEGER_LIMIT, Floats, bounds
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import INTEGER_LIMIT, Floats, bounds
 
 GRID = "grid"
 """Value of the option `size` for the voxel grid of the cloud's description."""

@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.jobs.registry import JOBS, Job
 
 
@@ -15,8 +15,8 @@ class Calibrate(Job):
     quantum_mm: float | None = None
 
     def run(self, model: Path, residuals: tuple[Path, ...] = ()) -> dict[str, Any]:
-        from puckbench.lidar.calibration import calibrate, write_calibration
-        from puckbench.lidar.calibration.files import read_tables, settings_for
+        from virtual_lidar.calibration import calibrate, write_calibration
+        from virtual_lidar.calibration.files import read_tables, settings_for
 
         if not residuals:
             raise InputError("no recording to calibrate to (sensor_study: captures)")

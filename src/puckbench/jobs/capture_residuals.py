@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
 from puckbench.datasets.recordings import decompressed
 from puckbench.jobs.registry import JOBS, Job
+
+if TYPE_CHECKING:
+    from virtual_lidar.walls.residuals import RecordedPlanes, RecordingOptions
 
 
 @JOBS.register("capture_residuals")
@@ -16,17 +20,26 @@ class CaptureResiduals(Job):
     options: dict[str, Any] = Field({})
 
     def run(self, capture: Path, table: Path) -> dict[str, Any]:
-        from puckbench.io.tables import write_table
-        from puckbench.lidar.residual_table import REAL
-        from puckbench.lidar.walls.residuals import (
-            recorded_planes,
-            recording_options,
-            recording_residuals,
-        )
-        from puckbench.lidar.walls.statistics import recording_summary
+        from pointkit.tables import write_table
+        from virtual_lidar.residual_table import REAL
+        from virtual_lidar.walls.residuals import recording_options, recording_residuals
+        from virtual_lidar.walls.statistics import recording_summary
 
         options = recording_options(self.options)
-        with decompressed(capture) as recording:
-            planes = recorded_planes(recording, options, source=capture)
+        planes = planes_of_capture(capture, options)
         write_table(recording_residuals(planes), table)
         return {"model": REAL, **recording_summary(planes)}
+
+
+def planes_of_capture(capture: Path, options: RecordingOptions) -> RecordedPlanes:
+    """Read a recording, compressed or not, and detect the planes that its options ask for."""
+    from pointkit.lidar.sensors import load_sensor
+    from puckbench.recordings.reading import read_recording
+    from virtual_lidar.walls.residuals import recorded_planes
+
+    sensor = load_sensor(options.sensor) if options.sensor else None
+    start, end = options.still_s or (0.0, math.inf)
+    of_file = (options.stream, options.time_unit, capture, options.topic)
+    with decompressed(capture) as recording:
+        table = read_recording(recording, sensor, start, end, *of_file)
+    return recorded_planes(table, options, capture)

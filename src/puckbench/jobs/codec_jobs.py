@@ -5,10 +5,10 @@ from typing import Any
 
 from pydantic import Field, PrivateAttr
 
+from pointkit.errors import InputError
+from pointkit.registry import is_place
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, is_codec, open_codec
-from puckbench.core.errors import InputError
-from puckbench.core.registry import is_place
 from puckbench.jobs.curve_files import Coded
 from puckbench.jobs.registry import Job
 

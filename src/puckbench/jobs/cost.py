@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from puckbench.core.files import json_of, text_end
-from puckbench.core.models import Model, parsed
+from pointkit.files import json_of, text_end
+from pointkit.models import Model, parsed
 
 BEGIN = '{"job": '
 """Beginning of the last line in the log of a finished job."""

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.point_columns import WIDE_COLOURS
 from puckbench.codecs.facts import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.core.content import plain_suffix
-from puckbench.core.errors import InputError, naming
+from puckbench.files.clouds import wide_colours, write_cloud
+from puckbench.files.las_rewriting import rewrite_las
+from puckbench.files.meshes.writing import write_mesh
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
-from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.matching import Match, farthest, match_points
-from puckbench.io.clouds import wide_colours, write_cloud
-from puckbench.io.las_rewriting import rewrite_las
-from puckbench.io.meshes.writing import write_mesh
-from puckbench.io.point_columns import WIDE_COLOURS
 from puckbench.jobs.curve_files import Coded, read_coded
 from puckbench.jobs.decoding import Decoding
 from puckbench.jobs.like import MOST_UNLIKE, Model, check_place, read_models

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pointkit.errors import noting
+from pointkit.geometry.cloud import PointCloud, check_points
+from pointkit.measurement import measured
 from puckbench.core.environment import run_environment
-from puckbench.core.errors import noting
-from puckbench.core.measurement import measured
-from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.jobs.codec_jobs import TimedJob
 from puckbench.jobs.curve_files import REMARK, Coded
 

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.returns import HOUR_US
+from pointkit.lidar.turns import clock_steps
 from puckbench.core.progress import Progress
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.cloud import Floats
-from puckbench.io.poses import read_lidar_poses
+from puckbench.files.poses import read_lidar_poses
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.scan import Scanning
-from puckbench.lidar.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
-from puckbench.lidar.returns import HOUR_US
-from puckbench.lidar.sweep import Sweep
-from puckbench.lidar.turns import clock_steps
+from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
+from virtual_lidar.sweep import Sweep
 
 _TURN_S = 0.1
 """Assumed time (s) between turns of a data set without times."""
@@ -29,7 +29,7 @@ class VirtualDrive(Scanning):
     """Scan a mesh from a moving sensor, and write the drive with its poses."""
 
     def run(self, mesh: Path, drive: Path) -> dict[str, Any]:
-        from puckbench.lidar.scan_returns import returns_of_scan
+        from virtual_lidar.scan_returns import returns_of_scan
 
         job, rng = self.scan_of(mesh)
         turns, sensor = [], job.sensor

@@ -8,23 +8,23 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from pointkit.errors import InputError, naming, noting
+from pointkit.files import json_bytes, object_of
+from pointkit.geometry.cloud import PointCloud, check_points
+from pointkit.measurement import Cost, measured
 from puckbench import __version__
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
 from puckbench.core.environment import run_environment
-from puckbench.core.errors import InputError, naming, noting
-from puckbench.core.files import json_bytes, object_of
-from puckbench.core.measurement import Cost, measured
 from puckbench.core.progress import Progress
-from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.files.archives import read_archive, write_archive
 from puckbench.geometry.digest import cloud_digest
-from puckbench.io.archives import read_archive, write_archive
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import RECORD, STREAM, write_rows
 from puckbench.jobs.registry import JOBS
-from puckbench.lidar.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import task_results
+from puckbench.recordings.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
 
 _UNDECODED_RATES = {KEPT: "times", AZIMUTH: "azimuth times", NONE: "no times"}
 

@@ -4,11 +4,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import naming
+from pointkit.files import write_json, written_whole
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.core.errors import naming
-from puckbench.core.files import write_json, written_whole
-from puckbench.geometry.cloud import CoordinateFrame, PointCloud
 from puckbench.jobs.codec_jobs import ready
 from puckbench.jobs.curve_files import record_file
 from puckbench.jobs.encode_curve import Encoding, to_code

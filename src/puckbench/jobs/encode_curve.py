@@ -5,20 +5,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import InputError, naming, noting
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud
+from pointkit.lidar.returns import with_returns
+from pointkit.measurement import Cost, Measured, measured
 from puckbench.codecs.base import Codec, SharedWork
 from puckbench.codecs.registry import open_codec
 from puckbench.core.content import plain_suffix
 from puckbench.core.environment import cpu_model, run_environment
-from puckbench.core.errors import InputError, naming, noting
-from puckbench.core.measurement import Cost, Measured, measured
 from puckbench.core.progress import Progress
+from puckbench.files.clouds import IN_METRES, read_cloud
 from puckbench.geometry.attributes import not_coded
-from puckbench.geometry.cloud import CoordinateFrame, PointCloud
-from puckbench.io.clouds import IN_METRES, read_cloud
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import NOT_CODED, REMARK, Coded, write_curve
 from puckbench.jobs.registry import JOBS
-from puckbench.lidar.returns import with_returns
 
 
 def to_code(

@@ -7,25 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from pointkit.errors import naming
+from pointkit.files import write_json
+from pointkit.lidar.returns import with_returns
 from puckbench import __version__
 from puckbench.core.content import plain_suffix
-from puckbench.core.errors import naming
-from puckbench.core.files import write_json
 from puckbench.core.progress import Progress
-from puckbench.io.clouds import SUFFIXES, read_cloud
+from puckbench.files.clouds import SUFFIXES, read_cloud
 from puckbench.jobs.curve_files import REMARK, read_coded, read_curve, write_rows
 from puckbench.jobs.decoding import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
-from puckbench.lidar.returns import with_returns
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.metric_registry import further_metrics
 from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_metrics
 
 if TYPE_CHECKING:
-    from puckbench.geometry.cloud import PointCloud
-    from puckbench.lidar.returns import Returns
+    from pointkit.geometry.cloud import PointCloud
+    from pointkit.lidar.returns import Returns
 
 _FEW_POINTS = 0.01
 """Ratio of decoded to input points below which a row has a remark."""

@@ -13,9 +13,9 @@ class FirstLook(OfNames):
 
     def run(self, results: Path, parquet: Path, out: tuple[Path, ...]) -> dict[str, Any]:
         """Write the table of result rows, and draw the figures named by the files in `out`."""
+        from pointkit.tables import write_table
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
-        from puckbench.io.tables import write_table
         from puckbench.jobs.tables import results as result_tables
 
         rows = result_tables.metric_rows(self.files(results))

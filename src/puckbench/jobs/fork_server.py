@@ -16,7 +16,7 @@ import signal
 import socket
 import struct
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -28,14 +28,13 @@ VARIABLE = "PUCKBENCH_FORK_SERVER"
 """Environment variable: the name of a run's server, or ``off``."""
 MODULES = (
     *("pandas", "pyarrow.parquet", "matplotlib.figure", "matplotlib.backends.backend_agg", "numba"),
-    *("scipy.spatial", "pykdtree.kdtree", "open3d", "puckbench.geometry", "puckbench.io"),
-    *("puckbench.coding", "puckbench.lidar", "puckbench.scenes", "puckbench.storage"),
-    *("puckbench.gpcc", "puckbench.puck", "puckbench.primitives", "puckbench.datasets"),
+    *("scipy.spatial", "pykdtree.kdtree", "open3d", "pointkit", "virtual_lidar", "gpcc", "puck"),
+    *("primitive_codec", "puckbench.files", "puckbench.recordings", "puckbench.datasets"),
     *("puckbench.metrics", "puckbench.codecs", "puckbench.figures", "puckbench.report"),
-    *("puckbench.thesis", "puckbench.jobs"),
+    "puckbench.jobs",
 )
-"""Imports of a server: modules, and packages of puckbench with all their modules."""
-LEARNED = ("torch", "constriction", "puckbench.learned")
+"""Imports of a server: modules, and packages with all their modules."""
+LEARNED = ("torch", "constriction", "pcc_networks")
 """Further imports for learned codecs."""
 _GPU = "/dev/nvidiactl"
 _SECONDS_TO_END = 5.0
@@ -135,8 +134,11 @@ def serve(modules: Iterable[str]) -> None:
     """Fork jobs on request until standard input is closed."""
     import gc
 
-    for name in modules:
-        _import(name)
+    from puckbench.core.packages import ENGINES, plugin_packages
+
+    plugins = [point.value for point in plugin_packages()]
+    for name in (*modules, *plugins):
+        _import(name, {"puckbench", *ENGINES, *plugins})
     gc.freeze()
     run_ends = sys.stdin.fileno()
     with socket.socket(socket.AF_UNIX) as listener:
@@ -153,12 +155,13 @@ def serve(modules: Iterable[str]) -> None:
                     os.close(stream)
 
 
-def _import(name: str) -> None:
+def _import(name: str, ours: Collection[str]) -> None:
+    """Import a module and, of a package of ours, all modules below it."""
     with suppress(Exception):
         folders = getattr(importlib.import_module(name), "__path__", ())
-        if name.startswith("puckbench."):
+        if name.partition(".")[0] in ours:
             for module in pkgutil.iter_modules(folders, f"{name}."):
-                _import(module.name)
+                _import(module.name, ours)
 
 
 def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, PointCloud, bounds
 from puckbench.core.content import plain_suffix
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud, bounds
+from puckbench.files.clouds import SUFFIXES, checked_cloud, read_cloud, read_unchecked_cloud
 from puckbench.geometry.matching import share_beyond
-from puckbench.io.clouds import SUFFIXES, checked_cloud, read_cloud, read_unchecked_cloud
 
 MOST_UNLIKE = 0.5
 """Largest allowed share of decoded points that match no original point."""

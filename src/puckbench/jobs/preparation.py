@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats, PointCloud
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.crop import inside_box
 from puckbench.geometry.digest import cloud_digest
 from puckbench.geometry.scaling import GRID, Scaling, cube_scaling, grid_scaling, origin_shift

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_object
-from puckbench.core.models import Model, parsed
-from puckbench.geometry.cloud import Floats, PointCloud, UncheckedCloud, bounds
+from pointkit.errors import InputError
+from pointkit.files import read_object
+from pointkit.geometry.cloud import Floats, PointCloud, UncheckedCloud, bounds
+from pointkit.models import Model, parsed
+from puckbench.files.clouds import checked_cloud, read_unchecked_cloud, write_cloud
 from puckbench.geometry.extent import warn_of_implausible_extent
-from puckbench.io.clouds import checked_cloud, read_unchecked_cloud, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ class Prepare(Job):
 
 def _of_scan(path: Path, clean: bool) -> MeasuredPoints:
     from puckbench.jobs.preparation import MeasuredPoints
-    from puckbench.lidar.scan_table import read_scan
+    from virtual_lidar.scan_table import read_scan
 
     table = read_scan(path)
     about = {"source": path.name, **table.about}

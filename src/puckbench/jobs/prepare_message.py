@@ -3,10 +3,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from puckbench.geometry.cloud import UncheckedCloud
+from pointkit.geometry.cloud import UncheckedCloud
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
-from puckbench.lidar.recordings.cloud_messages import read_recorded_cloud
+from puckbench.recordings.cloud_messages import read_recorded_cloud
 
 
 @JOBS.register("prepare_message")

@@ -4,21 +4,21 @@ import logging
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import naming
+from pointkit.geometry.cloud import PointCloud
+from pointkit.lidar.returns import Returns, read_firings
+from pointkit.return_tables import is_table_of
+from puck.recordings.captured_packets import is_packet_capture
+from puck.recordings.pcap import refuse_stream
+from puck.recordings.ros_bags import bag_format
+from puck.recordings.topics import refuse_topic
 from puckbench.core.content import plain_suffix, read_content
-from puckbench.core.errors import naming
 from puckbench.datasets.recordings import RECORDING_SUFFIXES, decompressed
-from puckbench.geometry.cloud import PointCloud
-from puckbench.io import meshes
-from puckbench.io.clouds import SUFFIXES
-from puckbench.io.recordings.captured_packets import is_packet_capture
-from puckbench.io.recordings.pcap import refuse_stream
-from puckbench.io.recordings.ros_bags import bag_format
-from puckbench.io.recordings.topics import refuse_topic
-from puckbench.io.return_tables import is_table_of
+from puckbench.files import meshes
+from puckbench.files.clouds import SUFFIXES
 from puckbench.jobs.prepare_returns import PrepareReturns, select_turns
 from puckbench.jobs.registry import JOBS
-from puckbench.lidar.returns import Returns, read_firings
-from puckbench.lidar.scan_table import ScanTable
+from virtual_lidar.scan_table import ScanTable
 
 _log = logging.getLogger(__name__)
 _LONGEST_MARK = 24
@@ -77,7 +77,7 @@ def read_selected_turns(
 
     `turns`, `stream` and `topic` are those of `PrepareRecording`.
     """
-    from puckbench.lidar.recordings.reading import read_turns
+    from puckbench.recordings.reading import read_turns
 
     with naming(path):
         _check_selection(path, stream, topic)

@@ -6,14 +6,14 @@ from typing import Any
 
 from pydantic import Field
 
-from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import PointCloud
-from puckbench.io.clouds import write_cloud
-from puckbench.io.return_tables import is_table_of
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import PointCloud
+from pointkit.lidar.returns import Returns, read_firings, write_firings
+from pointkit.return_tables import is_table_of
+from puckbench.files.clouds import write_cloud
 from puckbench.jobs.prepare import names_and_groups
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.lidar.returns import Returns, read_firings, write_firings
-from puckbench.lidar.scan_table import ScanTable
+from virtual_lidar.scan_table import ScanTable
 
 
 @JOBS.register("prepare_returns")
@@ -74,9 +74,9 @@ class PrepareReturns(Job):
         return returns, None, {"source": path.name, "sensor": returns.sensor}
 
     def _read_scan(self, path: Path) -> tuple[Returns, PointCloud, dict[str, Any]]:
-        from puckbench.lidar.scan_returns import returns_of_scan, true_points
-        from puckbench.lidar.scan_table import read_scan
         from puckbench.metrics.sensor_metrics import entropy_bits
+        from virtual_lidar.scan_returns import returns_of_scan, true_points
+        from virtual_lidar.scan_table import read_scan
 
         table = read_scan(path)
         if self.turns:

@@ -14,8 +14,8 @@ from io import UnsupportedOperation
 from pathlib import Path
 from typing import NoReturn
 
-from puckbench.core.errors import InputError, error_text
-from puckbench.core.files import read_json
+from pointkit.errors import InputError, error_text
+from pointkit.files import read_json
 from puckbench.jobs.cost import cost_line
 from puckbench.jobs.registry import JOBS
 

@@ -5,13 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pointkit.errors import InputError, naming
+from pointkit.files import write_json
+from pointkit.geometry.cloud import PointCloud
+from pointkit.geometry.mesh import Labels, Mesh
 from puckbench import __version__
-from puckbench.core.errors import InputError, naming
-from puckbench.core.files import write_json
-from puckbench.geometry.cloud import PointCloud
-from puckbench.geometry.mesh import Labels, Mesh
-from puckbench.io.clouds import read_cloud
-from puckbench.io.meshes import read_mesh
+from puckbench.files.clouds import read_cloud
+from puckbench.files.meshes import read_mesh
 from puckbench.jobs.codec_jobs import CodecJob
 from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
 from puckbench.jobs.registry import JOBS

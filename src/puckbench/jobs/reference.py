@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.jobs.registry import JOBS, Job
 
 _AFTERWARDS = {"report", "reference"}
@@ -29,7 +29,7 @@ class Reference(Job):
 
         Inputs are the tables of clouds or, for a run without clouds, `drives`.
         """
-        from puckbench.io.tables import read_table
+        from pointkit.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents
         from puckbench.report.reference_results import (

@@ -9,8 +9,8 @@ from abc import abstractmethod
 from collections.abc import Iterable
 from typing import Any, Self
 
-from puckbench.core.models import Model, parsed
-from puckbench.core.registry import Registry, trust
+from pointkit.models import Model, parsed
+from pointkit.registry import Registry, trust
 
 
 class Job(Model):
@@ -33,4 +33,4 @@ class Job(Model):
         """Read the inputs, write either all outputs or none, and return the values to print."""
 
 
-JOBS: Registry[type[Job]] = Registry("job", "jobs")
+JOBS: Registry[type[Job]] = Registry("job", "puckbench.jobs")

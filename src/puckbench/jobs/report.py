@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.files import write_bytes
+from pointkit.files import write_bytes
 from puckbench.jobs.registry import JOBS, Job
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import Field, PositiveFloat
 
-from puckbench.core.seeding import generator
+from pointkit.seeding import generator
+from puckbench.files.clouds import write_cloud
 from puckbench.geometry.sampling import sample_surface
-from puckbench.io.clouds import write_cloud
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
 

@@ -7,22 +7,22 @@ from typing import Any
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from puckbench.core.models import Model, parsed
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh
+from pointkit.lidar.sensor import Sensor
+from pointkit.lidar.sensors import load_sensor
+from pointkit.models import Model, parsed
+from pointkit.seeding import generator
 from puckbench.core.progress import Progress
-from puckbench.core.seeding import generator
-from puckbench.geometry.cloud import Floats
+from puckbench.files.descriptions import read_description, sidecar
 from puckbench.geometry.extent import warn_of_implausible_extent
-from puckbench.geometry.mesh import Mesh
-from puckbench.io.descriptions import read_description, sidecar
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
-from puckbench.lidar import (
+from virtual_lidar import (
     ErrorModel,
     ScanJob,
-    Sensor,
     Sweep,
     free_origin,
-    load_sensor,
     open_error_model,
     open_sweep,
     write_scan,

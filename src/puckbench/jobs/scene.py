@@ -9,9 +9,9 @@ from pydantic import Field
 
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.io.clouds import write_cloud
-from puckbench.io.descriptions import write_description
-from puckbench.io.meshes import write_mesh
+from puckbench.files.clouds import write_cloud
+from puckbench.files.descriptions import write_description
+from puckbench.files.meshes import write_mesh
 from puckbench.jobs.registry import JOBS, Job
 
 
@@ -32,7 +32,7 @@ class WriteScene(Job):
             write_mesh(scene, loaded.mesh, about)
             return {**about, "triangles": len(loaded.mesh.triangles)}
         if loaded.returns is not None:
-            from puckbench.lidar.returns import write_firings
+            from pointkit.lidar.returns import write_firings
 
             write_firings(scene, loaded.returns)
             write_description(scene, "returns", about)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.metrics.table_registry import TableEntry, table_entry
 
@@ -32,7 +32,7 @@ class Table(Job):
         self, out: tuple[Path, ...], columns: Path | None = None, **inputs: Path
     ) -> dict[str, Any]:
         """Write the table (.csv, .parquet, .tex) and descriptions of its columns."""
-        from puckbench.io.tables import read_table
+        from pointkit.tables import read_table
         from puckbench.jobs.table_files import write_result
 
         entry = table_entry(self.table)

@@ -3,14 +3,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.files import write_bytes
+from pointkit.files import write_bytes
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> dict[str, Any]:
-    from puckbench.io.tables import write_table
+    from pointkit.tables import write_table
     from puckbench.report.column_dictionary import column_dictionary
     from puckbench.report.latex import latex_table
 

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from pcc_networks.catalogue import weights_file
+from pcc_networks.device import why_not
+from pcc_networks.training.settings import BaseTraining
+from pointkit.errors import InputError
+from pointkit.files import sha256, write_json
+from pointkit.geometry.cloud import Floats
 from puckbench.codecs.registry import entry, open_codec, open_training
-from puckbench.core.errors import InputError
-from puckbench.core.files import sha256, write_json
-from puckbench.geometry.cloud import Floats
-from puckbench.io.clouds import read_cloud
+from puckbench.files.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.learned.catalogue import weights_file
-from puckbench.learned.device import why_not
-from puckbench.learned.training.settings import BaseTraining
 
 if TYPE_CHECKING:
-    from puckbench.learned.training.loop import BaseTrainer
+    from pcc_networks.training.loop import BaseTrainer
 
 
 @JOBS.register("train")
@@ -55,8 +55,8 @@ class Train(Job):
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
     ) -> dict[str, Any]:
         """Train, resuming from a checkpoint beside `weights`; write weights and a model card."""
+        from pcc_networks.training.loop import train
         from puckbench.jobs.training_log import TrainingLog
-        from puckbench.learned.training.loop import train
 
         self._check_entry()
         training = open_training(self.codec, self.changes, self.options)
@@ -107,7 +107,7 @@ class Train(Job):
             trainer.identity["start"] = sha256(start)
 
     def _resume(self, trainer: BaseTrainer[Any, Any], checkpoint: Path) -> None:
-        from puckbench.learned.training.loop import OtherTrainingError
+        from pcc_networks.training.loop import OtherTrainingError
 
         if checkpoint.exists():
             try:

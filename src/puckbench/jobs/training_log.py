@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.files import write_bytes
+from pointkit.files import write_bytes
 
 if TYPE_CHECKING:
-    from puckbench.learned.training.loop import BaseTrainer
+    from pcc_networks.training.loop import BaseTrainer
 
 _DIGITS = 5
 _SECONDS_BETWEEN_LINES = 20.0

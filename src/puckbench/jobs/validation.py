@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.base import Codec
-from puckbench.geometry.cloud import PointCloud
 from puckbench.metrics.psnr import mpeg_psnr
 
 Measures = dict[str, float]

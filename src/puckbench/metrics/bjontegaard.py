@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 COMPARED = "compared"
 NO_COMMON_RANGE = "no common range"

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.attributes import COLOUR, REFLECTANCE, attributes_of
-from puckbench.geometry.cloud import Floats, PointCloud
 
 if TYPE_CHECKING:
     from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud

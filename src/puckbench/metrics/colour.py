@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.metrics.paired_values import distinct_values, pair_errors, same_values
 from puckbench.metrics.psnr import psnr
 

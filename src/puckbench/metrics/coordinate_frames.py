@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import CoordinateFrame
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import CoordinateFrame
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.core.seeding import generator
-from puckbench.geometry.cloud import Floats, check_points
-from puckbench.geometry.spatial_order import distinct_points
+from pointkit.geometry.cloud import Floats, check_points
+from pointkit.geometry.spatial_order import distinct_points
+from pointkit.seeding import generator
 
 NEIGHBOURS = 16
 QUERIES = 100_000

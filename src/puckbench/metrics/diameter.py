@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.core.compiling import compiled
-from puckbench.geometry.cloud import Floats, check_points
-from puckbench.geometry.spatial_order import distinct_points
+from pointkit.compiling import compiled
+from pointkit.geometry.cloud import Floats, check_points
+from pointkit.geometry.spatial_order import distinct_points
 
 BLOCK = 64
 """Number of points per bounding box, fastest for points on a sphere (the worst case)."""

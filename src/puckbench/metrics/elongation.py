@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats, check_points
+from pointkit.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:

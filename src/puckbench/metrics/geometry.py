@@ -13,10 +13,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, PointCloud, check_points
+from pointkit.geometry.spatial_order import Rows, distinct_points
 from puckbench.geometry.neighbours import Neighbours, SearchablePoints
-from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.metrics.diameter import diameter
 from puckbench.metrics.lossless import rounding
 

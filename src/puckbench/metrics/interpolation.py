@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 
 def bits_at_error(bits: Iterable[float], errors: Iterable[float], error: float) -> float:

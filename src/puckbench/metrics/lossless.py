@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import PointCloud, bounds
+from pointkit.geometry.cloud import PointCloud, bounds
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,9 +17,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from types import MappingProxyType
 
-from puckbench.core.errors import InputError
-from puckbench.core.registry import Registry
-from puckbench.geometry.cloud import PointCloud
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import PointCloud
+from pointkit.registry import Registry
 
 Metric = Callable[[PointCloud, PointCloud], Mapping[str, float]]
 
@@ -33,7 +33,9 @@ def _registered(
     return metric
 
 
-METRICS: Registry[Metric] = Registry("metric", "further_metrics", make=_registered)
+METRICS: Registry[Metric] = Registry(
+    "metric", "puckbench.metrics.further_metrics", make=_registered
+)
 
 
 def metric_columns() -> dict[str, str]:

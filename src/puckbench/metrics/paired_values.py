@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats, check_points
+from pointkit.geometry.cloud import Floats, check_points
 from puckbench.geometry.neighbours import Neighbours, SearchablePoints
 
 

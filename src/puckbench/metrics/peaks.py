@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.metrics.coordinate_frames import FRAME
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
-from puckbench.geometry.mesh import Primitive
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Primitive
 
 Parameters = dict[str, Any]
 

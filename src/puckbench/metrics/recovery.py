@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.geometry.mesh import Labels, Mesh, Primitive, labelled_mesh_in_metres
 from puckbench.geometry.closest import closest_surface_points
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.mesh import Labels, Mesh, Primitive, labelled_mesh_in_metres
 from puckbench.metrics.primitive_differences import (
     COMPARABLE,
     distances_to_primitive,

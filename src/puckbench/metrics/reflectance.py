@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from puckbench.metrics.paired_values import distinct_values, pair_errors, same_values
 from puckbench.metrics.psnr import psnr
 

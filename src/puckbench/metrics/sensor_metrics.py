@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 
 if TYPE_CHECKING:
-    from puckbench.geometry.cloud import PointCloud
-    from puckbench.lidar.returns import Returns
+    from pointkit.geometry.cloud import PointCloud
+    from pointkit.lidar.returns import Returns
 
 _OCTILES = 8
 

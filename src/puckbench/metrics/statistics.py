@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats
 
 if TYPE_CHECKING:
     import pandas as pd

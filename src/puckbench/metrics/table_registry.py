@@ -18,8 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
-from puckbench.core.registry import Registry
 
 SENSOR = "Sensor, tables"
 """Category of tables of the sensor study (thesis chapter 5)."""
@@ -88,7 +88,7 @@ class TableEntry:
         return caption_of(self.make)
 
 
-TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
+TABLES: Registry[TableEntry] = Registry("table", "puckbench.metrics.tables", make=TableEntry)
 
 
 def table_entry(name: str) -> TableEntry:

@@ -19,10 +19,10 @@ from importlib.util import find_spec
 from inspect import signature
 from typing import Any
 
-from puckbench.core.errors import InputError
-from puckbench.core.registry import Registry
-from puckbench.geometry.cloud import PointCloud
-from puckbench.lidar.drives import Drive
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import PointCloud
+from pointkit.registry import Registry
+from puckbench.recordings.drives import Drive
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Task:
         return tuple(name for name in self.needs if find_spec(name) is None)
 
 
-TASKS: Registry[Task] = Registry("task", "tasks", make=Task)
+TASKS: Registry[Task] = Registry("task", "puckbench.metrics.tasks", make=Task)
 
 
 def task_results(

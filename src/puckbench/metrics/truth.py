@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from puckbench.core.seeding import generator
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.geometry.mesh import Mesh
+from pointkit.seeding import generator
 from puckbench.geometry.closest import SearchableMesh, closest_surface_points, mesh_in_frame
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.sampling import sample_surface
 from puckbench.metrics.geometry import (
     DistinctPoints,

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.rendering import Image, View, render_cloud
 from puckbench.metrics.psnr import psnr
 from puckbench.metrics.ssim import WINDOW, ssim

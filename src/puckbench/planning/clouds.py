@@ -7,8 +7,8 @@ from pathlib import Path
 from puckbench.core.content import plain_suffix
 from puckbench.datasets import recordings
 from puckbench.datasets.registry import LOADERS
-from puckbench.io import clouds
-from puckbench.io.meshes import reading as meshes
+from puckbench.files import clouds
+from puckbench.files.meshes import reading as meshes
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns
 from puckbench.jobs.sample import Sample

@@ -6,9 +6,9 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
+from pointkit.geometry.cloud import CoordinateFrame
 from puckbench.codecs.registry import codec_class, module_of
 from puckbench.core.environment import thread_environment
-from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.decode import Decode
 from puckbench.jobs.decode_shown import DecodeShown
 from puckbench.jobs.encode_curve import EncodeCurve

@@ -13,12 +13,12 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
+from pointkit.errors import InputError, among
+from pointkit.files import read_json
+from pointkit.models import Model, checked_model
+from pointkit.registry import is_place, trust
+from pointkit.yaml_files import read_yaml
 from puckbench.codecs.facts import Line
-from puckbench.core.errors import InputError, among
-from puckbench.core.files import read_json
-from puckbench.core.models import Model, checked_model
-from puckbench.core.registry import is_place, trust
-from puckbench.core.yaml_files import read_yaml
 from puckbench.geometry.scaling import METRIC
 
 Options = dict[str, Any]

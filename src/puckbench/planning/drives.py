@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from pointkit.errors import InputError, among, naming
+from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.facts import find_rate
-from puckbench.core.errors import InputError, among, naming
-from puckbench.io.poses import files_of_poses
+from puckbench.files.poses import files_of_poses
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
-from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import TASKS, checked_task
 from puckbench.planning.clouds import loader_modules
@@ -21,6 +21,7 @@ from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import refuse_paths
 from puckbench.planning.sensing import code_of_scan, files_of_scan
+from virtual_lidar import open_error_model, open_sweep
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
 _CODING_S, _TASK_S = 0.25, 0.06

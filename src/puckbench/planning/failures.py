@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from puckbench.core.files import text_end, write_bytes
-from puckbench.core.yaml_files import yaml_text
+from pointkit.files import text_end, write_bytes
+from pointkit.yaml_files import yaml_text
 from puckbench.jobs.cost import BEGIN as COST
 from puckbench.jobs.fork_server import EXIT_STATUS
 from puckbench.metrics.table_registry import UNDECODED

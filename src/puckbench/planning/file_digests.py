@@ -8,9 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 from stat import S_ISREG
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_object, write_json
-from puckbench.core.models import Model, parsed
+from pointkit.errors import InputError
+from pointkit.files import read_object, write_json
+from pointkit.models import Model, parsed
 from puckbench.core.progress import Progress
 
 _MOST_READ = 1 << 30

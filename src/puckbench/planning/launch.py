@@ -6,11 +6,10 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 
-_PACKAGE = Path(__file__).parents[1]
-_PLACES = (_PACKAGE.parents[1] / "workflow", _PACKAGE / "workflow")
-"""Folders of the workflow in a repository and in a wheel (see setup.py)."""
+_WORKFLOW = Path(__file__).parents[1] / "workflow"
+"""Folder of the workflow; in a repository, a link to it."""
 
 CALLER_GOES_ON = "PUCKBENCH_CALLER_GOES_ON"
 """Environment variable that is set if the caller of Snakemake prints the summary and, after
@@ -18,9 +17,8 @@ failures, runs the rest."""
 
 
 def snakefile() -> Path:
-    for folder in _PLACES:
-        if (folder / "rules").is_dir() and (file := folder / "Snakefile").is_file():
-            return file
+    if (file := _WORKFLOW.resolve() / "Snakefile").is_file():
+        return file
     raise InputError("the workflow is not in this installation of puckbench; install its wheel")
 
 

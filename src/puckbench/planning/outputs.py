@@ -8,19 +8,18 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, get_args
 
+from pointkit.errors import InputError, among, naming
+from pointkit.geometry.cloud import CoordinateFrame
 from puckbench.codecs.registry import LOOKS, codec_class, is_codec
-from puckbench.core.errors import InputError, among, naming
 from puckbench.figures.plot_styles import class_style, codec_rank, looks_layer
 from puckbench.figures.registry import FIGURES, FigureEntry, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
 from puckbench.jobs.gathered_tables import PlanTable, RowsTable
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
-from puckbench.lidar import open_error_model
 from puckbench.metrics.table_registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.drives import DriveJobs
@@ -31,6 +30,7 @@ from puckbench.planning.report_contents import planned_contents
 from puckbench.planning.sensing import code_of_models
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
+from virtual_lidar import open_error_model
 
 FIRST_FIGURES = ("fig_6_6", "fig_6_9")
 """Figures that are drawn as soon as the first codec's results are complete."""

@@ -7,19 +7,19 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args
 
+from pcc_networks.catalogue import weights_file
+from pointkit.errors import NARROWER, InputError, among, closest, naming
+from pointkit.files import sha256
+from pointkit.geometry.cloud import CoordinateFrame
+from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_training
-from puckbench.core.errors import NARROWER, InputError, among, closest, naming
-from puckbench.core.files import sha256
 from puckbench.datasets.base import DataSet
 from puckbench.datasets.recordings import recording_files
 from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.attributes import attribute_of
-from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.geometry.scaling import GRID, METRIC
-from puckbench.learned.catalogue import weights_file
-from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.task_registry import TASKS
 from puckbench.planning.config import (
@@ -40,7 +40,8 @@ from puckbench.planning.scene_checks import (
     refuse_paths,
     scene_faults,
 )
-from puckbench.scenes.calibration import CALIBRATIONS
+from virtual_lidar import open_error_model, open_sweep
+from virtual_lidar.scenes.calibration import CALIBRATIONS
 
 _MAKING = ("samples", "scans", "clouds")
 """Kinds of jobs that make a cloud from a scene."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from puckbench.core.files import write_bytes
+from pointkit.files import write_bytes
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.planning.fingerprints import code_version
 

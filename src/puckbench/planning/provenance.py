@@ -11,8 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import unwritable, write_bytes
+from pointkit.errors import InputError
+from pointkit.files import unwritable, write_bytes
 from puckbench.jobs.cost import read_cost
 from puckbench.planning.planned_job import RECORDS, PlannedJob
 

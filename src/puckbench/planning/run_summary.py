@@ -9,8 +9,8 @@ from typing import Any
 
 from puckbench.figures.style import FigureStyle
 from puckbench.jobs.curve_files import REMARK
-from puckbench.lidar.drives import AZIMUTH, NONE
 from puckbench.metrics.table_registry import UNDECODED
+from puckbench.recordings.drives import AZIMUTH, NONE
 from puckbench.report.bd_rate_text import delta_text, has_delta
 
 Row = dict[str, str]

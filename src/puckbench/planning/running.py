@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import remove_leftovers, unreadable, unwritable
+from pointkit.errors import InputError
+from pointkit.files import remove_leftovers, unreadable, unwritable
 
 _held: list[int] = []
 """File descriptors of the locks, which close when the process ends."""

@@ -12,16 +12,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_object, write_json
-from puckbench.core.models import Model, parsed
+from pointkit.errors import InputError
+from pointkit.files import read_object, write_json
+from pointkit.geometry.cloud import Floats, PointCloud, bounds, check_extent
+from pointkit.models import Model, parsed
+from pointkit.point_columns import WIDE_COLOURS
 from puckbench.core.progress import Progress
 from puckbench.datasets.base import DataSet
 from puckbench.datasets.scene import Scene
-from puckbench.geometry.cloud import Floats, PointCloud, bounds, check_extent
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
-from puckbench.io.point_columns import WIDE_COLOURS
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -135,7 +135,7 @@ def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> 
 def _check_scene(
     scenes: DataSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, Any]]:
-    from puckbench.geometry.mesh import check_mesh
+    from pointkit.geometry.mesh import check_mesh
 
     try:
         scene = scenes.load(name)

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from puckbench.lidar import load_sensor, open_error_model, open_sweep
-from puckbench.lidar.errors import ErrorModel, module_of_model
+from pointkit.lidar.sensors import load_sensor
 from puckbench.planning.config import Sensing
+from virtual_lidar import open_error_model, open_sweep
+from virtual_lidar.errors import ErrorModel, module_of_model
 
 Code = tuple[tuple[str, ...], str]
 """Modules, and further data, which affect a job's result (`planned_job.planned`)."""

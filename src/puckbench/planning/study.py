@@ -4,16 +4,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pointkit.lidar.sensors import load_sensor
 from puckbench.datasets.recordings import recording_files
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.lidar import load_sensor, open_error_model
-from puckbench.lidar.residual_table import REAL
 from puckbench.planning.clouds import reader_modules
 from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.sensing import code_of_models, files_named
+from virtual_lidar import open_error_model
+from virtual_lidar.residual_table import REAL
 
 WALL_POINTS = 40_000
 """Number of points per surface and distance in figures of scans."""

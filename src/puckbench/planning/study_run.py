@@ -3,8 +3,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from puckbench.core.errors import InputError, among, naming
-from puckbench.core.registry import trust
+from pointkit.errors import InputError, among, naming
+from pointkit.registry import trust
 from puckbench.planning.config import checked
 from puckbench.planning.plan import Plan
 from puckbench.planning.user_files import check_codecs, codec_entries

@@ -8,21 +8,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from pointkit.errors import NARROWER, InputError, naming
+from pointkit.files import special_kind, write_bytes
+from pointkit.geometry.cloud import CoordinateFrame
+from pointkit.yaml_files import yaml_text
 from puckbench.codecs.facts import check_lengths, find_rate
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.content import plain_suffix
-from puckbench.core.errors import NARROWER, InputError, naming
-from puckbench.core.files import special_kind, write_bytes
-from puckbench.core.yaml_files import yaml_text
 from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.units import check_units, is_named
 from puckbench.datasets.user_files import is_file_or_lost
-from puckbench.geometry.cloud import CoordinateFrame
+from puckbench.files import clouds, meshes
+from puckbench.files.clouds import IN_METRES
+from puckbench.files.ply import has_faces
 from puckbench.geometry.scaling import METRIC
-from puckbench.io import clouds, meshes
-from puckbench.io.clouds import IN_METRES
-from puckbench.io.ply import has_faces
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
@@ -84,7 +84,7 @@ class UserRun:
         Names or places (``file.py:Class``) of codecs; the first is the anchor.
     frame
         Coordinate frame of clouds and meshes; by default metres if all formats are in
-        `puckbench.io.clouds.IN_METRES`.
+        `puckbench.files.clouds.IN_METRES`.
     rates
         Names of rates, or ``("all",)``; by default all, or four if all would take long.
     points
@@ -165,7 +165,7 @@ class UserRun:
         if not (path.is_dir() or path.suffix.lower() in recordings.BAG_SUFFIXES):
             return _kind(path)
         if path not in self._bags:
-            from puckbench.lidar.recordings.cloud_messages import has_clouds
+            from puckbench.recordings.cloud_messages import has_clouds
 
             try:
                 self._bags[path] = has_clouds(path, self.options.get("topic"))

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pointkit.errors import InputError, among, closest
 from puckbench.core.environment import COMMIT, source_commit
-from puckbench.core.errors import InputError, among, closest
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.config import trusted
@@ -73,14 +73,3 @@ def run_jobs_with(source: str) -> None:
         os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
     os.environ.pop(COMMIT, None)
     os.environ[COMMIT] = source_commit()
-
-
-def package_alone(folder: Path) -> Path:
-    """Make a folder with a link to puckbench only, for jobs to import; return its path."""
-    package, link = Path(__file__).parents[1], folder.resolve() / "puckbench"
-    if not link.is_symlink() or link.readlink() != package:
-        link.parent.mkdir(parents=True, exist_ok=True)
-        new = link.with_name(f"{link.name}.{os.getpid()}")
-        new.symlink_to(package)
-        new.replace(link)  # atomic, since several jobs may do it at the same time
-    return link.parent

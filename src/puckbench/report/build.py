@@ -7,12 +7,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_bytes
-from puckbench.core.threads import in_threads
+from pointkit.errors import InputError
+from pointkit.files import read_bytes
+from pointkit.tables import read_table
+from pointkit.threads import in_threads
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.io.tables import read_table
 from puckbench.metrics.table_registry import TABLES, table_entry
 from puckbench.report.captions import caption_html
 from puckbench.report.claims import TABLE as CLAIMS

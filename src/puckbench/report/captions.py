@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import TYPE_CHECKING
 
-from puckbench.core.errors import InputError, among, naming
+from pointkit.errors import InputError, among, naming
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks
 from puckbench.metrics.statistics import SCENE, with_scenes
@@ -93,7 +93,7 @@ def compare_with_reference(
 
 
 def _matched(clouds: pd.DataFrame, reference: ReferenceResults) -> tuple[dict[Key, Key], list[str]]:
-    from puckbench.io.tables import check_columns
+    from pointkit.tables import check_columns
 
     if DIGEST not in clouds or clouds[DIGEST].isna().any():
         raise InputError("the table of clouds has no digests: it is of an older run; run it again")
@@ -144,7 +144,7 @@ def _renamed(metrics: pd.DataFrame, reference_names: Mapping[Key, Key]) -> pd.Da
 def _check_qualities(
     run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str], study: str
 ) -> None:
-    from puckbench.io.tables import is_number_column
+    from pointkit.tables import is_number_column
 
     for whose, table in (("the run", run_rows), (study, reference_rows)):
         for quality in qualities:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.models import Model, parsed
+from pointkit.models import Model, parsed
 from puckbench.figures.registry import FIGURES
 from puckbench.metrics.table_registry import TABLES
 
@@ -31,7 +31,7 @@ class Contents(Model):
     Parameters
     ----------
     own_figures, own_tables
-        Places of the user's figures and tables (see `puckbench.core.registry`), loaded if trusted.
+        Places of the user's figures and tables (see `pointkit.registry`), loaded if trusted.
     style
         Layers of `puckbench.figures.style.FigureStyle`; later layers take precedence.
     """

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from puckbench.core.files import write_bytes
-from puckbench.io.tables import write_table
+from pointkit.files import write_bytes
+from pointkit.tables import write_table
 from puckbench.metrics.table_registry import table_entry
 from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds, bd_rate_pairs
 from puckbench.metrics.tables.uses import uses

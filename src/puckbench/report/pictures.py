@@ -5,7 +5,7 @@ from base64 import b64encode
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Pixels

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from pointkit.geometry.cloud import CoordinateFrame, Floats
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
-from puckbench.geometry.cloud import CoordinateFrame, Floats
 from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from puckbench.core.errors import InputError, among, naming
-from puckbench.core.files import json_of, written_whole
-from puckbench.core.models import Model, parsed
+from pointkit.errors import InputError, among, naming
+from pointkit.files import json_of, written_whole
+from pointkit.models import Model, parsed
 from puckbench.metrics.tables.rate_deltas import MARGIN_PERCENT
 from puckbench.report.column_labels import is_time, name_in_words
 from puckbench.report.run_record import RunRecord
@@ -151,9 +151,9 @@ def read_reference(name: str) -> ReferenceResults:
 
 
 def _read(path: Path) -> ReferenceResults:
+    from pointkit.parquet_files import parquet_metadata
+    from pointkit.tables import check_columns, read_table
     from puckbench.figures.style import FigureStyle
-    from puckbench.io.parquet_files import parquet_metadata
-    from puckbench.io.tables import check_columns, read_table
 
     table = read_table(path)
     with naming(path):
@@ -174,7 +174,7 @@ def _read(path: Path) -> ReferenceResults:
 
 def check_results(metrics: pd.DataFrame) -> None:
     """Raise InputError if a table of results lacks columns, or they are not text or numbers."""
-    from puckbench.io.tables import check_columns
+    from pointkit.tables import check_columns
 
     used = [name for name in map(str, metrics) if name in _NUMBERS or name.endswith(_ENDINGS)]
     check_columns(metrics, (*_CLOUD, "codec", "rate"), ("bytes", "bpp", *used))

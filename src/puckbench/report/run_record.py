@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-from puckbench.core.models import Model, parsed
+from pointkit.models import Model, parsed
 
 
 def _moment_of(value: Any) -> Any:

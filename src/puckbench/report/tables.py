@@ -74,7 +74,7 @@ def is_bookkeeping(values: pd.Series[Any]) -> bool:
 
 
 def _titles(column: str, style: FigureStyle) -> Callable[[str], str]:
-    from puckbench.lidar.errors import error_model_title
+    from virtual_lidar.errors import error_model_title
 
     titles: dict[str, Callable[[str], str]] = {
         "dataset": style.title,

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.errors import InputError
-from puckbench.core.files import read_object
+from pointkit.errors import InputError
+from pointkit.files import read_object
 from puckbench.jobs.curve_files import read_rows
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows, with_lossless_best, without_lossless

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from puckbench.geometry.cloud import PointCloud
+from pointkit.geometry.cloud import PointCloud
 from puckbench.metrics.metric_registry import METRICS
 
 

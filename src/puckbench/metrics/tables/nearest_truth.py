@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from puckbench.metrics.interpolation import bits_to_reach
 from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
 from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES, TRUTH

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.metrics.coordinate_frames import rows_in_frame
 from puckbench.metrics.interpolation import bits_at_error
 from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds, with_scenes

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
+from pointkit.errors import InputError
 from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
 from puckbench.metrics.table_registry import ODOMETRY, TABLES, UNDECODED
 from puckbench.metrics.tables.odometry_differences import odometry_differences

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.lidar.drives import KEPT
+from pointkit.errors import InputError
 from puckbench.metrics.statistics import SCENE, UNDECIDED, Estimate, means_over_seeds
 from puckbench.metrics.table_registry import ODOMETRY, TABLES, UNDECODED
 from puckbench.metrics.tasks.odometry import GICP
+from puckbench.recordings.drives import KEPT
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError, among
-from puckbench.geometry.cloud import Floats
+from pointkit.errors import InputError, among
+from pointkit.geometry.cloud import Floats
 from puckbench.metrics.bjontegaard import (
     COMPARED,
     LITTLE_OVERLAP,

@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.lidar.drives import Drive, shares_of
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.metrics.task_registry import TASKS
+from puckbench.recordings.drives import Drive, shares_of
 
 LENGTHS_M = (10, 20, 50)
 KITTI_LENGTHS_M = tuple(range(100, 900, 100))

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.lidar.drives import Drive
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.metrics.task_registry import TASKS
 from puckbench.metrics.tasks.odometry import check_installed
+from puckbench.recordings.drives import Drive
 
 _APART_M = (1, 2, 5)
 _TOLERANCE = 0.3

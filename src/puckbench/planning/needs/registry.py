@@ -13,14 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from puckbench.core.registry import Registry
+from pointkit.registry import Registry
 from puckbench.figures.registry import at
 from puckbench.planning.plan import Plan
 
 Options = dict[str, Any]
 Need = Callable[[Plan], Options | None]
 
-NEEDS: Registry[Need] = Registry("need", "needs")
+NEEDS: Registry[Need] = Registry("need", "puckbench.planning.needs")
 
 
 def met_needs(plan: Plan) -> dict[str, Options]:

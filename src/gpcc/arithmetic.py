@@ -1,0 +1,312 @@
+"""Adaptive binary arithmetic encoder and decoder of G-PCC.
+
+With an `Encoder`, coding functions encode a value and return it; with a `Decoder`, they ignore the
+argument and return the decoded value. The coder is the Schroedinger coder (`schroarith`) of TMC13.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from gpcc.compiled import entry, integer, kernel
+from gpcc.tables import ADAPTATION
+from pointkit.compiling import INLINED, inlined
+
+Bytes = NDArray[np.uint8]
+Probabilities = NDArray[np.uint16]
+State = tuple[int, int, int, int]
+
+HALF = 0x8000
+PADDING = 8
+"""Maximum number of bytes read beyond a stream's end."""
+_LONGEST_PREFIX = 30
+
+_FALLS = ADAPTATION.astype(np.int64)
+_RISES = ADAPTATION[::-1].astype(np.int64)
+# Number of doublings that raise a range above 0x4000; no range is below 63.
+_DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], dtype=np.int64)
+
+
+class Encoder(NamedTuple):
+    """Arithmetic encoder.
+
+    contexts: adaptive probability of a zero in each context, in units of 2^-16.
+    state: lower end and range of the interval; number of bits of the lower end beyond 16; number
+        of bytes written.
+    """
+
+    contexts: Probabilities
+    state: NDArray[np.int64]
+    data: Bytes
+
+
+class Decoder(NamedTuple):
+    """Arithmetic decoder.
+
+    contexts: see `Encoder`.
+    state: code value; range; the code value's bits in excess of 16; bytes read; bytes in the
+        stream; 1 if there is a `bypass`; index of the next bit in `bypass`.
+    bypass: bypass bits of a separate stream, one bit per byte.
+    """
+
+    contexts: Probabilities
+    state: NDArray[np.int64]
+    data: Bytes
+    bypass: Bytes
+
+
+def encoder(contexts: Probabilities, capacity: int) -> Encoder:
+    state = np.array([0, 0xFFFF, 0, 0], dtype=np.int64)
+    return Encoder(contexts, state, np.empty(capacity, dtype=np.uint8))
+
+
+def enlarged(coder: Encoder, more: int) -> Encoder:
+    used = int(coder.state[3])
+    if len(coder.data) - used >= more:
+        return coder
+    data = np.empty(used + more, dtype=np.uint8)
+    data[:used] = coder.data[:used]
+    return coder._replace(data=data)
+
+
+def decoder(contexts: Probabilities, data: Bytes, bypass: Bytes | None = None) -> Decoder:
+    padded = np.concatenate([data, np.full(4, 0xFF, dtype=np.uint8)])
+    first = int(padded[0]) << 8 | int(padded[1])
+    separate = bypass is not None
+    bits = bypass if bypass is not None else np.empty(0, dtype=np.uint8)
+    state = np.array([first, 0xFFFF, 0, 2, len(data), separate, 0], dtype=np.int64)
+    return Decoder(contexts, state, padded, bits)
+
+
+def consumed(coder: Decoder) -> int:
+    """Return the number of bytes that the decoded symbols occupy."""
+    return int(coder.state[3] - coder.state[2] // 8)
+
+
+def finish(coder: Encoder) -> bytes:
+    _flush(coder)
+    return coder.data[: coder.state[3]].tobytes()
+
+
+def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
+    """Encode or decode one bit; return it with the new state and probability."""
+    raise NotImplementedError("compiled only")
+
+
+def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
+    raise NotImplementedError("compiled only")
+
+
+def exhausted(coder: Any) -> bool:
+    """Return whether a decoder has read past the end of its data."""
+    raise NotImplementedError("compiled only")
+
+
+@overload(exhausted, jit_options=INLINED)
+def _exhausted(coder: Any) -> Any:
+    return _no if coder.instance_class is Encoder else _overrun
+
+
+@overload(step, jit_options=INLINED)
+def _step(coder: Any, state: Any, probability: Any, bit: Any) -> Any:
+    if coder.instance_class is Encoder:
+        return _encode
+    return _decode
+
+
+@overload(bypass_step, jit_options=INLINED)
+def _bypass_step(coder: Any, state: Any, bit: Any) -> Any:
+    if coder.instance_class is Encoder:
+        return _encode_bypass
+    return _decode_bypass
+
+
+def _no(coder: Any) -> bool:
+    return False
+
+
+def _overrun(coder: Any) -> bool:
+    overrun: bool = coder.state[3] > coder.state[4] + PADDING
+    return overrun or coder.state[6] > len(coder.bypass)
+
+
+def _encode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, State, int]:
+    low, span, count, place = state
+    split = (span * probability) >> 16
+    if bit:
+        low += split
+        span -= split
+        probability -= _FALLS[probability >> 8]
+    else:
+        span = split
+        probability += _RISES[probability >> 8]
+    if span <= 0x4000:
+        doublings = _DOUBLINGS[(span - 1) >> 5]
+        low, span, count = low << doublings, span << doublings, count + doublings
+        if count >= 8:
+            return bit, _emit(coder.data, (low, span, count, place)), probability
+    return bit, (low, span, count, place), probability
+
+
+def _decode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, State, int]:
+    code, span, ahead, place = state
+    split = (span * probability) >> 16
+    if code >= split << ahead:
+        bit = 1
+        code -= split << ahead
+        span -= split
+        probability -= _FALLS[probability >> 8]
+    else:
+        bit = 0
+        span = split
+        probability += _RISES[probability >> 8]
+    if span <= 0x4000:
+        doublings = _DOUBLINGS[(span - 1) >> 5]
+        if ahead < doublings:
+            code = code << 32 | _next_word(coder.data, place)
+            ahead += 32
+            place += 4
+        span <<= doublings
+        ahead -= doublings
+    return bit, (code, span, ahead, place), probability
+
+
+def _encode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
+    coded, state, _ = step(coder, state, HALF, bit)
+    return coded, state
+
+
+def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
+    if coder.state[5]:
+        index = coder.state[6]
+        coder.state[6] += 1
+        return (integer(coder.bypass[index]) if index < len(coder.bypass) else 0), state
+    decoded, state, _ = step(coder, state, HALF, bit)
+    return decoded, state
+
+
+@kernel
+def _emit(data: Bytes, state: State) -> State:
+    # Each byte at once: the end of TMC13's stream depends on a carry out of the last, partial byte.
+    low, span, count, place = state
+    while count >= 8:
+        count -= 8
+        byte = low >> (16 + count)
+        if byte >> 8:
+            _carry(data, place)
+        data[place] = byte & 0xFF
+        place += 1
+        low &= (1 << (16 + count)) - 1
+    return low, span, count, place
+
+
+@kernel
+def _carry(data: Bytes, place: int) -> None:
+    place -= 1
+    while place >= 0 and data[place] == 0xFF:
+        data[place] = 0
+        place -= 1
+    if place >= 0:
+        data[place] += 1
+
+
+@kernel
+def _next_word(data: Bytes, place: int) -> int:
+    word = 0
+    for k in range(4):
+        byte = integer(data[place + k]) if place + k < len(data) else 0xFF
+        word = word << 8 | byte
+    return word
+
+
+@entry
+def _flush(coder: Encoder) -> None:
+    low, span, count, place = load(coder)
+    ending = 3 if count > 0 else 2
+    free = 0
+    while free < 16 and low | ((1 << (free + 1)) - 1) <= span - 1:
+        free += 1
+    low |= (1 << free) - 1
+    low = (low + 1 << 8 - count) - 1
+    if low >> 24:
+        _carry(coder.data, place)
+    for k in range(ending):
+        coder.data[place + k] = (low >> (16 - 8 * k)) & 0xFF
+    save(coder, (low, span, 0, place + ending))
+
+
+@inlined
+def load(coder: Any) -> State:
+    state = coder.state
+    return state[0], state[1], state[2], state[3]
+
+
+@inlined
+def save(coder: Any, state: State) -> None:
+    coder.state[0], coder.state[1], coder.state[2], coder.state[3] = state
+
+
+@kernel
+def code_bit(coder: Any, context: int, bit: int) -> int:
+    contexts = coder.contexts
+    coded, state, probability = step(coder, load(coder), integer(contexts[context]), bit)
+    contexts[context] = probability
+    save(coder, state)
+    return coded
+
+
+@kernel
+def code_bypass(coder: Any, bit: int) -> int:
+    coded, state = bypass_step(coder, load(coder), bit)
+    save(coder, state)
+    return coded
+
+
+@kernel
+def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
+    """Encode or decode an Exp-Golomb code; the prefix bits, at most 24, share a context."""
+    base = 0
+    while order < 24 and code_bit(coder, prefix, integer(value - base >= 1 << order)):
+        base += 1 << order
+        order += 1
+    rest = 0
+    for k in range(order - 1, -1, -1):
+        rest |= code_bypass(coder, ((value - base) >> k) & 1) << k
+    return base + rest
+
+
+@kernel
+def code_count(coder: Any, nonzero: int, prefix: int, count: int) -> int:
+    """Encode or decode whether a count is 0; if not, the count minus 1 in Exp-Golomb code."""
+    if not code_bit(coder, nonzero, integer(count > 0)):
+        return 0
+    return 1 + code_exp_golomb(coder, prefix, count - 1)
+
+
+@kernel
+def code_exp_golomb_in_contexts(
+    coder: Any, prefix: int, last_prefix: int, suffix: int, last_suffix: int, value: int, order: int
+) -> int:
+    """Encode or decode an Exp-Golomb code of at most 30 prefix bits.
+
+    last_prefix, last_suffix: numbers of contexts of prefix and suffix bits, minus 1.
+    """
+    first, base = order, integer(0)
+    while order < _LONGEST_PREFIX and code_bit(
+        coder, prefix + min(last_prefix, order - first), integer(value - base >= 1 << order)
+    ):
+        base += 1 << order
+        order += 1
+    for k in range(order - 1, -1, -1):
+        base += code_bit(coder, suffix + min(last_suffix, k), ((value - base) >> k) & 1) << k
+    return base
+
+
+def restart(coder: Decoder) -> None:
+    place = min(consumed(coder), int(coder.state[4]))
+    first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
+    coder.state[:4] = first, 0xFFFF, 0, place + 2

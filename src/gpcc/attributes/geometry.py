@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gpcc import syntax
+from gpcc.attributes.coordinates import laser_coordinates, scaled_coordinates, sorted_points
+from gpcc.attributes.levels import Levels, levels_of_detail
+from gpcc.attributes.neighbour_search import SortedPoints
+from gpcc.attributes.syntax import PREDICTING, AttributeHeader, AttributeParameterSet
+from gpcc.kd_tree import Int32s
+from gpcc.syntax import GeometryParameterSet, Three
+from pointkit.errors import InputError
+from pointkit.geometry.morton import Ints
+
+
+@dataclass
+class SlicePoints:
+    """Points of a slice in coded order, along the coded axes, relative to the slice's origin.
+
+    axes: indices of x, y, z among the coded axes.
+    codes: Morton codes (n,) of `positions`, or None.
+    spherical: radius, azimuth and laser (n, 3) from predictive geometry, or None.
+    """
+
+    gps: GeometryParameterSet
+    axes: Three
+    sensor: Three
+    positions: Int32s
+    codes: Ints | None = None
+    spherical: Int32s | None = None
+    _coordinates: dict[tuple[int, ...], Int32s] = field(default_factory=dict)
+    _sorted: dict[tuple[int, ...], SortedPoints] = field(default_factory=dict)
+    _levels: tuple[Hashable, Levels] | None = None
+
+    def coordinates(self, aps: AttributeParameterSet) -> Int32s:
+        """Return the coordinates (n, 3) in which an attribute is coded."""
+        if not aps.spherical_coord_flag:
+            return self.positions
+        scale = tuple(aps.attr_coord_scale)
+        if scale not in self._coordinates:
+            self._coordinates[scale] = scaled_coordinates(self.laser_coordinates(), scale)
+        return self._coordinates[scale]
+
+    def laser_coordinates(self) -> Int32s:
+        if not self.gps.lasers:
+            raise InputError("G-PCC stream: spherical coordinates without a sensor")
+        if self.gps.geom_tree_type == syntax.PREDICTIVE and self.spherical is not None:
+            return self.spherical
+        elevation = np.array([laser.theta for laser in self.gps.lasers], dtype=np.int64)
+        return laser_coordinates(self.positions, self.sensor, elevation)
+
+    def in_morton_order(self, aps: AttributeParameterSet) -> SortedPoints:
+        scale = tuple(aps.attr_coord_scale) if aps.spherical_coord_flag else ()
+        if scale not in self._sorted:
+            codes = None if scale else self.codes
+            self._sorted[scale] = sorted_points(self.coordinates(aps), codes)
+        return self._sorted[scale]
+
+    def levels(self, aps: AttributeParameterSet, header: AttributeHeader) -> Levels:
+        """Return an attribute's levels of detail; for equal parameters, the last result."""
+        # As in TMC13, an attribute also reuses levels from other coordinates than its own.
+        key = (
+            aps.num_pred_nearest_neighbours_minus1,
+            aps.inter_lod_search_range,
+            aps.intra_lod_search_range,
+            aps.max_detail_levels,
+            aps.lod_neigh_bias,
+            aps.scalable_lifting_enabled_flag,
+            aps.max_neigh_range_minus1,
+            aps.lod_decimation_type,
+            aps.dist2 + header.attr_dist2_delta,
+            tuple(aps.lod_sampling_period),
+            aps.intra_lod_prediction_skip_layers,
+            aps.canonical_point_order_flag,
+            aps.attr_encoding == PREDICTING and aps.pred_weight_blending_enabled_flag,
+        )
+        scalable = bool(aps.scalable_lifting_enabled_flag)
+        if self._levels is None or self._levels[0] != key or scalable:
+            if aps.canonical_point_order_flag:
+                coordinates = self.coordinates(aps)
+                indices = np.arange(len(coordinates), dtype=np.int32)
+                points = SortedPoints(np.zeros(len(indices), np.int64), coordinates, indices)
+            else:
+                points = self.in_morton_order(aps)
+            bias = np.empty(3, dtype=np.int64)
+            bias[list(self.axes)] = aps.lod_neigh_bias
+            self._levels = key, levels_of_detail(points, aps, header, bias)
+        return self._levels[1]

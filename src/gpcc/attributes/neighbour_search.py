@@ -1,0 +1,686 @@
+"""Search for the three nearest neighbours of points in a level of detail.
+
+Candidates are points of coarser levels, first in the same and adjacent cells, and points of the
+same level that are coded earlier. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
+`MortonIndexMap3d`.
+"""
+
+from __future__ import annotations
+
+import threading
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpcc.compiled import entry, integer
+from gpcc.kd_tree import Int32s
+from pointkit.compiling import inlined
+from pointkit.geometry.morton import X_BITS, Y_BITS, Z_BITS, Ints
+
+Best = tuple[int, int, int]
+
+_CELL_BITS = 21
+_CELLS = 1 << _CELL_BITS
+_FAR = 1 << 62
+_RANK_BITS = 32
+_RANKS = (1 << _RANK_BITS) - 1
+_NEAR_RANGE = 2
+_LARGEST_CELL_BITS = 20
+_MOST_IN_CELLS = 256
+_FAN_LOG2 = 3
+_FAN_MASK = 7
+
+# Neighbours of a cell in the order of the search, as Morton codes of offsets from the lowest.
+ALL_NEIGHBOURS = np.array(
+    [
+        *(7, 3, 5, 6, 35, 21, 14, 28, 42, 49, 12, 10, 17, 20, 34, 33, 4, 2, 1),
+        *(56, 24, 40, 48, 32, 16, 8, 0),
+    ],
+    dtype=np.int64,
+)
+
+
+# Those that can precede a cell in Morton order.
+PRECEDING_NEIGHBOURS = np.array(
+    [7, 3, 5, 6, 12, 10, 17, 20, 34, 33, 4, 2, 1, 24, 40, 48, 32, 16, 8, 0], dtype=np.int64
+)
+
+
+class Atlas(NamedTuple):
+    """Grid of 128^3 cells.
+
+    cells: (128^3, 2) first index of a cell's points, and last index + 1 (0 if empty).
+    used: codes of occupied cells; filled: (1,) their number.
+    """
+
+    cells: Int32s
+    used: Int32s
+    filled: Ints
+
+
+class SortedPoints(NamedTuple):
+    """Points in Morton order: codes (n,), positions (n, 3), and indices (n,)."""
+
+    codes: Ints
+    positions: Int32s
+    indices: Int32s
+
+
+class SearchOptions(NamedTuple):
+    """Options of a level.
+
+    cell_bits: log2 of the cells' side.
+    inter_range: number of candidates before and after the centre in coarser levels.
+    intra, intra_range: whether points of the same level are candidates, and how many.
+    most: maximum number of neighbours.
+    mask_bits: ignored low bits of coordinates.
+    most_distance: squared distance beyond which only the nearest neighbour is used, or -1.
+    """
+
+    cell_bits: int
+    inter_range: int
+    intra: bool
+    intra_range: int
+    most: int
+    mask_bits: int
+    most_distance: int
+
+
+class Boxes(NamedTuple):
+    """Positions (n, 3), and bounding boxes of 8, 64, 512, ... successive positions.
+
+    boxes: (m, 6), first the boxes of 8 positions.
+    starts: first box of each size; index 0 is not used.
+    """
+
+    positions: Int32s
+    boxes: Int32s
+    starts: Ints
+
+
+Atlases = tuple[Atlas, Atlas, Atlas]
+
+
+def empty_atlas() -> Atlas:
+    return Atlas(
+        np.zeros((_CELLS, 2), dtype=np.int32),
+        np.empty(_CELLS, dtype=np.int32),
+        np.zeros(1, dtype=np.int64),
+    )
+
+
+class _WorkingMemory(threading.local):
+    """Atlases of each thread, whose used cells are cleared faster than new ones are allocated."""
+
+    @cached_property
+    def atlases(self) -> Atlases:
+        return empty_atlas(), empty_atlas(), empty_atlas()
+
+
+MEMORY = _WorkingMemory()
+
+
+@inlined
+def neighbour_code(code: int, offset: int) -> int:
+    """Return the Morton code of a cell at an offset of -1 to 1 along each axis, with wraparound."""
+    return (
+        _moved(code, offset, X_BITS, 4)
+        | _moved(code, offset, Y_BITS, 2)
+        | _moved(code, offset, Z_BITS, 1)
+    )
+
+
+@inlined
+def _moved(code: int, offset: int, axis_bits: int, lowest: int) -> int:
+    lower = (code & axis_bits) - lowest
+    return ((lower & axis_bits | ~axis_bits) + (offset & axis_bits)) & axis_bits
+
+
+@inlined
+def set_cell(atlas: Atlas, code: int, index: int) -> None:
+    cell = code & (_CELLS - 1)
+    if not atlas.cells[cell, 1]:
+        atlas.cells[cell, 0] = index
+        atlas.used[atlas.filled[0]] = cell
+        atlas.filled[0] += 1
+    atlas.cells[cell, 1] = index + 1
+
+
+@inlined
+def clear(atlas: Atlas) -> None:
+    for k in range(atlas.filled[0]):
+        atlas.cells[atlas.used[k], 1] = 0
+    atlas.filled[0] = 0
+
+
+@inlined
+def holds_near_point(
+    positions: Int32s, indices: Int32s, atlas: Atlas, point: int, cell: int, radius2: int
+) -> bool:
+    """Return whether a preceding cell's first point is within sqrt(`radius2`) of `point`."""
+    for offset in PRECEDING_NEIGHBOURS:
+        other = neighbour_code(cell, offset)
+        if other >> _CELL_BITS != cell >> _CELL_BITS:
+            continue
+        place = other & (_CELLS - 1)
+        if not atlas.cells[place, 1]:
+            continue
+        near = integer(indices[atlas.cells[place, 0]])
+        total = integer(0)
+        for axis in range(3):
+            difference = integer(positions[near, axis]) - integer(positions[point, axis])
+            total += difference * difference
+        if total <= radius2:
+            return True
+    return False
+
+
+def boxes(positions: Int32s) -> Boxes:
+    low = high = positions
+    whole, starts = np.empty((0, 6), dtype=np.int32), [0]
+    while len(low) > 1 or len(low) > len(whole):
+        starts.append(len(whole))
+        firsts = np.arange(0, len(low), 1 << _FAN_LOG2)
+        low, high = np.minimum.reduceat(low, firsts), np.maximum.reduceat(high, firsts)
+        whole = np.concatenate([whole, np.hstack([low, high])])
+    return Boxes(positions, whole, np.array(starts, dtype=np.int64))
+
+
+@inlined
+def _box_distance(around: Int32s, k: int, x: int, y: int, z: int) -> int:
+    return (
+        max(integer(around[k, 0]) - x, 0, x - integer(around[k, 3]))
+        + max(integer(around[k, 1]) - y, 0, y - integer(around[k, 4]))
+        + max(integer(around[k, 2]) - z, 0, z - integer(around[k, 5]))
+    )
+
+
+@inlined
+def _distance(positions: Int32s, k: int, x: int, y: int, z: int) -> int:
+    return (
+        abs(integer(positions[k, 0]) - x)
+        + abs(integer(positions[k, 1]) - y)
+        + abs(integer(positions[k, 2]) - z)
+    )
+
+
+class Query(NamedTuple):
+    """A point, and the candidates among which its neighbours are searched.
+
+    low, high: indices of the first and the last candidate.
+    centre: index where the search starts, or -1 for a search in ascending order.
+    coarser: number of points in coarser levels.
+    nearest, second: the two nearest points so far, or -1; they rank before all candidates.
+    """
+
+    x: int
+    y: int
+    z: int
+    low: int
+    high: int
+    centre: int
+    coarser: int
+    nearest: int
+    second: int
+
+
+@inlined
+def _rank(query: Query, k: int) -> int:
+    """Return a candidate's rank, which decides between equidistant candidates.
+
+    Near candidates rank first, by offset from the centre: 0, 1, -1, 2, -2, ...; those after the
+    centre follow; those before the centre are last.
+    """
+    if query.centre < 0:
+        return query.coarser + k
+    away = k - query.centre
+    if abs(away) <= _NEAR_RANGE:
+        return 2 + (2 * away - 1 if away > 0 else -2 * away)
+    return 2 + _NEAR_RANGE + (away if away > 0 else query.coarser - away)
+
+
+@inlined
+def _index(query: Query, key: int) -> int:
+    """Return the index of a candidate of coarser levels from its key (see `_with`)."""
+    rank = (key & _RANKS) - 2
+    if key == _FAR:
+        return integer(-1)
+    if rank < 0:
+        return query.nearest if rank == -2 else query.second
+    if rank <= 2 * _NEAR_RANGE:
+        return query.centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
+    if rank <= query.coarser + _NEAR_RANGE:
+        return query.centre + rank - _NEAR_RANGE
+    return query.centre + query.coarser + _NEAR_RANGE - rank
+
+
+@inlined
+def _with(best: Best, query: Query, distance: int, k: int) -> Best:
+    """Insert a candidate's key (distance * 2^32 + rank) into the three smallest keys."""
+    a, b, c = best
+    if k < query.low or k > query.high or k == query.nearest or k == query.second:  # noqa: PLR1714
+        return best
+    key = integer(distance) << _RANK_BITS | _rank(query, k)
+    if key >= c or key == a or key == b:  # noqa: PLR1714, SIM109
+        return best
+    if key < a:
+        return key, a, b
+    return (a, key, b) if key < b else (a, b, key)
+
+
+@inlined
+def _search_span(best: Best, query: Query, positions: Int32s, first: int, last: int) -> Best:
+    for k in range(max(first, query.low), min(last, query.high) + 1):
+        distance = _distance(positions, k, query.x, query.y, query.z)
+        if distance <= best[2] >> _RANK_BITS:
+            best = _with(best, query, distance, k)
+    return best
+
+
+@inlined
+def _search_boxes(best: Best, query: Query, candidates: Boxes) -> tuple[Best, int]:
+    """Search all candidates; return the nearest and the number of operations."""
+    top = len(candidates.starts) - 1
+    work, level, k = 0, top, query.low >> _FAN_LOG2 * top << _FAN_LOG2 * top
+    while k <= query.high:
+        size = 1 << _FAN_LOG2 * level
+        first, last = max(k, query.low), min(k + size - 1, query.high)
+        if first <= last:
+            work += 1
+            box = candidates.starts[level] + (k >> _FAN_LOG2 * level)
+            least = _box_distance(candidates.boxes, box, query.x, query.y, query.z) << _RANK_BITS
+            if least | _rank(query, min(max(first, query.centre), last)) < best[2]:
+                if level > 1:
+                    level -= 1
+                    continue
+                work += 4
+                best = _search_span(best, query, candidates.positions, first, last)
+        k += size
+        while level < top and (k >> _FAN_LOG2 * level) & _FAN_MASK == 0:
+            level += 1
+    return best, work
+
+
+class Grid(NamedTuple):
+    """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`.
+
+    bias: factors (3,) of distances.
+    ranges: (27, 2) first index and last index + 1 of the points in the current cell, then in each
+        adjacent cell.
+    state: (6,) block (128^3 cells) and code of the current cell; index of the next point for the
+        atlas; number of ranges; number of points in them; whether all cells are in one block.
+    complete: whether to skip blocks without a query; in TMC13, such a block ends the filling of the
+        atlas.
+    following: whether to leave out cells that precede the current one.
+    """
+
+    codes: Ints
+    positions: Int32s
+    atlas: Atlas
+    shift: int
+    bias: Ints
+    ranges: Int32s
+    state: Ints
+    complete: bool
+    following: bool
+
+
+def grid(
+    codes: Ints,
+    positions: Int32s,
+    bias: Ints,
+    atlas: Atlas,
+    cell_bits: int,
+    complete: bool,
+    following: bool = False,
+) -> Grid:
+    return Grid(
+        codes,
+        positions,
+        atlas,
+        min(63, 3 * cell_bits),
+        bias,
+        np.zeros((27, 2), dtype=np.int32),
+        np.array([-1, -1, 0, 0, 0, 0], dtype=np.int64),
+        complete,
+        following,
+    )
+
+
+def _dense_cell_bits(codes: Ints, density: int) -> int:
+    """Return log2 of the side of the smallest cells with `density` points on average."""
+    steps = codes[1:] ^ codes[:-1]
+    for bits in range(1, _LARGEST_CELL_BITS):
+        if np.count_nonzero(steps >> 3 * bits) * density <= len(codes):
+            return bits
+    return _LARGEST_CELL_BITS
+
+
+@inlined
+def _enter_cell(grid: Grid, code: int) -> None:
+    """Find the points in a code's cell and its neighbours; codes must ascend from call to call."""
+    state, shift = grid.state, grid.shift
+    if code >> shift == state[1]:
+        return
+    block_shift = min(63, shift + _CELL_BITS)
+    block, cell = code >> block_shift, code >> shift
+    if block != state[0]:
+        _fill_atlas(grid, block, block_shift)
+    state[1], state[3], state[4], state[5] = cell, 0, 0, 1
+    if not grid.atlas.filled[0]:
+        state[5] = 0
+        return
+    low, high = neighbour_code(cell, 0), neighbour_code(cell, 56)
+    for offset in ALL_NEIGHBOURS:
+        other = (
+            _chosen(low, cell, high, offset, X_BITS, 2)
+            | _chosen(low, cell, high, offset, Y_BITS, 1)
+            | _chosen(low, cell, high, offset, Z_BITS, 0)
+        )
+        if grid.following and other < cell:
+            continue
+        if other >> _CELL_BITS != block:
+            state[5] = 0
+            continue
+        place = other & (_CELLS - 1)
+        if grid.atlas.cells[place, 1]:
+            grid.ranges[state[3], 0] = grid.atlas.cells[place, 0]
+            grid.ranges[state[3], 1] = grid.atlas.cells[place, 1]
+            state[3] += 1
+            state[4] += grid.atlas.cells[place, 1] - grid.atlas.cells[place, 0]
+
+
+@inlined
+def _fill_atlas(grid: Grid, block: int, block_shift: int) -> None:
+    state, codes = grid.state, grid.codes
+    clear(grid.atlas)
+    state[0] = block
+    while grid.complete and state[2] < len(codes) and codes[state[2]] >> block_shift < block:
+        state[2] += 1
+    while state[2] < len(codes) and codes[state[2]] >> block_shift == block:
+        set_cell(grid.atlas, codes[state[2]] >> grid.shift, state[2])
+        state[2] += 1
+
+
+@inlined
+def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: int) -> int:
+    step = offset >> place & 9
+    return (low if step == 0 else same if step == 1 else high) & axis_bits
+
+
+@inlined
+def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best, int]:
+    """Search a point's cell and its neighbours, unless they hold too many points.
+
+    All points nearer than the returned distance are found.
+    """
+    _enter_cell(grid, code)
+    if grid.state[4] > _MOST_IN_CELLS:
+        return best, integer(0)
+    for r in range(grid.state[3]):
+        first = query.low if grid.following and r == 0 else integer(grid.ranges[r, 0])
+        for k in range(first, grid.ranges[r, 1]):
+            distance = _distance(grid.positions, k, query.x, query.y, query.z)
+            if distance <= best[2] >> _RANK_BITS:
+                best = _with(best, query, distance, k)
+    side, reach = integer(1) << grid.shift // 3, grid.state[5] * _FAR
+    for axis in range(3):
+        bias = grid.bias[axis]
+        place = query.x if axis == 0 else query.y if axis == 1 else query.z
+        if bias > 1:
+            place //= bias
+        place &= side - 1
+        reach = min(reach, (side + min(place + 1, side - place)) * bias)
+    return best, reach
+
+
+class Level(NamedTuple):
+    """Points of a level, and those of coarser levels, both sorted by their codes.
+
+    near: grid of the coarser points; the search starts in a point's cell and its neighbours.
+    coarser_grid, same_level_grid: grids with a few points in each cell, for a fast search.
+    """
+
+    codes: Ints
+    same_level: Boxes
+    coarser: Boxes
+    near: Grid
+    coarser_grid: Grid
+    same_level_grid: Grid
+
+
+@entry
+def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: int) -> int:
+    """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
+
+    With c coarser points, an index below c is that of a coarser point; c + i is point i of the same
+    level. Returns the rest of `work`, the permitted number of operations; negative if exceeded.
+    """
+    coarser_codes = level.near.codes
+    coarser_count, following = len(coarser_codes), integer(0)
+    clear(level.near.atlas)
+    clear(level.coarser_grid.atlas)
+    clear(level.same_level_grid.atlas)
+    for i in range(len(level.codes)):
+        best = (integer(_FAR), integer(_FAR), integer(_FAR))
+        if coarser_count:
+            code = level.codes[i]
+            while following < coarser_count - 1 and code >= coarser_codes[following]:
+                following += 1
+            best, spent = _search_coarser(level, options, i, following)
+            work -= spent
+        if options.intra:
+            best, spent = _search_same_level(best, level, options, i, coarser_count)
+            work -= spent
+        for k in range(3):
+            nearest[i, k] = integer(-1) if best[k] == _FAR else best[k] & _RANKS
+        if work < 0:
+            break
+    return work
+
+
+@inlined
+def _place(level: Level, i: int) -> tuple[int, int, int]:
+    positions = level.same_level.positions
+    return integer(positions[i, 0]), integer(positions[i, 1]), integer(positions[i, 2])
+
+
+@inlined
+def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
+    """Return distances and indices of the three nearest coarser points in near cells."""
+    x, y, z = _place(level, i)
+    a, b, c = integer(_FAR), integer(_FAR), integer(_FAR)
+    first, second, third = integer(-1), integer(-1), integer(-1)
+    _enter_cell(level.near, level.codes[i])
+    work = integer(0)
+    for r in range(level.near.state[3]):
+        start, end = integer(level.near.ranges[r, 0]), integer(level.near.ranges[r, 1])
+        work += end - start
+        for k in range(start, end):
+            distance = _distance(level.coarser.positions, k, x, y, z)
+            if distance >= c:
+                continue
+            if distance < a:
+                a, b, c, first, second, third = distance, a, b, k, first, second
+            elif distance < b:
+                b, c, second, third = distance, b, k, second
+            else:
+                c, third = distance, k
+    return (a, b, c), (first, second, third), work
+
+
+@inlined
+def _search_coarser(
+    level: Level, options: SearchOptions, i: int, following: int
+) -> tuple[Best, int]:
+    """Search coarser points in near cells, then around a centre in Morton order."""
+    distances, indices, work = _search_near(level, i)
+    if indices[2] >= 0:
+        return (
+            distances[0] << _RANK_BITS | indices[0],
+            distances[1] << _RANK_BITS | indices[1],
+            distances[2] << _RANK_BITS | indices[2],
+        ), work
+    best = (
+        distances[0] << _RANK_BITS if indices[0] >= 0 else integer(_FAR),
+        distances[1] << _RANK_BITS | 1 if indices[1] >= 0 else integer(_FAR),
+        integer(_FAR),
+    )
+    x, y, z = _place(level, i)
+    count = len(level.coarser.positions)
+    centre = following if indices[0] < 0 else indices[0]
+    low, high = max(0, centre - options.inter_range), min(count - 1, centre + options.inter_range)
+    query = Query(x, y, z, low, high, centre, count, indices[0], indices[1])
+    reach = integer(0)
+    if level.coarser_grid.complete:
+        best, reach = _search_cells(best, query, level.coarser_grid, level.codes[i])
+        work += level.coarser_grid.state[4]
+    if best[2] >> _RANK_BITS >= reach:
+        first, end = centre - _NEAR_RANGE, centre + _NEAR_RANGE
+        best = _search_span(best, query, level.coarser.positions, first, end)
+        best, spent = _search_boxes(best, query, level.coarser)
+        work += spent
+    return (
+        best[0] & ~_RANKS | _index(query, best[0]) if best[0] != _FAR else best[0],
+        best[1] & ~_RANKS | _index(query, best[1]) if best[1] != _FAR else best[1],
+        best[2] & ~_RANKS | _index(query, best[2]) if best[2] != _FAR else best[2],
+    ), work
+
+
+@inlined
+def _search_same_level(
+    best: Best, level: Level, options: SearchOptions, i: int, offset: int
+) -> tuple[Best, int]:
+    """Search points of the same level in ascending order from the index `i` + 1."""
+    x, y, z = _place(level, i)
+    positions = level.same_level.positions
+    last = len(positions) - 1
+    near_end, high = min(last, i + 1 + _NEAR_RANGE), min(last, i + 1 + options.intra_range)
+    none = integer(-1)
+    query = Query(x, y, z, i + 1, max(near_end, high), none, offset, none, none)
+    reach, work = integer(0), integer(0)
+    if level.same_level_grid.shift:
+        best, reach = _search_cells(best, query, level.same_level_grid, level.codes[i])
+        work += level.same_level_grid.state[4]
+    if best[2] >> _RANK_BITS < reach:
+        return best, work
+    best = _search_span(best, query, positions, i + 1, near_end)
+    best, spent = _search_boxes(best, query, level.same_level)
+    return best, work + spent
+
+
+class Predictors(NamedTuple):
+    """Up to three points that predict each point (n,), in coding order.
+
+    counts: number of neighbours.
+    neighbours: (n, 3) places of the neighbours in coding order, before the point.
+    weights: (n, 3) squared distances, or weights whose sum is 2^FRACTION_BITS.
+    """
+
+    counts: NDArray[np.uint8]
+    neighbours: Int32s
+    weights: Ints
+
+
+def nearest_neighbours(
+    points: SortedPoints,
+    options: SearchOptions,
+    bias: Ints,
+    order: Int32s,
+    part: slice,
+    retained: Int32s,
+    predictors: Predictors,
+    atlases: Atlases,
+    work: int,
+) -> int:
+    """Find the predictors of the points `order[part]`, a level of detail.
+
+    retained: points of coarser levels.
+    bias: factors (3,) of distances.
+    work: see `find_nearest`.
+    predictors: output; `neighbours` are indices of points, not yet places in coding order.
+    """
+    same_level = order[part]
+    scale = bias.astype(np.int32)
+    placed = [points.positions[rows] for rows in (same_level, retained)]
+    if options.mask_bits:
+        placed = [rows >> options.mask_bits << options.mask_bits for rows in placed]
+    same_level_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
+    codes, coarser_codes = points.codes[same_level], points.codes[retained]
+    near, coarser_grid, same_level_grid = atlases
+    sized = not options.mask_bits
+    is_sorted = sized and len(codes) > 1 and codes[0] != codes[-1]
+    bits = _dense_cell_bits(codes, 4) if is_sorted else 0
+    coarser_bits = _dense_cell_bits(coarser_codes, 2)
+    of_coarser = coarser_codes, coarser_boxes.positions, bias
+    of_level = codes, same_level_boxes.positions, bias
+    level = Level(
+        codes,
+        same_level_boxes,
+        coarser_boxes,
+        grid(*of_coarser, near, options.cell_bits, False),
+        grid(*of_coarser, coarser_grid, coarser_bits, sized),
+        grid(*of_level, same_level_grid, bits, True, following=True),
+    )
+    nearest = np.empty((len(same_level), 3), dtype=np.int32)
+    work = find_nearest(level, options, nearest, work)
+    if work >= 0:
+        _write_predictors(
+            options, points.positions, bias, order, part.start, retained, nearest, predictors
+        )
+    return work
+
+
+@entry
+def _write_predictors(
+    options: SearchOptions,
+    positions: Int32s,
+    bias: Ints,
+    order: Int32s,
+    start: int,
+    retained: Int32s,
+    nearest: Int32s,
+    predictors: Predictors,
+) -> None:
+    counts, neighbours, weights = predictors
+    for i in range(len(nearest)):
+        place = len(order) - 1 - start - i
+        point = integer(order[start + i])
+        count = integer(0)
+        while count < options.most and nearest[i, count] >= 0:
+            index = integer(nearest[i, count])
+            if index < len(retained):
+                neighbour = integer(retained[index])
+            else:
+                neighbour = integer(order[start + index - len(retained)])
+            plain, biased = integer(0), integer(0)
+            for axis in range(3):
+                difference = (integer(positions[point, axis]) >> options.mask_bits) - (
+                    integer(positions[neighbour, axis]) >> options.mask_bits
+                )
+                difference <<= options.mask_bits
+                plain += difference * difference
+                biased += (difference * bias[axis]) * (difference * bias[axis])
+            if count and options.most_distance >= 0 and plain > options.most_distance:
+                break
+            neighbours[place, count] = neighbour
+            weights[place, count] = biased
+            count += 1
+        counts[place] = count
+        if count > 1:
+            _sort_pair(neighbours, weights, place, 0)
+        if count == 3 and weights[place, 1] > weights[place, 2]:
+            _sort_pair(neighbours, weights, place, 1)
+            _sort_pair(neighbours, weights, place, 0)
+
+
+@inlined
+def _sort_pair(neighbours: Int32s, weights: Ints, place: int, first: int) -> None:
+    second = first + 1
+    if weights[place, first] > weights[place, second]:
+        weight, neighbour = weights[place, first], neighbours[place, first]
+        weights[place, first] = weights[place, second]
+        neighbours[place, first] = neighbours[place, second]
+        weights[place, second], neighbours[place, second] = weight, neighbour

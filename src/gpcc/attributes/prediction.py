@@ -1,0 +1,325 @@
+"""Predicting transform: each point's values are predicted from its neighbours' coded values.
+
+In TMC13: `decodeReflectancesPred`, `decodeColorsPred`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpcc.attributes.colours import Values
+from gpcc.attributes.neighbour_search import Predictors
+from gpcc.attributes.quantisation import FRACTION_BITS, Quantisers, halved_up, place_of, quantised
+from gpcc.attributes.residuals import Coefficients
+from gpcc.compiled import entry, integer
+from pointkit.compiling import inlined
+from pointkit.geometry.morton import Ints
+
+_SCALE = 1 << 20
+_SCALE_LOG2 = 20
+_WINDOW_LOG2 = 6
+_LAMBDA = 0.14
+"""Lagrangian weight of bits against the distortion of colours."""
+
+
+class PredictionTools(NamedTuple):
+    """Tools of the predicting transform.
+
+    ends: end of each level of detail in coding order.
+    most: largest value.
+    direct: number of neighbours whose value may be the prediction.
+    average_disabled: 1 if a coded mode cannot be the average.
+    threshold: least difference of neighbours' values at which a mode is coded.
+    inter_component: (levels, 2) factors, in units of 1/4, that predict the other components from
+        the first component's residual, or empty.
+    """
+
+    ends: Ints
+    most: int
+    direct: int
+    average_disabled: int
+    threshold: int
+    inter_component: Ints
+
+
+class Place(NamedTuple):
+    """A point's index in coding order, layer, region and level."""
+
+    point: int
+    layer: int
+    region: int
+    level: int
+
+
+@entry
+def code_values(
+    values: Values,
+    coefficients: Coefficients,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    order: NDArray[np.int32],
+    weights: Ints,
+    greater: Ints,
+) -> None:
+    """Encode or decode values (n, components) in coding order.
+
+    An encoder writes `coefficients` and decoded `values`; a decoder writes `values`.
+
+    weights: (n,) weights of residuals.
+    greater: (3, 2) working memory, in a decoder (0, 2): probabilities of residuals above 0 and
+        above 1, in units of 2^-20.
+    """
+    layer, level, encoding = integer(0), integer(0), len(greater) > 0
+    for k in range(len(greater)):
+        greater[k, 0] = greater[k, 1] = _SCALE >> 1
+    for i in range(len(values)):
+        layer, level, region = place_of(i, layer, level, tools.ends, quantisers, order)
+        place = Place(i, layer, region, level)
+        mode, is_coded = integer(0), is_mode_coded(values, predictors, tools, i)
+        if is_coded and not encoding:
+            mode = _take_mode(coefficients, i, tools)
+        elif is_coded and values.shape[1] == 1:
+            mode = _best_mode(values, predictors, tools, quantisers, greater, place)
+        elif is_coded:
+            mode = _best_colour_mode(values, predictors, tools, quantisers, greater, place)
+        _code_point(
+            *(values, coefficients, predictors, tools, quantisers, place, mode),
+            *(weights[i], encoding),
+        )
+        if encoding and is_coded:
+            _put_mode(coefficients, i, tools, mode)
+        if encoding:
+            _count_residuals(coefficients, i, greater)
+
+
+@inlined
+def _code_point(
+    values: Values,
+    coefficients: Coefficients,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    place: Place,
+    mode: int,
+    point_weight: int,
+    encoding: bool,
+) -> None:
+    i, first_residual = place.point, integer(0)
+    for k in range(values.shape[1]):
+        step = quantisers.steps[place.layer, place.region, min(k, 1)]
+        prediction = predicted(values, predictors, i, k, mode)
+        if k and len(tools.inter_component):
+            prediction += (tools.inter_component[place.level, k - 1] * first_residual + 2) >> 2
+        weight = max(min(point_weight, step) >> FRACTION_BITS, 1)
+        if encoding:
+            difference = (integer(values[i, k]) - prediction) * weight << FRACTION_BITS
+            reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+            coefficients[i, k] = quantised(difference, reciprocal)
+        scaled = halved_up(integer(coefficients[i, k]) * step, FRACTION_BITS)
+        residual = scaled // weight if scaled >= 0 else -(-scaled // weight)
+        if k == 0:
+            first_residual = residual
+        values[i, k] = min(max(prediction + residual, 0), tools.most)
+
+
+@inlined
+def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools, i: int) -> bool:
+    """Return whether the neighbours' values differ so much that a prediction mode is coded."""
+    count = integer(predictors.counts[i])
+    if count <= 1 or tools.direct == 0:
+        return False
+    for k in range(values.shape[1]):
+        low = integer(values[predictors.neighbours[i, 0], k])
+        high = low
+        for n in range(1, count):
+            value = integer(values[predictors.neighbours[i, n], k])
+            low, high = min(low, value), max(high, value)
+        if high - low >= tools.threshold:
+            return True
+    return False
+
+
+@inlined
+def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int) -> int:
+    """Return a predicted component: the average for mode 0, otherwise one neighbour's value."""
+    count = integer(predictors.counts[i])
+    if mode > count:
+        return 0
+    if mode > 0:
+        return integer(values[predictors.neighbours[i, mode - 1], k])
+    total = integer(0)
+    for n in range(count):
+        total += predictors.weights[i, n] * integer(values[predictors.neighbours[i, n], k])
+    return halved_up(total, FRACTION_BITS)
+
+
+@inlined
+def _signed(magnitude: int, value: int) -> int:
+    return -magnitude if value < 0 else magnitude
+
+
+@inlined
+def _take_mode(coefficients: Coefficients, i: int, tools: PredictionTools) -> int:
+    """Remove the mode from the low bits of the coefficients' magnitudes, and return the mode."""
+    modes, last = tools.direct + 1 - tools.average_disabled, coefficients.shape[1] - 1
+    mode = integer(0)
+    if 2 <= modes <= 4:
+        first, second = min(last, 1), last
+        if modes == 4 and last == 0:
+            mode = _take_bit(coefficients, i, 0)
+            mode += 2 * _take_bit(coefficients, i, 0)
+        elif modes == 4:
+            mode = 2 * _take_bit(coefficients, i, first)
+            mode += _take_bit(coefficients, i, second)
+        else:
+            mode = _take_bit(coefficients, i, first)
+            if modes == 3 and mode:
+                mode += _take_bit(coefficients, i, second)
+    return mode + tools.average_disabled
+
+
+@inlined
+def _take_bit(coefficients: Coefficients, i: int, k: int) -> int:
+    value = integer(coefficients[i, k])
+    coefficients[i, k] = _signed(abs(value) >> 1, value)
+    return abs(value) & 1
+
+
+@inlined
+def _put_mode(coefficients: Coefficients, i: int, tools: PredictionTools, mode: int) -> None:
+    for k in range(coefficients.shape[1]):
+        value = integer(coefficients[i, k])
+        size = _with_mode(abs(value), tools, mode, k, coefficients.shape[1])
+        coefficients[i, k] = _signed(size, value)
+
+
+@inlined
+def _with_mode(magnitude: int, tools: PredictionTools, mode: int, k: int, components: int) -> int:
+    """Append a mode's bits, if any, for component `k` to the magnitude of the coefficient."""
+    modes, mode = tools.direct + 1 - tools.average_disabled, mode - tools.average_disabled
+    if components == 1 and modes == 4:
+        return 4 * magnitude + mode
+    if modes == 4:
+        return magnitude if k == 0 else 2 * magnitude + (mode >> 1 if k == 1 else mode & 1)
+    if modes == 3 and mode and k == components - 1:
+        magnitude = 2 * magnitude + mode - 1
+    if 2 <= modes <= 3 and k == min(components - 1, 1):
+        magnitude = 2 * magnitude + min(mode, 1)
+    return magnitude
+
+
+@inlined
+def _count_residuals(coefficients: Coefficients, i: int, greater: Ints) -> None:
+    for k in range(coefficients.shape[1]):
+        size = abs(integer(coefficients[i, k]))
+        for limit in range(1 + integer(size > 0)):
+            if size > limit:
+                greater[k, limit] += (_SCALE - greater[k, limit]) >> _WINDOW_LOG2
+            else:
+                greater[k, limit] -= greater[k, limit] >> _WINDOW_LOG2
+
+
+@inlined
+def _with_bits(bits: float, greater: Ints, k: int, size: int) -> float:
+    """Add the estimated number of bits of a magnitude, in TMC13's order of additions."""
+    if size == 0:
+        return bits + (_SCALE_LOG2 - math.log2(_SCALE - greater[k, 0]))
+    bits += _SCALE_LOG2 - math.log2(greater[k, 0])
+    if size == 1:
+        return bits + (_SCALE_LOG2 - math.log2(_SCALE - greater[k, 1])) + 1
+    bits = bits + (_SCALE_LOG2 - math.log2(greater[k, 1])) + 1
+    return bits + (2.0 * math.log2(size - 1.0) + 1.0)
+
+
+@inlined
+def _best_mode(
+    values: Values,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    greater: Ints,
+    place: Place,
+) -> int:
+    reciprocal = quantisers.reciprocals[place.layer, place.region, 0]
+    best, least = integer(tools.average_disabled), integer(1 << 62)
+    last = min(integer(predictors.counts[place.point]), tools.direct)
+    for mode in range(tools.average_disabled, last + 1):
+        prediction = predicted(values, predictors, place.point, 0, mode)
+        difference = integer(values[place.point, 0]) - prediction
+        size = abs(quantised(difference << FRACTION_BITS, reciprocal))
+        size = _with_mode(size, tools, mode, 0, 1)
+        score = integer(_with_bits(0.0, greater, 0, size))
+        if score < least:
+            best, least = mode, score
+    return best
+
+
+@inlined
+def _best_colour_mode(
+    values: Values,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    greater: Ints,
+    place: Place,
+) -> int:
+    best, least = integer(tools.average_disabled), math.inf
+    last = min(integer(predictors.counts[place.point]), tools.direct)
+    for mode in range(tools.average_disabled, last + 1):
+        distortion, bits, first_residual = integer(0), 0.0, integer(0)
+        for k in range(3):
+            step = quantisers.steps[place.layer, place.region, min(k, 1)]
+            reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+            value = integer(values[place.point, k])
+            prediction = predicted(values, predictors, place.point, k, mode)
+            coefficient = quantised((value - prediction) << FRACTION_BITS, reciprocal)
+            residual = halved_up(coefficient * step, FRACTION_BITS)
+            distortion += abs(value - min(max(prediction + residual, 0), tools.most))
+            if k == 0:
+                first_residual = residual
+            elif len(tools.inter_component):
+                factor = tools.inter_component[place.level, k - 1]
+                difference = value - prediction - ((factor * first_residual + 2) >> 2)
+                coefficient = quantised(difference << FRACTION_BITS, reciprocal)
+            size = _with_mode(abs(coefficient), tools, mode, k, 3)
+            bits = _with_bits(bits, greater, k, size)
+        step = quantisers.steps[place.layer, place.region, 0]
+        score = distortion + bits * _LAMBDA * (step >> FRACTION_BITS)
+        if score < least:
+            best, least = mode, score
+    return best
+
+
+@entry
+def choose_inter_component(
+    values: Values, predictors: Predictors, ends: Ints, factors: Ints
+) -> None:
+    """Write the factors (levels, 2) of `PredictionTools.inter_component` for values (n, 3).
+
+    As in TMC13, factors are 0 from the first empty level on.
+    """
+    start = integer(0)
+    for level in range(len(ends)):
+        if ends[level] == start:
+            for unused in range(level, len(factors)):
+                factors[unused, 0] = factors[unused, 1] = 0
+            return
+        for k in range(1, 3):
+            best, least, without = integer(0), integer(-1), integer(0)
+            for factor in range(1, 9):
+                total = integer(0)
+                without = 0
+                for i in range(start, ends[level]):
+                    first = integer(values[i, 0]) - predicted(values, predictors, i, 0, 1)
+                    residual = integer(values[i, k]) - predicted(values, predictors, i, k, 1)
+                    total += abs(residual - ((factor * first + 2) >> 2))
+                    without += abs(residual)
+                if least < 0 or total < least:
+                    best, least = factor, total
+            factors[level, k - 1] = 0 if least > without else best
+        start = ends[level]

@@ -1,0 +1,141 @@
+"""Tests of G-PCC decoders with conformance streams from TMC13.
+
+`vectors/manifest.json` holds each stream's options and the SHA-256 of its decoded points: sorted
+rows of x, y, z (in `vectors/attributes` also red, green, blue and reflectance), as little-endian
+float64.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpcc.attributes.cloud import decode_cloud
+from pointkit.errors import InputError
+from pointkit.files import read_bytes, read_json
+from pointkit.geometry.cloud import Floats
+
+FOLDER = Path(__file__).parent / "vectors"
+
+Values = NDArray[Any]
+Decode = Callable[[bytes], Floats]
+"""Function that returns rows of x, y, z and, if coded, red, green, blue and reflectance."""
+
+
+@dataclass(frozen=True)
+class ConformanceStream:
+    """A stream, its TMC13 options, and the digest of its points and attributes."""
+
+    name: str
+    path: Path
+    options: tuple[str, ...]
+    points: int
+    digest: str
+
+    @property
+    def tools(self) -> str:
+        """Coding tools: `attributes`, `octree`, `trees`, `angular octree` or `angular trees`."""
+        if self.columns > 3:
+            return "attributes"
+        kind = "trees" if "--geomTreeType=1" in self.options else "octree"
+        return f"angular {kind}" if "--angularEnabled=1" in self.options else kind
+
+    @property
+    def columns(self) -> int:
+        """Number of coordinates and attribute values of each point."""
+        colours = "--attribute=color" in self.options
+        return 3 + 3 * colours + ("--attribute=reflectance" in self.options)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Result of a decoder for a stream (`decoded`, `refused` or `failed`), and the reason."""
+
+    stream: ConformanceStream
+    outcome: str
+    why: str = ""
+
+
+class CrashError(Exception):
+    """Raised if a decoder was ended by a signal or exceeded its time limit."""
+
+
+def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
+    """Return the streams of a folder, and those of its subfolder `attributes`."""
+    streams = _listed(folder, "")
+    inner = folder / "attributes"
+    return streams + _listed(inner, "attributes/") if inner.is_dir() else streams
+
+
+def _listed(folder: Path, prefix: str) -> list[ConformanceStream]:
+    manifest = read_json(folder / "manifest.json")
+    try:
+        if isinstance(manifest, list):
+            manifest = {about["name"]: about for about in manifest}
+        return [
+            _stream(prefix + name, folder / f"{name}.bin", about)
+            for name, about in sorted(manifest.items())
+        ]
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{folder / 'manifest.json'}: not a manifest of streams") from error
+
+
+def _stream(name: str, path: Path, about: dict[str, Any]) -> ConformanceStream:
+    listed = "decoded_sorted_float64_sha256"  # name of the digest if the manifest is a list
+    return ConformanceStream(
+        name,
+        path,
+        tuple(about["options"]),
+        int(about["points_out"]),
+        str(about[listed] if listed in about else about["sha256_sorted_float64"]),
+    )
+
+
+def digest(points: Floats) -> str:
+    """Return the SHA-256 of points (n, columns), independent of their order."""
+    ordered = points[np.lexsort(points.T[::-1])] + 0.0  # no negative zeros
+    return hashlib.sha256(ordered.astype("<f8").tobytes()).hexdigest()
+
+
+def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[Verdict]:
+    for stream in streams:
+        try:
+            points = decode(read_bytes(stream.path))
+        except InputError as error:
+            yield Verdict(stream, "refused", str(error))
+        except CrashError as error:
+            yield Verdict(stream, "failed", str(error))
+        else:
+            if points.shape[1] < stream.columns:
+                yield Verdict(stream, "refused", "no values of the attributes")
+                continue
+            points = points if stream.columns > 3 else points[:, :3]
+            if len(points) != stream.points:
+                why = f"{len(points)} points in place of {stream.points}"
+                yield Verdict(stream, "failed", why)
+            elif digest(points) != stream.digest:
+                yield Verdict(stream, "failed", _difference(stream))
+            else:
+                yield Verdict(stream, "decoded")
+
+
+def _difference(stream: ConformanceStream) -> str:
+    return "other points or attributes" if stream.columns > 3 else "other points"
+
+
+def decode_rows(stream: bytes) -> Floats:
+    cloud = decode_cloud(stream)
+    values = [cloud.attributes.get(name) for name in ("color", "reflectance")]
+    return rows_of(cloud.positions(), *values)
+
+
+def rows_of(points: Floats, colours: Values | None, reflectances: Values | None) -> Floats:
+    """Return points (n, 3), colours (n, 3) and reflectances (n,), where given, as one array."""
+    columns = (points, colours, reflectances)
+    return np.column_stack([each for each in columns if each is not None]).astype(np.float64)

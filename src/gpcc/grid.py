@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.errors import NARROWER, InputError
+from pointkit.geometry.cloud import Floats, bounds
+
+Rounding = Literal["nearest", "truncate"]
+MOST_BITS = 21
+"""Maximum number of bits of a coordinate, as in the default level of the standard's profiles."""
+_FARTHEST = 2.0**30
+"""Limit of coordinates in steps; a stream's sequence origin cannot be farther away."""
+
+
+class InputGrid(NamedTuple):
+    """Grid of input coordinates: step (`unit`) and origin (`offset`)."""
+
+    unit: float = 1.0
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+DEFAULT_GRID = InputGrid()
+
+
+class Quantised(NamedTuple):
+    """Non-negative positions (n, 3) and the origin (3,) to add to them, in grid steps."""
+
+    positions: NDArray[np.int64]
+    origin: NDArray[np.int64]
+
+
+def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
+    """Return a grid with step `unit` for points (n, 3) coded in steps of unit / scale.
+
+    The grid's origin is zero, or the points' minimum if coordinates are too large for a stream.
+    """
+    ends = bounds(points)
+    if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
+        return InputGrid(unit)
+    x, y, z = ends[0]
+    return InputGrid(unit, (float(x), float(y), float(z)))
+
+
+def quantise(
+    points: Floats,
+    grid: InputGrid = DEFAULT_GRID,
+    scale: float = 1.0,
+    rounding: Rounding = "nearest",
+) -> Quantised:
+    """Quantise points (n, 3) to a grid with the step ``grid.unit / scale``.
+
+    Parameters
+    ----------
+    rounding
+        ``nearest`` only rounds. ``truncate`` truncates to multiples of ``grid.unit``, then rounds
+        in single precision, as TMC13 does for floating-point files.
+
+    Raises
+    ------
+    InputError
+        If the cloud spans more than `MOST_BITS` bits.
+    """
+    with np.errstate(over="ignore"):
+        units = points if grid == DEFAULT_GRID else (points - grid.offset) / grid.unit
+        ends = bounds(units)
+        widest = float(np.ptp(ends, axis=0).max()) * scale
+    if not widest < 2**MOST_BITS - 1:
+        raise InputError(f"the cloud spans more than {MOST_BITS} bits at scale {scale:g}{NARROWER}")
+    positions = _rounded(units, scale, rounding)
+    origin = _rounded(ends, scale, rounding)[0]  # rounding preserves order
+    positions -= origin
+    return Quantised(positions, origin)
+
+
+def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:
+    if rounding == "nearest":
+        scaled = units * scale
+    else:
+        scaled = (np.trunc(units).astype(np.float32) * np.float32(scale)).astype(np.float64)
+    scaled += np.copysign(np.nextafter(0.5, 0), scaled)
+    return scaled.astype(np.int64)
+
+
+def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
+    """Convert points (m, 3) from grid steps to coordinates; raise InputError if not finite."""
+    if grid == DEFAULT_GRID:
+        return units
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = np.asarray(units * grid.unit + np.asarray(grid.offset))
+    if not np.isfinite(points).all():
+        raise InputError("the stream is damaged (its grid)")
+    return points

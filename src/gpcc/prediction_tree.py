@@ -1,0 +1,174 @@
+"""Order and parents of a slice's points, chosen as in TMC13.
+
+With a sensor, each laser's points form a chain, and chains are linked by their first points.
+Without a sensor, the parent of a point is the node with the nearest prediction.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from gpcc.azimuth_order import azimuth_order
+from gpcc.compiled import entry, integer, kernel
+from gpcc.kd_tree import Int32s
+from gpcc.prediction_search import Search, add_position, empty_search, nearest
+from gpcc.spherical import Sphere, spherical
+from pointkit.geometry.morton import Ints, morton_codes
+
+Order = Literal["given", "morton", "azimuth", "radius"]
+
+MOST_CHILDREN = 3
+ROOT, DUPLICATE = -1, -2
+"""Values in place of a parent: root of a tree, and duplicate of the previous point."""
+
+
+class PredictionTree(NamedTuple):
+    """Nodes (n,), one for each point.
+
+    parents: index of the parent, ROOT or DUPLICATE.
+    children: (n, 3) indices; the first `num_children` are valid.
+    copies: number of duplicates that follow the node.
+    """
+
+    parents: Int32s
+    children: Int32s
+    num_children: Int32s
+    copies: Int32s
+
+
+def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
+    """Return the indices (n,) that sort points (n, 3) into the order of tree building.
+
+    centre: origin of azimuth and radius.
+    precision: azimuth steps per radian, or 0 for exact azimuths.
+    """
+    if order == "given":
+        return np.arange(len(points))
+    if order == "morton":
+        low = points.min(axis=0)
+        return np.argsort(
+            morton_codes((points - low).astype(np.int64), np.arange(3)), kind="stable"
+        )
+    around = points.astype(np.int64) - centre
+    if order == "radius":
+        return np.argsort(around[:, 0] ** 2 + around[:, 1] ** 2, kind="stable")
+    return azimuth_order(around, precision)
+
+
+def empty_tree(points: int) -> PredictionTree:
+    return PredictionTree(
+        np.full(points, ROOT, dtype=np.int32),
+        np.empty((points, MOST_CHILDREN), dtype=np.int32),
+        np.zeros(points, dtype=np.int32),
+        np.zeros(points, dtype=np.int32),
+    )
+
+
+def angular_tree(points: Int32s, around: Sphere, positions: Int32s, most: int) -> PredictionTree:
+    tree = empty_tree(len(points))
+    for start in range(0, len(points), most):
+        lasers = np.full((2, len(around.theta)), ROOT, dtype=np.int32)
+        _chain(points, around, positions, tree, lasers, start, min(start + most, len(points)))
+    return tree
+
+
+@entry
+def _chain(
+    points: Int32s,
+    around: Sphere,
+    positions: Int32s,
+    tree: PredictionTree,
+    lasers: Int32s,
+    node: int,
+    end: int,
+) -> None:
+    """Build a tree of points `node` to `end` - 1.
+
+    lasers: (2, number of lasers) first and last point of each laser.
+    """
+    ox, oy, oz = around.origin
+    while node < end:
+        position = spherical(
+            around,
+            integer(points[node, 0]) - ox,
+            integer(points[node, 1]) - oy,
+            integer(points[node, 2]) - oz,
+        )
+        _find_copies(points, tree, node, end)
+        for k in range(node, node + 1 + tree.copies[node]):
+            for axis in range(3):
+                positions[k, axis] = position[axis]
+        laser = position[2]
+        if lasers[1, laser] == ROOT:
+            lasers[0, laser] = node
+        else:
+            _hang(tree, node, integer(lasers[1, laser]))
+        lasers[1, laser] = node
+        node += 1 + tree.copies[node]
+    before = -1
+    for laser in range(lasers.shape[1]):
+        first = integer(lasers[0, laser])
+        if first >= 0:
+            if before >= 0 and tree.num_children[before] < MOST_CHILDREN:
+                _hang(tree, first, before)
+            before = first
+
+
+def nearest_tree(points: Int32s, most: int) -> PredictionTree:
+    tree = empty_tree(len(points))
+    for start in range(0, len(points), most):
+        end = min(start + most, len(points))
+        _grow(points, tree, empty_search(3 * (end - start)), start, end)
+    return tree
+
+
+@entry
+def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: int) -> None:
+    while node < end:
+        _find_copies(points, tree, node, end)
+        x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
+        for k in range(nearest(search, x, y, z)):
+            parent = integer(search.owners[search.trees.nearest[k]])
+            if tree.num_children[parent] < MOST_CHILDREN:
+                _hang(tree, node, parent)
+                break
+        _add_predictions(points, tree, search, node)
+        node += 1 + tree.copies[node]
+
+
+@kernel
+def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node: int) -> None:
+    x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
+    add_position(search, node, x, y, z)
+    parent = integer(tree.parents[node])
+    if parent < 0:
+        return
+    a, b, c = integer(points[parent, 0]), integer(points[parent, 1]), integer(points[parent, 2])
+    add_position(search, node, 2 * x - a, 2 * y - b, 2 * z - c)
+    before = integer(tree.parents[parent])
+    if before >= 0:
+        x, y, z = x + a - points[before, 0], y + b - points[before, 1], z + c - points[before, 2]
+        add_position(search, node, x, y, z)
+
+
+@kernel
+def _find_copies(points: Int32s, tree: PredictionTree, node: int, end: int) -> None:
+    k = node + 1
+    while (
+        k < end
+        and points[k, 0] == points[node, 0]
+        and points[k, 1] == points[node, 1]
+        and points[k, 2] == points[node, 2]
+    ):
+        tree.parents[k] = DUPLICATE
+        k += 1
+    tree.copies[node] = k - node - 1
+
+
+@kernel
+def _hang(tree: PredictionTree, node: int, parent: int) -> None:
+    tree.parents[node] = parent
+    tree.children[parent, tree.num_children[parent]] = node
+    tree.num_children[parent] += 1

@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pointkit.geometry.cloud import Floats
+from puckbench.figures.binning import ordered_rates
+from puckbench.figures.plot_styles import codec_style
+from puckbench.metrics.timing import MIN_REPEATS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
+MIN_RATES = 4
+"""Minimum number of rates of a curve; each half needs a slope."""
+MIN_COMMON_RATES = 3
+"""Minimum number of rates at which two curves are compared at equal bits."""
+MIN_CLOUDS = 4
+"""Minimum number of clouds of all data sets for a statement; quartiles need four."""
+MIN_CALLS = 5
+"""Minimum number of timed calls per rate and data set, over clouds and repetitions."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Tables of a run, with the roles of data sets and codecs.
+
+    Roles are the thesis's data sets and codecs. `datasets` maps names to roles; `codecs` and
+    `stand_ins` (codecs derived from the thesis's codecs) map roles to names. If `of_medians` is
+    true, `metrics` contains medians.
+    """
+
+    metrics: pd.DataFrame | None = None
+    clouds: pd.DataFrame | None = None
+    residual_statistics: pd.DataFrame | None = None
+    thesis_numbers: pd.DataFrame | None = None
+    incidence_effect: pd.DataFrame | None = None
+    datasets: Mapping[str, str] = field(default_factory=dict)
+    codecs: Mapping[str, str] = field(default_factory=dict)
+    stand_ins: Mapping[str, str] = field(default_factory=dict)
+    of_medians: bool = False
+
+    def with_stand_ins(self) -> Evidence:
+        return replace(self, codecs={**self.stand_ins, **self.codecs})
+
+    def stand_in(self, role: str) -> str:
+        codec = self.codecs.get(role)
+        return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
+
+    def with_role(self, *roles: str) -> list[str]:
+        return [
+            name
+            for name, role in self.datasets.items()
+            if role in roles and name in self.measured_datasets
+        ]
+
+    @cached_property
+    def measured_datasets(self) -> set[str]:
+        return set() if self.metrics is None else set(self.metrics["dataset"])
+
+    @cached_property
+    def medians(self) -> pd.DataFrame:
+        """Medians over the clouds for each data set, codec and rate.
+
+        ``codec`` is the codec's role, such as ``gpcc``; ``number`` is the index of the rate.
+        """
+        import pandas as pd
+
+        columns = ["dataset", "codec", "rate", *MEASURED]
+        if self.metrics is None:
+            return pd.DataFrame(columns=[*columns, "number"])
+        roles = {codec: role for role, codec in self.codecs.items()}
+        rows = self.metrics.reindex(columns=columns).assign(
+            codec=self.metrics["codec"].map(roles.get)
+        )
+        rows = rows[rows["dataset"].isin(self.datasets)].dropna(subset=["codec"])
+        medians = rows.groupby(["dataset", "codec", "rate"], sort=False).median().reset_index()
+        places = {rate: place for place, rate in enumerate(ordered_rates(set(medians["rate"])))}
+        return medians.assign(number=medians["rate"].map(places))
+
+    def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
+        if self.metrics is None:
+            return 0
+        rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]
+        names = rows["dataset"] + "/" + rows["cloud"]
+        coded = [set(names[rows["codec"] == self.codecs.get(codec)]) for codec in codecs]
+        return len(set.intersection(*coded))
+
+    def has_enough_clouds(self, datasets: Iterable[str], *codecs: str) -> bool:
+        return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
+
+    def calls(self, codec: str) -> int:
+        """Return a codec's number of valid timed calls, the minimum over data sets and rates.
+
+        Calls are valid if repeated `MIN_REPEATS` times or made while no other job ran. Claims
+        compare only times of one codec.
+        """
+        if self.metrics is None:
+            return 0
+        rows = self.metrics[self.metrics["codec"] == self.codecs.get(codec)]
+        if rows.empty:
+            return 0
+        rows = rows.reindex(columns=["dataset", "rate", "repeats", "timed_alone"])
+        repeats = rows["repeats"].fillna(1)
+        is_alone = rows["timed_alone"].eq(True)
+        valid = repeats.where(is_alone | (repeats >= MIN_REPEATS), 0)
+        return int(valid.groupby([rows["dataset"], rows["rate"]]).sum().min())
+
+    def rates(self, dataset: str, codec: str, column: str) -> Floats:
+        """Return a column's medians over clouds (n,), one for each rate, without missing values."""
+        rows = self.medians
+        rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
+        return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
+
+    def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
+        """Return the ``ratio`` of the medians of two codecs, `tested` to `base`, at equal ``bpp``.
+
+        Values of `base` are interpolated linearly on log-log axes. The table is empty with fewer
+        than `MIN_RATES` rates of a curve, or `MIN_COMMON_RATES` common rates.
+        """
+        import pandas as pd
+
+        curve, base_curve = (self._curve(dataset, codec, column) for codec in (tested, base))
+        empty = pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)
+        if min(len(curve), len(base_curve)) < MIN_RATES:
+            return empty
+        curve = curve[curve["bpp"].between(base_curve["bpp"].iloc[0], base_curve["bpp"].iloc[-1])]
+        if len(curve) < MIN_COMMON_RATES:
+            return empty
+        logs = np.log(base_curve.to_numpy(dtype=float))
+        base_logs = np.interp(np.log(curve["bpp"]), logs[:, 0], logs[:, 1])
+        return pd.DataFrame({"bpp": curve["bpp"], "ratio": curve[column] / np.exp(base_logs)})
+
+    def _curve(self, dataset: str, codec: str, column: str) -> pd.DataFrame:
+        rows = self.medians
+        rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
+        rows = rows[["bpp", column]].dropna()
+        return rows[(rows > 0).all(axis=1)].sort_values("bpp")

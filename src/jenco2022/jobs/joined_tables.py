@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Literal
+
+from puckbench.jobs.gathered_tables import OfNames
+from puckbench.jobs.registry import JOBS
+
+_MAX_ROWS = 20_000
+"""Maximum number of rows per recording, each with twenty simulations of every error model."""
+_KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
+
+
+@JOBS.register("joined_table")
+class JoinedTable(OfNames):
+    """Join tables of one kind; `models` are the tables' values in the column ``model``."""
+
+    kind: Literal["residuals", "scans"]
+    models: tuple[str, ...]
+
+    def run(self, results: Path, parquet: Path) -> dict[str, Any]:
+        from jenco2022.residuals.joining import joined_files
+        from pointkit.tables import write_table
+
+        table = joined_files(list(zip(self.models, self.files(results), strict=True)), self.kind)
+        write_table(table, parquet)
+        return {"rows": len(table)}
+
+
+@JOBS.register("compared_residuals")
+class ComparedResiduals(OfNames):
+    """Simulate residuals of error models on the rays of recorded walls."""
+
+    def plugins(self) -> Iterable[str | None]:
+        from jenco2022.residuals.compared import COMPARED
+
+        return COMPARED
+
+    def run(self, results: Path, parquet: Path) -> dict[str, Any]:
+        from jenco2022.residuals.compared import compared_residuals, real_walls
+        from jenco2022.residuals.joining import subsampled
+        from pointkit.tables import write_table
+        from virtual_lidar.errors import open_error_model
+        from virtual_lidar.residual_table import read_residuals
+
+        files = self.files(results)
+        tables = [subsampled(read_residuals(path), _MAX_ROWS, str(path)) for path in files]
+        models = {name: open_error_model(name) for name in map(str, self.plugins())}
+        compared = compared_residuals(real_walls(tables), models)
+        write_table(compared[_KEPT].astype({"residual_m": "float32"}), parquet)
+        return {"rows": len(compared)}

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from puckbench.jobs.registry import JOBS, Job
+
+
+class WallScanJob(Job):
+    """Base class of jobs that scan a wall and a floor from `distances` (m); `keep` is the maximum
+    number of rows per scan.
+    """
+
+    model: str = "vlp16"
+    model_options: dict[str, Any] = Field({})
+    distances: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0)
+    seed: int = Field(0, ge=0)
+    keep: int | None = Field(None, ge=1)
+
+    def plugins(self) -> Iterable[str | None]:
+        return (self.model,)
+
+
+@JOBS.register("residuals")
+class Residuals(WallScanJob):
+    """Measure plane residuals in `runs` scans from each distance; see `Procedure` for `refit`."""
+
+    runs: int = Field(3, ge=1)
+    refit: bool = False
+
+    def run(self, table: Path) -> dict[str, Any]:
+        from jenco2022.residuals.virtual import Procedure, residual_table
+        from pointkit.tables import write_table
+
+        procedure = Procedure(self.model, self.model_options, refit=self.refit, keep=self.keep)
+        rows = residual_table(procedure, list(self.distances), self.runs, self.seed)
+        write_table(rows, table)
+        residuals = rows["residual_m"].astype("float64")
+        return {
+            "model": self.model,
+            "rows": len(rows),
+            "mean_m": float(residuals.mean()),
+            "std_m": float(residuals.std()),
+        }

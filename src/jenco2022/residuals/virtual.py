@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh
+from pointkit.geometry.ransac import THRESHOLD_M, Plane, ransac_plane
+from pointkit.lidar.sensor import Sensor
+from pointkit.lidar.sensors import load_sensor
+from pointkit.seeding import generator, random_rows
+from virtual_lidar import ScanTable, Sweep, open_error_model, scan
+from virtual_lidar.residual_table import COLUMNS, SURFACES, about_plane, joined
+from virtual_lidar.scenes.calibration import calibration_scene
+
+SWEEP = Sweep(frames_skipped=1)
+"""The 4 s sweep of the thesis's error scans, without its last frame."""
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """Settings of Procedure 1, by default the thesis's.
+
+    `refit`: fit planes to RANSAC's inliers by least squares. `keep`: maximum rows per scan.
+    """
+
+    model: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    sensor: str = "vlp16"
+    sweep: Sweep = SWEEP
+    threshold_m: float = THRESHOLD_M
+    refit: bool = False
+    keep: int | None = None
+
+
+def residual_table(
+    procedure: Procedure, distances: Sequence[float], runs: int, seed: int
+) -> pd.DataFrame:
+    """Return the residuals (m) of `runs` scans from each distance, in the columns `COLUMNS`.
+
+    Raises InputError if a distance or model is unknown, or there is no scan.
+    """
+    if not distances or runs < 1:
+        raise InputError("residuals need at least one distance and one run")
+    return joined(
+        [
+            scan_residuals(procedure, distance, run, seed)
+            for distance in distances
+            for run in range(1, runs + 1)
+        ]
+    )
+
+
+def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
+    """Return a scan's residuals in firing order, the wall's before the floor's.
+
+    A point belongs to the surface that its nominal ray hits; cropping would remove noisy points.
+    """
+    mesh, origin = calibration_scene(distance)
+    sensor = load_sensor(procedure.sensor)
+    names = ("residuals", procedure.model, f"{distance:g} m", f"run {run}")
+    model = open_error_model(procedure.model, procedure.options)
+    returns = scan(mesh, sensor, procedure.sweep, model, origin, generator(seed, *names, "scan"))
+    parts = []
+    for surface in SURFACES:
+        rng = generator(seed, *names, "plane", surface)
+        rows = _on_surface(returns, mesh, surface, distance)
+        about = about_plane(rows.xyz_noisy, _plane(rows, origin, procedure, rng), origin)
+        parts.append(_frame(rows, about, sensor, (procedure.model, surface, distance, run)))
+    table = joined(parts)
+    kept = random_rows(len(table), procedure.keep, generator(seed, *names, "keep"))
+    return table.iloc[kept].reset_index(drop=True)
+
+
+def _on_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -> ScanTable:
+    objects = mesh.labels.objects if mesh.labels else ()
+    ids = [number for number, each in enumerate(objects) if each.semantic == surface]
+    rows = returns.select(np.isin(returns.object_id, ids))
+    if len(rows) < 3:
+        raise InputError(f"at {distance:g} m only {len(rows)} rays hit the {surface}")
+    return rows
+
+
+def _plane(
+    rows: ScanTable, origin: Floats, procedure: Procedure, rng: np.random.Generator
+) -> Plane:
+    points = rows.xyz_noisy
+    plane = ransac_plane(points, rng, threshold_m=procedure.threshold_m, refit=procedure.refit)
+    return plane.facing(origin)
+
+
+def _frame(
+    rows: ScanTable, about: dict[str, Floats], sensor: Sensor, source: tuple[str, str, float, int]
+) -> pd.DataFrame:
+    model, surface, distance, run = source
+    codes = np.zeros(len(rows), dtype=np.int8)
+    elevations = np.array(sensor.laser_elevation_deg, dtype=np.float32)
+    columns: dict[str, Any] = {
+        "model": pd.Categorical.from_codes(codes, categories=pd.Index([model])),
+        "surface": pd.Categorical.from_codes(
+            codes + SURFACES.index(surface), categories=pd.Index(SURFACES)
+        ),
+        "distance_m": np.full(len(rows), distance, dtype=np.float32),
+        "run": np.full(len(rows), run, dtype=np.int16),
+        "laser_id": rows["laser_id"],
+        "elevation_deg": elevations[rows["laser_id"]],
+        "incidence_rad": rows["incidence"].astype(np.float32),
+        "frame": rows["frame"],
+        **about,
+    }
+    return pd.DataFrame({name: columns[name] for name in COLUMNS})

@@ -1,0 +1,24 @@
+"""Learned codecs of point-cloud geometry: PCGCv1, PCGCv2, a sparse octree net, and RENO.
+
+Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`) with `load_weights`,
+`encode` and `decode`. Damaged streams, weights of another network and points that cannot be encoded
+raise `pointkit.errors.InputError`.
+"""
+
+from typing import TYPE_CHECKING
+
+from pointkit.lazy import lazy
+
+if TYPE_CHECKING:
+    from pcc_networks.catalogue import WeightsHeader as WeightsHeader
+    from pcc_networks.catalogue import header_of as header_of
+    from pcc_networks.catalogue import shipped as shipped
+    from pcc_networks.grid_level import choose_grid_level as choose_grid_level
+    from pcc_networks.training import train as train
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    catalogue=("WeightsHeader", "header_of", "shipped"),
+    grid_level=("choose_grid_level",),
+    training=("train",),
+)

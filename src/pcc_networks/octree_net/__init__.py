@@ -1,0 +1,27 @@
+"""Sparse octree net: lossless coding of voxels by a network that a CPU can train."""
+
+from typing import TYPE_CHECKING
+
+from pointkit.lazy import lazy
+
+if TYPE_CHECKING:
+    from pcc_networks.octree_net.codec import decode as decode
+    from pcc_networks.octree_net.codec import encode as encode
+    from pcc_networks.octree_net.model import OctreeNet as OctreeNet
+    from pcc_networks.octree_net.model import OctreeNetShape as OctreeNetShape
+    from pcc_networks.octree_net.stream import OctreeNetStream as OctreeNetStream
+    from pcc_networks.octree_net.stream import read_stream as read_stream
+    from pcc_networks.octree_net.stream import write_stream as write_stream
+    from pcc_networks.octree_net.training_settings import OctreeNetTraining as OctreeNetTraining
+    from pcc_networks.octree_net.weights import OctreeNetWeights as OctreeNetWeights
+    from pcc_networks.octree_net.weights import load_weights as load_weights
+    from pcc_networks.octree_net.weights import save_weights as save_weights
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    codec=("decode", "encode"),
+    model=("OctreeNet", "OctreeNetShape"),
+    stream=("OctreeNetStream", "read_stream", "write_stream"),
+    training_settings=("OctreeNetTraining",),
+    weights=("OctreeNetWeights", "load_weights", "save_weights"),
+)

@@ -1,0 +1,119 @@
+"""The sparse octree net, which predicts the symbols of voxels, level by level, from features.
+
+All levels share the weights. Children's features are computed from their parents'. A level's voxels
+are coded in groups; a convolution before each group uses the symbols of previous groups.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import torch
+from numpy.typing import NDArray
+from pydantic import Field
+from torch import Tensor, nn
+
+from pcc_networks.octree_net.fixed_point import (
+    MAX_SUM,
+    activation,
+    largest_sum,
+    quantised,
+    quantised_weight,
+    residual,
+)
+from pcc_networks.octree_net.symbols import GROUPS, VALUES, Symbols
+from pcc_networks.sparse.convolution import Neighbourhood, convolve
+from pcc_networks.sparse.layers import SparseLayer
+from pcc_networks.sparse.voxels import CHILDREN
+from pointkit.errors import InputError
+from pointkit.models import Model
+
+
+class OctreeNetShape(Model):
+    channels: Annotated[int, Field(ge=1, le=256)] = 32
+    convolutions: Annotated[int, Field(ge=0, le=8)] = 1  # of a level before its first group
+
+
+class FixedPointLayer(SparseLayer):
+    def forward(self, active: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        kernel, bias = quantised_weight(self.kernel), quantised(self.bias)
+        return convolve(active[:, None], kernel, bias, neighbourhood)[:, 0]
+
+    def pointwise(self, active: Tensor) -> Tensor:
+        return active @ quantised_weight(self.kernel[0]) + quantised(self.bias)
+
+
+class SymbolHead(nn.Module):
+    """Two pointwise layers from features to the base-2 logits of a symbol."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.hidden = FixedPointLayer(channels, channels, 1)
+        self.logits = FixedPointLayer(channels, VALUES, 1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        hidden = residual(self.hidden.pointwise(activation(features)))
+        return residual(self.logits.pointwise(activation(hidden)))
+
+
+class OctreeNet(nn.Module):
+    """Predicts occupancy level by level, from features (n, channels) in fixed point."""
+
+    def __init__(self, shape: OctreeNetShape) -> None:
+        super().__init__()
+        self.shape = shape
+        channels = shape.channels
+        self.root = nn.Parameter(torch.ones(channels))
+        self.convolutions = _convolutions(shape.convolutions, channels)
+        self.group_convolutions = _convolutions(GROUPS - 1, channels)
+        self.first_heads = nn.ModuleList(SymbolHead(channels) for _ in range(GROUPS))
+        self.second_heads = nn.ModuleList(SymbolHead(channels) for _ in range(GROUPS))
+        self.first_embedding = nn.Parameter(torch.randn(VALUES, channels) / 4)
+        self.second_embedding = nn.Parameter(torch.randn(VALUES, channels) / 4)
+        self.upsampling = FixedPointLayer(channels, channels, CHILDREN)
+
+    def root_features(self, count: int) -> Tensor:
+        return quantised(self.root).repeat(count, 1)
+
+    def convolved(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        for layer in self.convolutions:
+            features = residual(features + layer(activation(features), neighbourhood))
+        return features
+
+    def group_features(
+        self, group: int, features: Tensor, rows: Tensor, neighbourhood: Neighbourhood
+    ) -> Tensor:
+        if group == 0:
+            return features[rows]
+        convolved = self.group_convolutions[group - 1](activation(features), neighbourhood)
+        return residual((features + convolved)[rows])
+
+    def with_first(self, features: Tensor, first: Tensor) -> Tensor:
+        return residual(features + quantised(self.first_embedding)[first])
+
+    def with_second(self, features: Tensor, second: Tensor) -> Tensor:
+        return residual(features + quantised(self.second_embedding)[second])
+
+    def child_features(self, features: Tensor, slots: Tensor) -> Tensor:
+        active = activation(features)
+        kernel, bias = quantised_weight(self.upsampling.kernel), quantised(self.upsampling.bias)
+        parent, child = slots >> 3, slots & 7
+        order = [torch.nonzero(child == c)[:, 0] for c in range(CHILDREN)]
+        products = torch.cat([active[parent[rows]] @ kernel[c] for c, rows in enumerate(order)])
+        result = torch.empty_like(products).index_copy(0, torch.cat(order), products)
+        return residual(result + bias)
+
+    def check_exact(self) -> None:
+        layers = [module for module in self.modules() if isinstance(module, FixedPointLayer)]
+        for layer in layers:
+            kernel, bias = quantised_weight(layer.kernel), quantised(layer.bias)
+            if largest_sum(kernel, bias) >= MAX_SUM:
+                raise InputError("the weights are too large for exact sums")
+
+
+def _convolutions(count: int, channels: int) -> nn.ModuleList:
+    return nn.ModuleList(FixedPointLayer(channels, channels) for _ in range(count))
+
+
+def as_index(symbols: Symbols | NDArray[Any], like: Tensor) -> Tensor:
+    return torch.from_numpy(symbols.astype("int64")).to(like.device)

@@ -1,0 +1,101 @@
+"""Training of the sparse octree net: the loss (bits of a batch's symbols) and the optimiser step.
+
+Training uses the codec's fixed-point arithmetic, so that rounding weights to integers changes
+nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+from torch.nn.functional import cross_entropy
+
+from pcc_networks.octree_net.fixed_point import MAX_ACTIVATION, MAX_SUM, WEIGHT_UNITS
+from pcc_networks.octree_net.model import FixedPointLayer, OctreeNet, as_index
+from pcc_networks.octree_net.symbols import Symbols, groups_of, symbols_of
+from pcc_networks.sparse.convolution import Neighbourhood, neighbourhood_of
+from pcc_networks.sparse.kernel_map import voxel_kernel_map
+from pcc_networks.sparse.thread_pool import ThreadPool
+from pcc_networks.sparse.voxels import Keys, pyramid
+from pcc_networks.training.examples import join_clouds
+from pcc_networks.training.loop import BaseTrainer
+from pcc_networks.training.settings import BaseTraining
+
+_MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
+"""Maximum sum of an output feature's absolute weights that keeps the feature's sums exact."""
+
+
+def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
+    """Return the bits of the symbols of `levels` levels above the voxels, coarsest level first."""
+    device = model.root.device
+    sets, child_maps = pyramid(keys, levels, pool)
+    features = model.root_features(len(sets[-1]))
+    bits = []
+    for depth in range(levels, 0, -1):
+        neighbourhood = neighbourhood_of(sets[depth].neighbours, voxel_kernel_map(), pool, device)
+        features = model.convolved(features, neighbourhood)
+        symbols = symbols_of(sets[depth - 1].keys)
+        level_bits, features = _bits_of_level(
+            model, features, sets[depth].keys, symbols, neighbourhood
+        )
+        bits.append(level_bits)
+        if depth > 1:
+            slots = torch.from_numpy(child_maps[depth - 1].slots).to(device)
+            features = model.child_features(features, slots)
+    return bits
+
+
+def _bits_of_level(
+    model: OctreeNet,
+    features: Tensor,
+    keys: Keys,
+    symbols: tuple[Symbols, Symbols],
+    neighbourhood: Neighbourhood,
+) -> tuple[Tensor, Tensor]:
+    bits = []
+    for group, rows in enumerate(groups_of(keys)):
+        if len(rows):
+            index = as_index(rows, features)
+            selected = model.group_features(group, features, index, neighbourhood)
+            first, second = (as_index(symbol[rows], features) for symbol in symbols)
+            bits.append(_bits(model.first_heads[group](selected), first))
+            selected = model.with_first(selected, first)
+            bits.append(_bits(model.second_heads[group](selected), second))
+            features = features.index_copy(0, index, model.with_second(selected, second))
+    return torch.stack(bits).sum(), features
+
+
+def _bits(logits: Tensor, symbols: Tensor) -> Tensor:
+    nats = cross_entropy(logits * math.log(2), symbols, reduction="sum")
+    return nats / math.log(2)
+
+
+class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
+    max_gradient_norm = 1.0
+
+    def __init__(self, model: OctreeNet, training: BaseTraining, pool: ThreadPool) -> None:
+        super().__init__(model, training)
+        self.pool = pool
+
+    def step(self, clouds: Sequence[Keys]) -> float:
+        keys = join_clouds(clouds)
+        levels = (self.training.cube_size - 1).bit_length()
+        loss = torch.stack(bits_per_level(self.model, keys, levels, self.pool)).sum() / len(keys)
+        self.optimiser_step(loss)
+        limit_weights(self.model)
+        return float(loss.detach())
+
+    def row(self, loss: float) -> dict[str, float]:
+        return {"bits_per_voxel": loss}
+
+
+def limit_weights(model: OctreeNet) -> None:
+    """Scale down the weights of output features whose sums might become inexact."""
+    with torch.no_grad():
+        for layer in model.modules():
+            if isinstance(layer, FixedPointLayer):
+                rows = layer.kernel.abs().sum(dim=(0, 1))
+                layer.kernel.mul_((_MAX_ROW / rows).clamp_max(1))

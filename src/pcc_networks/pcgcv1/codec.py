@@ -1,0 +1,257 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpcc.lossless import decode_voxels, encode_voxels
+from pcc_networks.grid_level import choose_grid_level, voxel_size
+from pcc_networks.pcgcv1.cubes import OccupiedCubes, cubes_of, occupancy, sibling_blocks_of
+from pcc_networks.pcgcv1.entropy_coding import (
+    checksum,
+    decode_conditional,
+    decode_counts,
+    decode_hyper,
+    encode_conditional,
+    encode_counts,
+    encode_hyper,
+    latent_positions,
+)
+from pcc_networks.pcgcv1.laplace import TableIndexes, joined
+from pcc_networks.pcgcv1.model import Pcgcv1Shape
+from pcc_networks.pcgcv1.occupied_blocks import (
+    STRIDE,
+    Bools,
+    CodedCubes,
+    blocks_of,
+    cubes_with_all_blocks,
+    cubes_with_blocks,
+    most_likely_per_block,
+    pooled,
+    rows_of,
+)
+from pcc_networks.pcgcv1.stream import (
+    BATCH,
+    CubeBatch,
+    Pcgcv1Stream,
+    check_work,
+    max_sparse,
+    read_stream,
+    write_stream,
+)
+from pcc_networks.pcgcv1.weights import Pcgcv1Weights
+from pcc_networks.point_reconstruction import (
+    SiblingBlocks,
+    check_points_per_voxel,
+    joined_blocks,
+    lossless_blocks,
+    points_per_voxel,
+    reconstructed_points,
+)
+from pcc_networks.sparse.layers import top_k
+from pcc_networks.sparse.thread_pool import ThreadPool, slices, thread_pool
+from pcc_networks.weights_file import check_made_with, check_rate
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, check_points
+
+Voxels = NDArray[np.int64]
+Integers = NDArray[np.int32]
+T = TypeVar("T")
+
+
+def encode(
+    points: Floats,
+    weights: Pcgcv1Weights,
+    rate: int = 0,
+    *,
+    scale: float = 1.0,
+    mean_occupied_children: float = 1.0,
+    grid_level_offset: float = 0.0,
+    rho: float = 1.0,
+    min_points: int = 20,
+    sparse_cubes: bool = True,
+    context_mixing: bool = True,
+    point_reconstruction: bool = True,
+) -> bytes:
+    """Encode points with PCGCv1.
+
+    Parameters
+    ----------
+    points
+        (n, 3), n >= 1, in steps of the finest grid.
+    rate
+        Index of the rate in ``weights.lmbdas``, lowest bitrate first.
+    scale
+        Voxels per step of the finest grid, before coarsening.
+    mean_occupied_children
+        The grid is coarsened until voxels have this mean number of occupied children; by default
+        it is the input's grid.
+    grid_level_offset
+        Number of further levels of coarsening (`choose_grid_level`).
+    rho
+        Decoded voxels per occupied voxel.
+    min_points
+        Minimum voxels of a cube that the network codes.
+    sparse_cubes
+        Code cubes with fewer voxels losslessly; the authors drop such cubes.
+    context_mixing
+        Mix the Laplace distributions of the latent with adaptive contexts.
+    point_reconstruction
+        Decode as many points as were encoded, placed in the decoded voxels; otherwise one point at
+        the centre of each voxel.
+
+    Raises
+    ------
+    InputError
+        If points are not finite, exceed 30-bit integers, or are all dropped.
+    """
+    check_points(points, "pcgcv1.encode")
+    check_rate(weights, rate)
+    if np.abs(points).max() * scale >= 2**30:
+        raise InputError("coordinates exceed 30-bit integers")
+    scale /= voxel_size(
+        choose_grid_level(points * scale, mean_occupied_children, grid_level_offset)
+    )
+    shape = weights.model.shape
+    cubes = cubes_of(np.rint(points * scale).astype(np.int64), shape.cube_size)
+    is_dense = cubes.counts >= min_points
+    sparse = encode_voxels(cubes.selected(~is_dense).voxels()) if sparse_cubes else b""
+    kept = cubes.selected(is_dense)
+    if not len(kept.counts) and not sparse:
+        raise InputError(
+            f"no cube has {min_points} points, and sparse ones are dropped (sparse_cubes)"
+        )
+    counts = np.clip(np.rint(rho * kept.counts), 1, shape.cube_size**3).astype(np.int64)
+    positions = blocks_of(kept) if shape.occupied_blocks else kept.positions
+    coded_cubes = _coded_cubes(positions, shape)
+    batches: tuple[CubeBatch, ...] = ()
+    latent, latent_order = b"", None
+    if len(counts):
+        with thread_pool() as pool:
+            parts = [
+                _analyse(weights, rate, kept, coded_cubes.blocks[batch], batch.start, pool)
+                for batch in slices(len(counts), BATCH)
+            ]
+        batches, y_hats, indexes = zip(*parts, strict=True)
+        latent_order = latent_positions(coded_cubes) if context_mixing else None
+        all_indexes = joined(np.concatenate, indexes)
+        latent = encode_conditional(np.concatenate(y_hats), all_indexes, latent_order)
+    content = Pcgcv1Stream(
+        weights.digest,
+        rate,
+        scale,
+        len(counts),
+        latent_order is not None,
+        points_per_voxel(len(points), len(cubes.keys), rho) if point_reconstruction else 0,
+        encode_voxels(positions),
+        encode_counts(counts, shape.cube_size**3),
+        sparse,
+        latent,
+        batches,
+    )
+    check_work(content, shape.cube_size, int(counts.sum()))
+    if sparse_cubes and len(cubes.keys) - len(kept.keys) > max_sparse(content):
+        raise InputError("the cloud has too many voxels in sparse cubes")
+    return write_stream(content)
+
+
+def decode(stream: bytes, weights: Pcgcv1Weights) -> Floats:
+    """Return the points (m, 3) of a stream made with these weights."""
+    content = read_stream(stream)
+    check_made_with(weights, content.digest, content.rate)
+    shape, density = weights.model.shape, content.points_per_voxel
+    check_work(content, shape.cube_size, 0)
+    counts = decode_counts(content.counts, content.cubes, shape.cube_size**3)
+    check_work(content, shape.cube_size, sum(counts))
+    most_positions = (shape.cube_size // STRIDE) ** 3 if shape.occupied_blocks else 1
+    positions = decode_voxels(content.positions, content.cubes * most_positions)
+    coded_cubes = _coded_cubes(positions, shape)
+    if len(coded_cubes.positions) != content.cubes:
+        raise InputError("the stream is damaged (positions)")
+    sparse = decode_voxels(content.sparse, max_sparse(content))
+    if len(sparse) + len(counts) == 0:
+        raise InputError("the stream is damaged (it holds no points)")
+    check_points_per_voxel(density, len(sparse) + sum(counts))
+    points = [reconstructed_points(lossless_blocks(sparse), density)] if len(sparse) else []
+    if counts:
+        with thread_pool() as pool:
+            parts = _synthesise(weights, content, coded_cubes, counts, pool)
+        points.append(reconstructed_points(joined_blocks(parts), density))
+    return np.concatenate(points) / content.scale
+
+
+def _analyse(
+    weights: Pcgcv1Weights,
+    rate: int,
+    cubes: OccupiedCubes,
+    blocks: Bools,
+    first: int,
+    pool: ThreadPool,
+) -> tuple[CubeBatch, Integers, TableIndexes]:
+    """Return the batch of cubes from `first` on, its latents (n, channels), and their tables."""
+
+    def code_cube(cube: int) -> tuple[Integers, Integers, TableIndexes]:
+        x = occupancy(cubes.keys_of(first + cube), cubes.side)
+        y_hat, z_hat = weights.network.analyse(x, rate)
+        return y_hat, z_hat, weights.hyper_synthesis.tables(z_hat)
+
+    y_hats, z_hats, tables = zip(*_map_cubes(len(blocks), code_cube, pool), strict=True)
+    indexes = joined(np.stack, tables)
+    hyper = encode_hyper(np.stack(z_hats), pooled(blocks), weights.tables[rate])
+    batch = CubeBatch(checksum(indexes), hyper)
+    return batch, rows_of(np.stack(y_hats), blocks), indexes.rows(blocks)
+
+
+def _synthesise(
+    weights: Pcgcv1Weights,
+    content: Pcgcv1Stream,
+    coded_cubes: CodedCubes,
+    counts: list[int],
+    pool: ThreadPool,
+) -> list[SiblingBlocks]:
+    blocks, rate, side = coded_cubes.blocks, content.rate, weights.model.shape.cube_size
+    parts = zip(content.batches, slices(content.cubes, BATCH), strict=True)
+    indexes = [_indexes(weights, rate, batch, blocks[cubes], pool) for batch, cubes in parts]
+    latent_order = latent_positions(coded_cubes) if content.context_mixing else None
+    if content.context_mixing and latent_order is None:
+        raise InputError("the stream is damaged (contexts)")
+    rows = decode_conditional(content.latent, joined(np.concatenate, indexes), latent_order)
+    rows_of_cubes = np.split(rows, np.cumsum(blocks.sum(axis=(1, 2, 3)))[:-1])
+
+    def code_cube(cube: int) -> SiblingBlocks:
+        y_hat = np.zeros((*blocks.shape[1:], rows.shape[1]), dtype=np.int32)
+        y_hat[blocks[cube]] = rows_of_cubes[cube]
+        y_hat = np.ascontiguousarray(np.moveaxis(y_hat, -1, 0))
+        logits = weights.network.synthesise(y_hat, rate, blocks[cube])
+        if weights.model.shape.occupied_blocks:
+            keys = most_likely_per_block(logits, blocks[cube], counts[cube])
+        else:
+            keys = top_k(logits, counts[cube])
+        decoded = sibling_blocks_of(logits, keys)
+        corner = coded_cubes.positions[cube] * (side // 2)
+        return decoded._replace(positions=decoded.positions + corner)
+
+    return _map_cubes(content.cubes, code_cube, pool)
+
+
+def _indexes(
+    weights: Pcgcv1Weights, rate: int, batch: CubeBatch, blocks: Bools, pool: ThreadPool
+) -> TableIndexes:
+    z_hats = decode_hyper(batch.hyper, pooled(blocks), weights.tables[rate])
+    tables = weights.hyper_synthesis.tables
+    indexes = joined(np.stack, _map_cubes(len(blocks), lambda k: tables(z_hats[k]), pool))
+    if checksum(indexes) != batch.check:
+        raise InputError("this machine chose other entropy tables than the encoder's")
+    return indexes.rows(blocks)
+
+
+def _coded_cubes(positions: Voxels, shape: Pcgcv1Shape) -> CodedCubes:
+    make = cubes_with_blocks if shape.occupied_blocks else cubes_with_all_blocks
+    return make(positions, shape.cube_size)
+
+
+def _map_cubes(cubes: int, work: Callable[[int], T], pool: ThreadPool) -> list[T]:
+    # one thread computes a cube
+    return pool.map_chunks(cubes, 1, lambda rows, _: work(rows.start))

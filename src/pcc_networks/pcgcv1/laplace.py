@@ -1,0 +1,107 @@
+"""The conditional entropy model: Laplace distributions of integers, as 1,024 integer tables.
+
+The hyper-synthesis transform gives each latent value's location and scale in units of 2**-12, which
+select one of 16 offsets between two integers and one of 64 scales. A correctly rounded exponential
+and multiplications give the same tables on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from decimal import Context, Decimal
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pcc_networks.entropy_bottleneck import LIKELIHOOD_BOUND, FrequencyTable
+from pcc_networks.pcgcv1.occupied_blocks import rows_of
+
+UNIT_BITS = 12
+UNITS = 2**UNIT_BITS
+OFFSET_BITS = 4
+OFFSETS = 2**OFFSET_BITS
+SCALES = 64
+MIN_SCALE, MAX_SCALE = 2.0**-5, 2.0**5
+_TOTAL_BITS = 22
+_ESCAPE_FREQUENCY = 4
+"""Frequency of all values outside a table, 2**-20 of the total."""
+_TAIL_SCALES = 13.9
+"""20 ln 2, the distance in scales beyond which a Laplace distribution has a mass of 2**-20."""
+
+Int64s = NDArray[np.int64]
+
+
+class TableIndexes(NamedTuple):
+    table: NDArray[np.uint16]  # number of the table
+    centre: NDArray[np.int32]  # integer on which the table is centred
+
+    def rows(self, blocks: NDArray[np.bool_]) -> TableIndexes:
+        return TableIndexes(rows_of(self.table, blocks), rows_of(self.centre, blocks))
+
+
+Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
+
+
+def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
+    return TableIndexes(*map(join, zip(*parts, strict=True)))
+
+
+def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:
+    step = UNIT_BITS - OFFSET_BITS
+    offset = (location + (1 << step - 1)) >> step
+    level = np.searchsorted(_scale_borders(), scale)
+    table = level << OFFSET_BITS | offset & (OFFSETS - 1)
+    return TableIndexes(table.astype(np.uint16), (offset >> OFFSET_BITS).astype(np.int32))
+
+
+def _scale(level: Decimal) -> Decimal:
+    low, high = Decimal(MIN_SCALE), Decimal(MAX_SCALE)
+    return low * ((high / low).ln(_CONTEXT) * level / (SCALES - 1)).exp(_CONTEXT)
+
+
+_CONTEXT = Context(prec=40)
+"""Unlike C libraries, `decimal` rounds exponentials correctly."""
+
+
+@cache
+def _scale_borders() -> Int64s:
+    halves = (Decimal(level) + Decimal("0.5") for level in range(SCALES - 1))
+    return np.array([int((_scale(half) * UNITS).to_integral_value()) for half in halves])
+
+
+@cache
+def laplace_table(number: int) -> FrequencyTable:
+    """Return the table with this number; its integers are relative to the centre."""
+    level, offset = number >> OFFSET_BITS, number & (OFFSETS - 1)
+    scale = float(_scale(Decimal(level)))
+    reach = int(scale * _TAIL_SCALES) + 1
+    # edges of the integers' unit intervals, as distances from the location in 1 / OFFSETS
+    edges = np.arange(-reach, reach + 3) * OFFSETS - OFFSETS // 2 - offset
+    tail = _powers(level, np.abs(edges).max())[np.abs(edges)] / 2
+    below = np.where(edges < 0, tail, 1 - tail)
+    masses = np.rint(np.diff(below) * 2**_TOTAL_BITS).astype(np.int32)
+    return FrequencyTable(
+        -reach, np.append(np.maximum(masses, 1), _ESCAPE_FREQUENCY).astype(np.int32)
+    )
+
+
+def _powers(level: int, max_exponent: int) -> NDArray[np.float64]:
+    ratio = float((-1 / (OFFSETS * _scale(Decimal(level)))).exp(_CONTEXT))
+    return np.cumprod(np.append(1.0, np.full(max_exponent, ratio)))
+
+
+def likelihood(latent: Tensor, location: Tensor, scale: Tensor) -> Tensor:
+    """Return the Laplace probability of the unit interval around each value, for training."""
+    scale = scale.clamp_min(MIN_SCALE)
+    distance = (latent - location).abs()
+    mass = _cumulative(0.5 - distance, scale) - _cumulative(-0.5 - distance, scale)
+    return mass.clamp_min(LIKELIHOOD_BOUND)
+
+
+def _cumulative(values: Tensor, scale: Tensor) -> Tensor:
+    tail = (-values.abs() / scale).exp() / 2
+    return torch.where(values < 0, tail, 1 - tail)

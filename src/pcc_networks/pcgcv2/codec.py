@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from gpcc.lossless import decode_voxels, encode_voxels
+from pcc_networks.adaptive_entropy import (
+    decode_with_contexts,
+    encode_with_contexts,
+    factorised_prior,
+)
+from pcc_networks.grid_level import choose_grid_level, voxel_size, voxelised
+from pcc_networks.pcgcv2.inference import analyse, synthesise
+from pcc_networks.pcgcv2.model import SCALES
+from pcc_networks.pcgcv2.stream import (
+    ALL_TOOLS,
+    MAX_VOXELS,
+    CodedBlock,
+    CodingTools,
+    Pcgcv2Stream,
+    read_stream,
+    write_coded,
+    write_raw,
+)
+from pcc_networks.pcgcv2.weights import Pcgcv2Weights
+from pcc_networks.point_reconstruction import (
+    SiblingBlocks,
+    joined_blocks,
+    points_per_voxel,
+    reconstructed_points,
+)
+from pcc_networks.range_coding import decode_latent, encode_latent
+from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
+from pcc_networks.sparse.voxels import (
+    AXIS_BITS,
+    Keys,
+    morton_keys,
+    morton_voxels,
+    pyramid,
+    unique_keys,
+)
+from pcc_networks.weights_file import check_made_with, check_rate
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats, check_points
+
+STRIDE = 2**SCALES
+_MAX_RAW_POINTS = 64
+"""Clouds of up to this many points are stored uncompressed."""
+
+
+def encode(
+    points: Floats,
+    weights: Pcgcv2Weights,
+    rate: int = 0,
+    *,
+    mean_occupied_children: float = 1.0,
+    grid_level_offset: float = 0.0,
+    rho: float = 1.0,
+    tools: CodingTools = ALL_TOOLS,
+    point_reconstruction: bool = True,
+) -> bytes:
+    """Encode points with PCGCv2.
+
+    Parameters
+    ----------
+    points
+        (n, 3), n >= 1, in steps of the finest grid.
+    rate
+        Index of the rate in ``weights.lmbdas``, lowest bitrate first.
+    mean_occupied_children, grid_level_offset
+        Choice of the voxel grid, see `choose_grid_level`; by default the input's grid.
+    rho
+        Decoded voxels per occupied voxel.
+    point_reconstruction
+        Decode as many points as were encoded, instead of voxel centres.
+
+    Raises
+    ------
+    InputError
+        If points are not finite, exceed 32-bit integers, or span more than 2**20 voxels.
+    """
+    check_points(points, "pcgcv2.encode")
+    check_rate(weights, rate)
+    if len(points) <= _MAX_RAW_POINTS:
+        return write_raw(np.unique(points, axis=0))
+    if np.abs(points).max() >= 2**31 - 2**20:
+        raise InputError("coordinates exceed 32-bit integers")
+    level = choose_grid_level(points, mean_occupied_children, grid_level_offset)
+    voxels = voxelised(points, level)
+    origin = voxels.min(axis=0) // STRIDE * STRIDE
+    if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
+        raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
+    keys = unique_keys(morton_keys(voxels - origin))
+    with thread_pool() as pool, torch.no_grad():
+        parts = split(keys, MAX_VOXELS)
+        blocks = tuple(_encode_block(part, weights, rate, rho, tools, pool) for part in parts)
+    density = points_per_voxel(len(points), len(keys), rho) if point_reconstruction else 0
+    x, y, z = origin.tolist()
+    return write_coded(Pcgcv2Stream(weights.digest, rate, (x, y, z), blocks, level, tools, density))
+
+
+def decode(stream: bytes, weights: Pcgcv2Weights) -> Floats:
+    """Return the points (m, 3) of a stream made with these weights."""
+    content = read_stream(stream)
+    if not isinstance(content, Pcgcv2Stream):
+        return content
+    check_made_with(weights, content.digest, content.rate)
+    with thread_pool() as pool, torch.no_grad():
+        parts = [_decode_block(block, weights, content, pool) for block in content.blocks]
+    points = reconstructed_points(joined_blocks(parts), content.points_per_voxel)
+    shifted: Floats = points + np.array(content.origin)
+    return shifted * voxel_size(content.quarter_octaves)
+
+
+def _encode_block(
+    keys: Keys,
+    weights: Pcgcv2Weights,
+    rate: int,
+    rho: float,
+    tools: CodingTools,
+    pool: ThreadPool,
+) -> CodedBlock:
+    analysis = analyse(weights.model, keys, pool)
+    y_hat = np.rint(analysis.y * _gain(weights, rate)).astype(np.int32)
+    coarse, (stride_1, stride_2, stride_4) = analysis.coarse, analysis.counts
+    counts = (max(1, round(rho * stride_1)), stride_2, stride_4, len(coarse))
+    tables = weights.tables[rate]
+    if CodingTools.CONTEXT_MIXING in tools:
+        prior = factorised_prior(tables, len(coarse))
+        latent = encode_with_contexts(y_hat, coarse.neighbours, prior)
+    else:
+        latent = encode_latent(y_hat, tables)
+    return CodedBlock(counts, encode_voxels(morton_voxels(coarse.keys)), latent)
+
+
+def _decode_block(
+    block: CodedBlock, weights: Pcgcv2Weights, content: Pcgcv2Stream, pool: ThreadPool
+) -> SiblingBlocks:
+    coarse = pyramid(_coarse_keys(block), 0, pool)[0][0]
+    tables, model = weights.tables[content.rate], weights.model
+    if CodingTools.CONTEXT_MIXING in content.tools:
+        prior = factorised_prior(tables, len(coarse))
+        y_hat = decode_with_contexts(block.latent, coarse.neighbours, prior)
+    else:
+        y_hat = decode_latent(block.latent, len(coarse), tables)
+    y = y_hat.astype(np.float32) / _gain(weights, content.rate)
+    child_per_parent = CodingTools.CHILD_PER_PARENT in content.tools
+    return synthesise(model, y, coarse, block.counts[:3], pool, child_per_parent)
+
+
+def _gain(weights: Pcgcv2Weights, rate: int) -> NDArray[np.float32]:
+    gain: NDArray[np.float32] = weights.model.gain(rate).detach().cpu().numpy()
+    return gain
+
+
+def _coarse_keys(block: CodedBlock) -> Keys:
+    voxels = decode_voxels(block.coordinates, block.counts[3])
+    if len(voxels) != block.counts[3] or voxels.min() < 0 or voxels.max() >= 2**AXIS_BITS // STRIDE:
+        raise InputError("the stream is damaged (coordinates)")
+    keys = unique_keys(morton_keys(voxels))
+    if len(keys) != len(voxels):
+        raise InputError("the stream is damaged (coordinates)")
+    return keys
+
+
+def split(keys: Keys, max_voxels: int) -> list[Keys]:
+    """Split sorted keys between voxels of stride 8 into equal parts of about `max_voxels`."""
+    parts = -(-len(keys) // max_voxels)
+    borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
+    targets = np.arange(1, parts) * len(keys) // parts
+    cuts = borders[np.minimum(np.searchsorted(borders, targets), len(borders) - 1)]
+    return [part for part in np.split(keys, np.unique(cuts)) if len(part)]

@@ -1,0 +1,156 @@
+"""The network of PCGCv2: a sparse-convolution autoencoder with three scales.
+
+The network follows section 3 and figure 1 of the paper (see `pcc_networks.pcgcv2`); layers
+have the authors' names. Gains are not in the paper (see `gains`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, cast
+
+import torch
+from pydantic import Field
+from torch import Tensor, nn
+
+from pcc_networks.gains import MultiRateNetwork
+from pcc_networks.sparse.convolution import Neighbourhood
+from pcc_networks.sparse.layers import (
+    GenerativeTransposedConvolution,
+    PointwiseConvolution,
+    SparseConvolution,
+    StridedConvolution,
+)
+from pcc_networks.sparse.voxels import ChildMap
+from pointkit.models import Model
+
+SCALES = 3
+_Channels = Annotated[int, Field(ge=1, le=1024)]
+_Few = Annotated[int, Field(ge=1, le=64)]
+
+
+class Pcgcv2Shape(Model):
+    """Sizes of the network, by default those of the paper."""
+
+    # of g_a at strides 1, 2, 4 and 8; g_s has the first three in reverse
+    channels: tuple[_Channels, _Channels, _Channels, _Channels] = (16, 32, 64, 32)
+    latent_channels: _Channels = 8
+    blocks: _Few = 3  # Inception-ResNet blocks of each scale
+    rates: _Few = 1  # that share the weights
+
+
+class InceptionResNet(nn.Module):
+    """Inception-ResNet block of features (n, children, c): two branches, added to the input."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        quarter = channels // 4
+        self.conv0_0 = SparseConvolution(channels, quarter)
+        self.conv0_1 = SparseConvolution(quarter, 2 * quarter)
+        self.conv1_0 = PointwiseConvolution(channels, quarter)
+        self.conv1_1 = SparseConvolution(quarter, quarter)
+        self.conv1_2 = PointwiseConvolution(quarter, 2 * quarter)
+
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        out0 = self.conv0_1(self.conv0_0(features, neighbourhood).relu(), neighbourhood)
+        out1 = self.conv1_1(self.conv1_0(features).relu(), neighbourhood).relu()
+        return features + torch.cat([out0, self.conv1_2(out1)], dim=2)
+
+
+class InceptionResNetBlocks(nn.ModuleList):
+    def __init__(self, channels: int, count: int) -> None:
+        super().__init__(InceptionResNet(channels) for _ in range(count))
+
+    def __iter__(self) -> Iterator[InceptionResNet]:
+        return cast(Iterator[InceptionResNet], super().__iter__())
+
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        for block in self:
+            features = block(features, neighbourhood)
+        return features
+
+
+class AnalysisScale(nn.Module):
+    def __init__(self, channels: int, inner: int, out: int, blocks: int) -> None:
+        super().__init__()
+        self.down = StridedConvolution(channels, inner)
+        self.blocks = InceptionResNetBlocks(inner, blocks)
+        self.conv = SparseConvolution(inner, out)
+
+    def forward(
+        self, features: Tensor, child_map: ChildMap, neighbourhood: Neighbourhood
+    ) -> Tensor:
+        features = self.blocks(self.down(features, child_map).relu(), neighbourhood)
+        result: Tensor = self.conv(features, neighbourhood)
+        return result
+
+
+class Pcgcv2Analysis(nn.Module):
+    """Analysis transform g_a: from occupied voxels to the latent y at stride 8."""
+
+    def __init__(self, shape: Pcgcv2Shape) -> None:
+        super().__init__()
+        channels = shape.channels
+        outs = [*channels[1:-1], shape.latent_channels]
+        self.conv0 = SparseConvolution(1, channels[0])
+        self.scales = nn.ModuleList(
+            AnalysisScale(*sizes, shape.blocks)
+            for sizes in zip(channels, channels[1:], outs, strict=False)
+        )
+
+    def scale(self, scale: int) -> AnalysisScale:
+        return cast(AnalysisScale, self.scales[scale])
+
+    def forward(self, neighbourhoods: list[Neighbourhood], child_maps: list[ChildMap]) -> Tensor:
+        """Transform occupied voxels at stride 1 to y (m, 1, latent_channels) at stride 8."""
+        kernel = self.conv0.kernel
+        features: Tensor = self.conv0(
+            kernel.new_ones(len(child_maps[0].slots), 1, 1), neighbourhoods[0]
+        )
+        for scale in range(SCALES):
+            features = self.scale(scale)(
+                features.relu(), child_maps[scale], neighbourhoods[scale + 1]
+            )
+        return features
+
+
+class SynthesisScale(nn.Module):
+    def __init__(self, channels: int, inner: int, blocks: int) -> None:
+        super().__init__()
+        self.up = GenerativeTransposedConvolution(channels, inner)
+        self.conv = SparseConvolution(inner, inner)
+        self.blocks = InceptionResNetBlocks(inner, blocks)
+        self.conv_cls = SparseConvolution(inner, 1)
+
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> tuple[Tensor, Tensor]:
+        children = self.conv(self.up(features).relu(), neighbourhood).relu()
+        children = self.blocks(children, neighbourhood)
+        return children, self.conv_cls(children, neighbourhood)[:, :, 0]
+
+
+class Pcgcv2Synthesis(nn.Module):
+    """Synthesis transform g_s: from y_hat at stride 8 to occupancy, scale by scale."""
+
+    def __init__(self, shape: Pcgcv2Shape) -> None:
+        super().__init__()
+        channels = (shape.latent_channels, *shape.channels[2::-1])
+        self.scales = nn.ModuleList(
+            SynthesisScale(*sizes, shape.blocks) for sizes in pairwise(channels)
+        )
+
+    def scale(self, scale: int) -> SynthesisScale:
+        return cast(SynthesisScale, self.scales[scale])
+
+
+class PCGCv2(MultiRateNetwork):
+    """Transforms g_a and g_s; for each rate, an entropy bottleneck and gains of y."""
+
+    Shape = Pcgcv2Shape
+    shape: Pcgcv2Shape
+
+    def __init__(self, shape: Pcgcv2Shape) -> None:
+        super().__init__(shape)
+        self.g_a = Pcgcv2Analysis(shape)
+        self.g_s = Pcgcv2Synthesis(shape)
+        self.add_rates(shape.latent_channels)

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pcc_networks.sparse.voxels import CHILDREN, OFFSETS
+from pointkit.errors import InputError
+
+Floats32 = NDArray[np.float32]
+OCCUPANCIES, VALUES = 2**CHILDREN, 16
+"""Numbers of occupancies, and of values of each of the two symbols of an occupancy."""
+MAX_CHANNELS = 256
+_FAULT = "not a checkpoint of RENO"
+_NETWORKS = ("prior_resnet", "target_resnet")
+_LAYERS = ("0", "2.conv0", "2.conv1", "3.conv0", "3.conv1")
+_HEADS = ("pred_head_s0", "pred_head_s1")
+
+
+Head = tuple[Floats32, Floats32, Floats32, Floats32]
+"""Weights and biases of two linear layers that map features to the logits of a symbol; matrices are
+flattened from (inputs, outputs)."""
+
+
+@dataclass(frozen=True)
+class RenoWeights:
+    digest: bytes  # 8 bytes by which streams name the network
+    channels: int  # of the features, c
+    occupancy_embedding: Floats32  # (256, c), of a voxel's occupancy
+    child_embedding: Floats32  # (8, c), of the number within the parent
+    symbol_embedding: Floats32  # (16, c), of the first symbol
+    prior: tuple[Floats32, ...]  # kernels (27, c, c) of the five convolutions on a level
+    target: tuple[Floats32, ...]  # the same on the next finer level
+    heads: tuple[Head, Head]  # of first and of second symbols
+
+
+def load_weights(path: Path) -> RenoWeights:
+    from pcc_networks.weights_file import digest_of, read_checkpoint
+    from pointkit.files import read_bytes
+
+    checkpoint = read_checkpoint(path, _FAULT)
+    try:
+        arrays = _arrays(checkpoint)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        reason = str(error).splitlines()[-1].strip() if str(error) else type(error).__name__
+        raise InputError(f"{path}: {_FAULT} ({reason})") from error
+    return _weights(digest_of(read_bytes(path)), arrays)
+
+
+def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
+    channels = checkpoint["prior_embedding.weight"].shape[1]
+    if not 1 <= channels <= MAX_CHANNELS:
+        raise ValueError(f"{channels} channels")
+    result = {}
+    for name, shape in shapes(channels).items():
+        array = checkpoint[name].numpy().astype(np.float32)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ValueError(f"{name}: shape {array.shape}, or not finite")
+        result[name] = array
+    return result
+
+
+def shapes(channels: int) -> dict[str, tuple[int, ...]]:
+    result: dict[str, tuple[int, ...]] = {
+        "prior_embedding.weight": (OCCUPANCIES, channels),
+        "target_embedding.target_res_embedding.weight": (CHILDREN, channels),
+        "pred_head_s1_emb.weight": (VALUES, channels),
+    }
+    for network in _NETWORKS:
+        for layer in _LAYERS:
+            result[f"{network}.{layer}.kernel"] = (OFFSETS, channels, channels)
+    for head in _HEADS:
+        result |= {f"{head}.0.weight": (channels, channels), f"{head}.0.bias": (channels,)}
+        result |= {f"{head}.2.weight": (VALUES, channels), f"{head}.2.bias": (VALUES,)}
+    return result
+
+
+def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
+    prior, target = (
+        tuple(arrays[f"{network}.{layer}.kernel"].ravel() for layer in _LAYERS)
+        for network in _NETWORKS
+    )
+    return RenoWeights(
+        digest,
+        arrays["prior_embedding.weight"].shape[1],
+        arrays["prior_embedding.weight"].ravel(),
+        arrays["target_embedding.target_res_embedding.weight"].ravel(),
+        arrays["pred_head_s1_emb.weight"].ravel(),
+        prior,
+        target,
+        (_head(_HEADS[0], arrays), _head(_HEADS[1], arrays)),
+    )
+
+
+def _head(name: str, arrays: Mapping[str, Floats32]) -> Head:
+    # transposed, since PyTorch stores matrices as (out, in)
+    hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
+    return hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"]

@@ -1,0 +1,219 @@
+"""Gathering of neighbours' features, and addition of products to output rows.
+
+Compiled loops for the CPU, and PyTorch's indexing for any device, give equal results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pcc_networks.sparse.kernel_map import KernelMap
+from pcc_networks.sparse.thread_pool import Scratch
+from pcc_networks.sparse.voxels import CENTRE, OFFSETS
+from pointkit.compiling import compiled
+
+Flat = NDArray[np.float32]
+Matrices = tuple[Tensor, ...]
+"""Kernel matrix (count * c, count * d) of each offset, which connects `count` children."""
+Segments = list[Tensor]
+"""Features (m, count * channels) of the m pairs of rows of each offset."""
+
+
+class NeighbourPairs(NamedTuple):
+    """Pairs of a row and a neighbour other than itself, sorted by offset, then by row."""
+
+    firsts: NDArray[np.int64]  # (28,); offset k has the pairs firsts[k] to firsts[k + 1]
+    rows: NDArray[np.int32]  # of each pair
+    neighbours: NDArray[np.int32]  # row of the neighbour in each pair
+
+
+class _Chunk(NamedTuple):
+    firsts: NDArray[np.int64]  # (27,), first pair of each offset
+    counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
+    starts: NDArray[np.int64]  # (28,), first element of each offset in memory, for one channel
+
+    def segments(self, buffer: Tensor, sizes: list[int], width: int) -> Segments:
+        """Split flat memory into views, one for the pairs of each offset."""
+        if max(sizes) == 1:  # one call for all offsets
+            return list(buffer.view(-1, width).split_with_sizes(self.counts.tolist()))
+        parts = buffer.split_with_sizes((np.diff(self.starts) * width).tolist())
+        return [
+            part.view(-1, children * width) for part, children in zip(parts, sizes, strict=True)
+        ]
+
+
+class CompiledGatherScatter:
+    """Gathers and scatters on the CPU by compiled loops, for a neighbour table (27, n) int32."""
+
+    def __init__(self, table: NDArray[np.int32], kernel_map: KernelMap) -> None:
+        self._pairs, self.kernel_map = _pairs_of(table), kernel_map
+        self._chunks: dict[tuple[int, int], _Chunk] = {}
+
+    def _chunk(self, rows: slice) -> _Chunk:
+        key = (rows.start, rows.stop)
+        if key not in self._chunks:
+            firsts, counts = _pairs_of_rows(self._pairs, *key)
+            starts = np.append(0, np.cumsum(counts * self.kernel_map.counts))
+            self._chunks[key] = _Chunk(firsts, counts, starts)
+        return self._chunks[key]
+
+    def gather(
+        self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
+    ) -> Segments:
+        """Gather features (n, children, channels) of a chunk's neighbours at all nonzero offsets.
+
+        With `at_output`, gather the features of the rows themselves, at the children that the
+        convolution writes.
+        """
+        width, name = features.shape[2], "own" if at_output else "read"
+        chunk = self._chunk(rows)
+        buffer = scratch.take(name, int(chunk.starts[-1]) * width)
+        sources = self._pairs.rows if at_output else self._pairs.neighbours
+        children = self.kernel_map.written if at_output else self.kernel_map.read
+        _mover(width, is_gather=True)(
+            *_flat(features), buffer.numpy(), chunk.starts, sources, 0, chunk.firsts, chunk.counts,
+            self.kernel_map.counts, children,
+        )  # fmt: skip
+        return chunk.segments(buffer, self.kernel_map.sizes, width)
+
+    def add_products(
+        self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
+    ) -> None:
+        """Add to sums of a chunk's rows the neighbours' features times each offset's matrix.
+
+        Features are (n, children, c), matrices (count * c, count * d), sums (m, children, d).
+        """
+        width, chunk = sums.shape[2], self._chunk(rows)
+        gathered = self.gather(features, rows, scratch)
+        buffer = scratch.take("products", int(chunk.starts[-1]) * width)
+        products = chunk.segments(buffer, self.kernel_map.sizes, width)
+        for part, matrix, product in zip(gathered, matrices, products, strict=True):
+            if len(part):
+                torch.mm(part, matrix, out=product)
+        _mover(width, is_gather=False)(
+            *_flat(sums), buffer.numpy(), chunk.starts, self._pairs.rows, rows.start, chunk.firsts,
+            chunk.counts, self.kernel_map.counts, self.kernel_map.written,
+        )  # fmt: skip
+
+
+class TorchGatherScatter:
+    """Gathers and scatters by PyTorch on the device of a neighbour table (27, n) int64."""
+
+    def __init__(self, table: Tensor, kernel_map: KernelMap) -> None:
+        self.table, self.kernel_map = table, kernel_map
+        self._chunks: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = {}
+
+    def _pairs(self, rows: slice) -> list[tuple[Tensor, Tensor]]:
+        key = (rows.start, rows.stop)
+        if key not in self._chunks:
+            table = self.table[:, rows]
+            exists = table >= 0
+            exists[CENTRE] = False
+            offsets, chunk_rows = torch.nonzero(exists, as_tuple=True)
+            counts = torch.bincount(offsets, minlength=OFFSETS).tolist()
+            parts = (
+                torch.split(rows_of_pairs, counts)
+                for rows_of_pairs in (chunk_rows, table[offsets, chunk_rows])
+            )
+            self._chunks[key] = list(zip(*parts, strict=True))
+        return self._chunks[key]
+
+    def gather(
+        self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
+    ) -> Segments:
+        gathered: Segments = []
+        for offset, (chunk_rows, neighbours) in enumerate(self._pairs(rows)):
+            children = (self.kernel_map.written if at_output else self.kernel_map.read)[
+                offset, : self.kernel_map.sizes[offset]
+            ]
+            row_features = features[rows.start + chunk_rows if at_output else neighbours]
+            gathered.append(row_features[:, children.tolist()].flatten(1))
+        return gathered
+
+    def add_products(
+        self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
+    ) -> None:
+        gathered = self.gather(features, rows, scratch)
+        for offset, (chunk_rows, _) in enumerate(self._pairs(rows)):
+            count = self.kernel_map.sizes[offset]
+            children = torch.from_numpy(self.kernel_map.written[offset, :count]).to(sums.device)
+            products = (gathered[offset] @ matrices[offset]).view(-1, count, sums.shape[2])
+            sums[chunk_rows[:, None], children] += products
+
+
+GatherScatter = CompiledGatherScatter | TorchGatherScatter
+
+
+def _flat(features: Tensor) -> tuple[Any, int, int]:
+    flat = features.as_strided((_elements_after(features),), (1,), features.storage_offset())
+    return flat.numpy(), features.stride(0), features.stride(1)
+
+
+def _elements_after(features: Tensor) -> int:
+    return int(features.untyped_storage().nbytes() // 4 - features.storage_offset())
+
+
+@cache
+def _mover(width: int, is_gather: bool) -> Callable[..., None]:
+    """Compile a loop over pairs of voxel and neighbour.
+
+    It copies features to `packed` (gather), or adds `packed` to features (scatter).
+    """
+
+    @compiled
+    def move(
+        features: Flat, row_stride: int, child_stride: int, packed: Flat,
+        starts: NDArray[np.int64], rows: NDArray[np.int32], first_row: int,
+        firsts: NDArray[np.int64], pair_counts: NDArray[np.int64],
+        child_counts: NDArray[np.int64], children: NDArray[np.int64],
+    ) -> None:  # fmt: skip
+        for offset in range(OFFSETS):
+            at = starts[offset] * width
+            for pair in range(firsts[offset], firsts[offset] + pair_counts[offset]):
+                start = row_stride * (rows[pair] - first_row)
+                for j in range(child_counts[offset]):
+                    place = start + children[offset, j] * child_stride
+                    for k in range(width):
+                        if is_gather:
+                            packed[np.uint64(at + k)] = features[np.uint64(place + k)]
+                        else:
+                            features[np.uint64(place + k)] += packed[np.uint64(at + k)]
+                    at += width
+
+    return move
+
+
+@compiled
+def _pairs_of(table: NDArray[np.int32]) -> NeighbourPairs:
+    firsts = np.zeros(OFFSETS + 1, np.int64)
+    for offset in range(OFFSETS):
+        present = 0 if offset == CENTRE else (table[offset] >= 0).sum()
+        firsts[offset + 1] = firsts[offset] + present
+    rows, neighbours = np.empty(firsts[-1] + 1, np.int32), np.empty(firsts[-1] + 1, np.int32)
+    for offset in range(OFFSETS):
+        at = firsts[offset]
+        if at < firsts[offset + 1]:
+            for row in range(table.shape[1]):  # without a branch that cannot be foreseen
+                rows[at], neighbours[at] = row, table[offset, row]
+                at += table[offset, row] >= 0
+    return NeighbourPairs(firsts, rows[:-1], neighbours[:-1])
+
+
+@compiled
+def _pairs_of_rows(
+    pairs: NeighbourPairs, first: int, last: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return, for each offset, the first pair and the number of pairs of rows in [first, last)."""
+    firsts, counts = np.empty(OFFSETS, np.int64), np.empty(OFFSETS, np.int64)
+    for offset in range(OFFSETS):
+        of_offset = pairs.rows[pairs.firsts[offset] : pairs.firsts[offset + 1]]
+        low, high = np.searchsorted(of_offset, first), np.searchsorted(of_offset, last)
+        firsts[offset], counts[offset] = pairs.firsts[offset] + low, high - low
+    return firsts, counts

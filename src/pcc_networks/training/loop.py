@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import io
+import json
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import torch
+from torch import Tensor, nn
+
+from pcc_networks.device import placed
+from pcc_networks.sparse.voxels import Keys
+from pcc_networks.training.settings import BaseTraining
+from pcc_networks.weights_file import read_checkpoint
+from pointkit.errors import InputError
+from pointkit.files import write_bytes
+
+M = TypeVar("M", bound=nn.Module)
+L = TypeVar("L")
+
+
+class OtherTrainingError(InputError):
+    """Raised if a checkpoint belongs to another training."""
+
+
+class BaseTrainer(ABC, Generic[M, L]):
+    """A model in training, with its optimiser, schedule and random numbers.
+
+    Parameters
+    ----------
+    groups
+        Parameter groups of the optimiser with factors of their learning rate (`lr_factor`).
+
+    Attributes
+    ----------
+    done
+        Number of completed steps.
+    identity
+        Properties that must equal those of a checkpoint, such as the data.
+    curve
+        A row for each completed step, filled by the caller.
+    """
+
+    max_gradient_norm: float | None = None
+    """Norm to which gradients are clipped."""
+
+    def __init__(
+        self, model: M, training: BaseTraining, groups: Sequence[Mapping[str, Any]] = ()
+    ) -> None:
+        self.model = model
+        self.training = training
+        self.done = 0
+        self.identity: dict[str, Any] = {}
+        self.curve: list[dict[str, float]] = []
+        every = [{"params": list(model.parameters()), "lr_factor": 1.0}]
+        self.optimiser = torch.optim.Adam([dict(group) for group in groups or every])
+        self.noise = torch.Generator().manual_seed(training.seed)
+
+    @abstractmethod
+    def step(self, clouds: Sequence[Keys]) -> L: ...
+
+    @abstractmethod
+    def row(self, loss: L) -> dict[str, float]:
+        """Return a loss as a row of the training curve; the first column is minimised."""
+
+    def optimiser_step(self, loss: Tensor) -> None:
+        for group in self.optimiser.param_groups:
+            group["lr"] = self._learning_rate() * group.get("lr_factor", 1.0)
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        if self.max_gradient_norm is not None:
+            torch.nn.utils.clip_grad_norm_(self.model.parameters(), self.max_gradient_norm)
+        self.optimiser.step()
+        self.done += 1
+
+    def _learning_rate(self) -> float:
+        first, last = self.training.learning_rate, self.training.final_learning_rate
+        cosine = math.cos(math.pi * self.done / max(self.training.steps, 1))
+        return last + (first - last) * (1 + cosine) / 2
+
+    def save(self, path: Path) -> None:
+        state = {
+            "model": self.model.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "noise": self.noise.get_state(),
+            "done": self.done,
+            "training": _as_json(self.training.model_dump()),
+            "identity": _as_json(self.identity),
+            "curve": self.curve,
+        }
+        content = io.BytesIO()  # PyTorch's writer gives no useful message for a full disk
+        torch.save(state, content)
+        write_bytes(path, content.getvalue())
+
+    def resume(self, path: Path) -> None:
+        """Continue from a checkpoint.
+
+        Raises OtherTrainingError if its network, settings or data differ.
+        """
+        state = read_checkpoint(path, "not a checkpoint of a training")
+        for name, expected in (
+            ("training", self.training.model_dump()),
+            ("identity", self.identity),
+        ):
+            saved = _as_json(state.get(name, {}))
+            if any(saved.get(key, value) != value for key, value in _as_json(expected).items()):
+                raise OtherTrainingError(f"{path}: the saved training has other settings or data")
+        try:
+            self.model.load_state_dict(state["model"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.noise.set_state(state.get("noise", self.noise.get_state()))
+            self.done = int(state["done"])
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise OtherTrainingError(f"{path}: not a checkpoint of this network") from error
+        self.curve = state.get("curve", [])
+
+
+def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
+    converted: dict[str, Any] = json.loads(json.dumps(settings))
+    return converted
+
+
+def on_device(model: M) -> M:
+    return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
+
+
+def _ignore(_step: int, _loss: object) -> None:
+    pass
+
+
+def train(
+    trainer: BaseTrainer[M, L],
+    clouds: Callable[[int], Sequence[Keys]],
+    checkpoint: Path,
+    every: int = 500,
+    report: Callable[[int, L], None] = _ignore,
+) -> None:
+    """Train to the last step; resume from the checkpoint if the file exists.
+
+    `clouds` returns the batch of a step, which must depend on the step's number only, so that a
+    resumed training equals an uninterrupted one. `every` is the number of steps between
+    checkpoints; `report` gets each step's number and loss.
+    """
+    if checkpoint.exists():
+        trainer.resume(checkpoint)
+    while trainer.done < trainer.training.steps:
+        loss = trainer.step(clouds(trainer.done))
+        report(trainer.done, loss)
+        if trainer.done % every == 0 or trainer.done == trainer.training.steps:
+            trainer.save(checkpoint)

@@ -1,0 +1,224 @@
+"""Sets of trained weights: safetensors files with parameters, frequency tables and model card.
+
+Parameters are in half precision. Integer frequency tables are computed when a set is written, since
+floating-point arithmetic differs between machines.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+from torch import Tensor
+
+from pcc_networks.catalogue import HEADER_KEY, SUFFIX, NetworkType, WeightsHeader, header_of
+from pcc_networks.entropy_bottleneck import FrequencyTable, frequency_tables
+from pcc_networks.gains import MultiRateNetwork
+from pointkit.errors import InputError
+from pointkit.files import read_bytes, write_bytes
+from pointkit.models import parsed
+
+DIGEST_BYTES = 8
+_LENGTH_BYTES = 8
+"""Bytes of the JSON header's length at the start of a safetensors file."""
+_TABLES = ("frequency_tables.lowest", "frequency_tables.length", "frequency_tables.frequencies")
+_MAX_MAGNITUDE = 2**16
+N = TypeVar("N", bound=MultiRateNetwork)
+Tables = tuple[tuple[FrequencyTable, ...], ...]
+"""Frequency tables by rate and channel."""
+Arrays = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class WeightsFile:
+    header: WeightsHeader
+    state: dict[str, Tensor]  # parameters by name, float32
+    integers: dict[str, NDArray[np.int32]]  # integer tensors by name
+    digest: bytes  # 8 bytes by which streams name the set
+
+
+def digest_of(data: bytes) -> bytes:
+    return hashlib.sha256(data).digest()[:DIGEST_BYTES]
+
+
+def check_digest(weights: bytes, stream: bytes) -> None:
+    if stream != weights:
+        raise InputError(
+            f"the stream was made with other weights ({stream.hex()}, here {weights.hex()})"
+        )
+
+
+def write_weights(
+    path: Path,
+    header_fields: Mapping[str, Any],
+    state: Mapping[str, Tensor],
+    integers: Mapping[str, NDArray[np.int32]] | None = None,
+) -> None:
+    tensors: dict[str, NDArray[Any]] = {
+        name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
+    }
+    tensors |= {
+        name: np.ascontiguousarray(value, "<i4") for name, value in (integers or {}).items()
+    }
+    header = {**header_fields, "sha256": _checksum(save(tensors))}
+    # one entry, since safetensors writes several in arbitrary order
+    metadata = {HEADER_KEY: json.dumps(header, sort_keys=True, allow_nan=False)}
+    write_bytes(path, save(tensors, metadata=metadata))
+
+
+def read_weights(path: Path) -> WeightsFile:
+    """Read a set of weights; raise InputError if it is damaged or has non-finite parameters."""
+    header, data = header_of(path), read_bytes(path)
+    try:
+        arrays = load(data)
+        is_intact = _checksum(data) == header.sha256
+        digest = bytes.fromhex(header.digest or "") or digest_of(data)
+    except (SafetensorError, KeyError, ValueError) as error:
+        raise InputError(f"{path}: damaged weights") from error
+    if not is_intact or len(digest) != DIGEST_BYTES:
+        raise InputError(f"{path}: damaged weights (check sum)")
+    integers = {name: array for name, array in arrays.items() if array.dtype == np.int32}
+    floats = {name: array for name, array in arrays.items() if name not in integers}
+    if not all(_is_parameter(array) for array in floats.values()):
+        raise InputError(f"{path}: damaged weights (not finite, or not in half precision)")
+    state = {name: torch.from_numpy(a.astype(np.float32)) for name, a in floats.items()}
+    return WeightsFile(header, state, integers, digest)
+
+
+def _checksum(data: bytes) -> str:
+    start = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
+    return hashlib.sha256(memoryview(data)[start:]).hexdigest()
+
+
+def _is_parameter(array: NDArray[Any]) -> bool:
+    return array.dtype == np.float16 and bool(np.isfinite(array).all())
+
+
+@dataclass(frozen=True)
+class MultiRateWeights(Generic[N]):
+    model: N
+    lmbdas: tuple[float, ...]  # Lagrangian weights of the rates, lowest bitrate first
+    tables: Tables  # frequency tables of the entropy bottleneck of each rate
+    digest: bytes  # 8 bytes by which streams name the weights and tables
+    card: Mapping[str, Any]  # model card
+
+
+def check_rate(weights: MultiRateWeights[Any], rate: int) -> None:
+    if not 0 <= rate < len(weights.lmbdas):
+        raise InputError(f"rate {rate}: the weights have {len(weights.lmbdas)} rates, from 0 on")
+
+
+def check_made_with(weights: MultiRateWeights[Any], digest: bytes, rate: int) -> None:
+    """Raise InputError if a stream's digest or rate does not match the weights."""
+    check_digest(weights.digest, digest)
+    if rate >= len(weights.lmbdas):
+        raise InputError("the stream is damaged (its rate)")
+
+
+def save_multi_rate(
+    path: Path, network: NetworkType, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
+) -> None:
+    rounded = type(model)(model.shape)
+    rounded.load_state_dict({name: each.cpu().half() for name, each in model.state_dict().items()})
+    header_fields = {
+        "network": network.name,
+        "shape": model.shape.model_dump(),
+        "lmbdas": lmbdas,
+        "card": dict(card),
+    }
+    write_weights(
+        path, header_fields, rounded.state_dict(), _tensors_of_tables(_tables_of(rounded))
+    )
+
+
+def load_multi_rate(
+    path: Path,
+    network: NetworkType,
+    model_type: type[N],
+    load_published: Callable[[Path], N],
+) -> MultiRateWeights[N]:
+    """Read a set trained by puckbench or, with `load_published`, a file of the network's authors.
+
+    Raises InputError for other files.
+    """
+    if path.suffix == SUFFIX:
+        return _load_our_set(path, model_type)
+    model = load_published(path)
+    tables = _tables_of(model)
+    digest = digest_of(read_bytes(path) + json.dumps(_json_of_tables(tables)).encode())
+    card = {"origin": "authors' weights", "file": path.name}
+    return MultiRateWeights(model, network.lmbdas_of(path), tables, digest, card)
+
+
+def _load_our_set(path: Path, model_type: type[N]) -> MultiRateWeights[N]:
+    contents = read_weights(path)
+    header = contents.header
+    try:
+        model = model_type(parsed(model_type.Shape, header.shape, f"{path}: shape"))
+        model.load_state_dict(contents.state)
+        tables = _tables_of_tensors(contents.integers)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: damaged weights") from error
+    if not len(tables) == len(header.lmbdas) == model.shape.rates:
+        raise InputError(f"{path}: damaged weights (rates)")
+    return MultiRateWeights(model.eval(), header.lmbdas, tables, contents.digest, header.card)
+
+
+def _tables_of(model: MultiRateNetwork) -> Tables:
+    rates = range(model.shape.rates)
+    return tuple(frequency_tables(model.entropy_bottleneck(rate)) for rate in rates)
+
+
+def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
+    """Pack tables as lowest values and lengths (rates, channels) and joined frequencies (n,)."""
+    lowest = np.array([[table.lowest for table in rate] for rate in tables], np.int32)
+    length = np.array([[len(table.frequencies) for table in rate] for rate in tables], np.int32)
+    frequencies = np.concatenate([table.frequencies for rate in tables for table in rate])
+    return dict(zip(_TABLES, (lowest, length, frequencies), strict=True))
+
+
+def _tables_of_tensors(arrays: Arrays) -> Tables:
+    lowest, length, frequencies = (arrays[name] for name in _TABLES)
+    is_possible = lowest.ndim == 2 and lowest.shape == length.shape and frequencies.ndim == 1
+    if not is_possible or (length < 2).any() or length.sum(dtype=np.int64) != len(frequencies):
+        raise ValueError("tables of other sizes")
+    if (frequencies < 1).any() or (np.abs(lowest.astype(np.int64)) > _MAX_MAGNITUDE).any():
+        raise ValueError("tables with impossible numbers")
+    parts = iter(np.split(frequencies, np.cumsum(length.ravel())[:-1]))
+    return tuple(
+        tuple(FrequencyTable(lowest_value, next(parts)) for lowest_value in row)
+        for row in lowest.tolist()
+    )
+
+
+def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
+    return [
+        [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
+        for rate in tables
+    ]
+
+
+_UNREADABLE = (
+    OSError, RuntimeError, EOFError, LookupError, ValueError, TypeError, AttributeError
+)  # fmt: skip
+
+
+def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
+    """Read a PyTorch checkpoint without running its code; raise InputError (`fault`) if damaged."""
+    try:
+        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    except (*_UNREADABLE, pickle.UnpicklingError) as error:
+        raise InputError(f"{path}: {fault}") from error
+    if not isinstance(checkpoint, dict):
+        raise InputError(f"{path}: {fault}")
+    return checkpoint

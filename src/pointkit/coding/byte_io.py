@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+from pointkit.errors import InputError
+
+_LONGEST_NUMBER = 5
+
+
+def base_128(number: int) -> bytes:
+    """Encode a non-negative number as unsigned LEB128: seven bits per byte, the lowest first."""
+    groups = [number & 127]
+    while number := number >> 7:
+        groups.append(number & 127)
+    return bytes([*(group | 128 for group in groups[:-1]), groups[-1]])
+
+
+def signed_128(number: int) -> bytes:
+    """Encode an integer n as LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag)."""
+    return base_128(2 * number if number >= 0 else -2 * number - 1)
+
+
+def stream_bytes(stream: object) -> bytes:
+    """Return a stream as bytes; raise InputError if it is something else."""
+    if not isinstance(stream, bytes | bytearray | memoryview):
+        raise InputError(f"a stream is bytes, not {type(stream).__name__}")
+    return bytes(stream)
+
+
+class Reader:
+    def __init__(self, body: bytes) -> None:
+        self.body, self.at = body, 0
+
+    def take(self, size: int) -> bytes:
+        """Return the next `size` bytes; raise InputError if fewer remain."""
+        self.at += size
+        if self.at > len(self.body):
+            raise InputError("the stream is truncated")
+        return self.body[self.at - size : self.at]
+
+    def rest(self) -> bytes:
+        return self.take(len(self.body) - self.at)
+
+    def number(self, longest: int = _LONGEST_NUMBER) -> int:
+        """Read a number written by `base_128`; raise InputError if it exceeds `longest` bytes."""
+        number = 0
+        for k in range(longest):
+            byte = self.take(1)[0]
+            number |= (byte & 127) << 7 * k
+            if byte < 128:
+                return number
+        raise InputError("the stream is damaged (a number)")
+
+    def signed(self, longest: int = _LONGEST_NUMBER) -> int:
+        zigzag = self.number(longest)
+        return -(zigzag + 1 >> 1) if zigzag & 1 else zigzag >> 1

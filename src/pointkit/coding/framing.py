@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+from pointkit.errors import InputError
+
+_CHECK = struct.Struct("<I")
+
+
+@dataclass(frozen=True)
+class Framing:
+    """Format of a stream: magic number, version (1 byte), header, CRC-32 of the body, and body.
+
+    Parameters
+    ----------
+    title
+        Name of the format in error messages.
+    header
+        Bytes of the header, which the CRC-32 does not cover.
+    """
+
+    magic: bytes
+    version: int
+    title: str
+    header: int = 0
+
+    @property
+    def _start(self) -> bytes:
+        return self.magic + bytes([self.version])
+
+    def framed(self, body: bytes, header: bytes = b"") -> bytes:
+        return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
+
+    def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
+        """Return header and body; raise InputError if magic number, version or CRC is wrong."""
+        start, end = len(self._start), len(self._start) + self.header + _CHECK.size
+        if len(stream) < end:
+            raise InputError("the stream is truncated")
+        if stream[:start] != self._start:
+            raise InputError(f"not a {self.title} stream of this version")
+        header, body = stream[start : start + self.header], stream[end:]
+        if zlib.crc32(body) != _CHECK.unpack_from(stream, end - _CHECK.size)[0]:
+            raise InputError("the stream is damaged or truncated")
+        return header, body

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+import sys
+
+from pointkit.errors import InputError
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+_WINDOW_LOG = 27
+"""Log2 of the window of long-distance matches, in bytes; decoders' default maximum."""
+
+
+def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
+    """Return one Zstandard frame; `long` lets matches be up to 128 MiB apart."""
+    options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
+    if long:
+        options[zstd.CompressionParameter.enable_long_distance_matching] = 1
+        options[zstd.CompressionParameter.window_log] = _WINDOW_LOG
+    return zstd.compress(data, options=options)
+
+
+def decompressed(stream: bytes, most: int) -> bytes:
+    """Decompress a frame; raise InputError if it is damaged or holds more than `most` bytes."""
+    options: dict[int, int] = {zstd.DecompressionParameter.window_log_max: _WINDOW_LOG}
+    decoder = zstd.ZstdDecompressor(options=options)
+    try:
+        data = decoder.decompress(stream, max_length=most + 1)
+    except zstd.ZstdError as error:
+        raise InputError("the stream is damaged (Zstandard)") from error
+    if not decoder.eof or decoder.unused_data or len(data) > most:
+        raise InputError("the stream is damaged (Zstandard)")
+    return data

@@ -1,0 +1,121 @@
+"""Functions compiled by numba, and cached on disk until one of their source files changes.
+
+Numba's cache checks only a function's own file, and may reuse machine code that contains outdated
+functions of other files. Here a digest of the sources of the function's package and of pointkit
+names the cache folder: a compiled function calls compiled functions of these two alone.
+
+With ``NUMBA_BOUNDSCHECK=1``, indices outside arrays raise IndexError in compiled loops, which are
+then three times slower and cached separately.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba import extending
+from numba.core.caching import InTreeCacheLocator
+from numba.core.event import Event, Listener, register
+
+from pointkit.sources import loops_folder, package_folder, sources_digest
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+IN_PLACE: dict[str, Any] = {"_nrt": False}
+"""Options without reference counting, for functions that neither make arrays nor call functions
+that do. In small functions that pass arrays to each other, such as arithmetic coders, counting
+takes three times as long as all other work."""
+
+INLINED: Any = {
+    **IN_PLACE,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "no_cpython_wrapper": True,
+    "forceinline": True,
+}
+"""Options for functions that are compiled only as parts of compiled callers."""
+
+_SECONDS_UNTIL_NOTICE = 3.0
+_COMPILING = "compiling loops for this machine, once: this takes up to two minutes"
+_config: Any = numba.config
+_LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
+
+
+class SourcesLocator(InTreeCacheLocator):
+    """Tells numba the folder in which a compiled function is cached."""
+
+    def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
+        super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
+        file = Path(py_file).absolute()
+        place = state_of(file) + ("-checked" if _config.BOUNDSCHECK else "")
+        self._folder = loops_folder(file.parent) / place
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+
+class CompilingNotice(Listener):
+    def __init__(self) -> None:
+        self._depth, self._seconds, self._began = 0, 0.0, 0.0
+        self.is_printed = False
+
+    def on_start(self, event: Event) -> None:
+        now = time.monotonic()
+        self._began = self._began if self._depth else now
+        self._depth += 1
+        spent = self._seconds + now - self._began
+        if spent > _SECONDS_UNTIL_NOTICE and not self.is_printed:
+            self.is_printed = True
+            print(_COMPILING, file=sys.stderr, flush=True)  # noqa: T201
+
+    def on_end(self, event: Event) -> None:
+        self._depth -= 1
+        if not self._depth:
+            self._seconds += time.monotonic() - self._began
+
+
+_register: Any = register  # numba has no type hints here
+NOTICE = CompilingNotice()
+_register("numba:compile", NOTICE)
+
+
+def compiled(function: Function, **options: Any) -> Function:
+    """Compile a function on its first call; later processes load it from the cache.
+
+    Arithmetic is strict IEEE 754 unless `options` change it. Compiled code releases Python's global
+    interpreter lock.
+    """
+    _config.CACHE_LOCATOR_CLASSES = _LOCATORS
+    return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
+
+
+def compiled_in_place(function: Function, **options: Any) -> Function:
+    return compiled(function, **IN_PLACE, **options)
+
+
+def inlined(function: Function) -> Function:
+    """Return a function that is compiled only inside compiled callers; it must create no arrays."""
+    return compiled(function, **INLINED)
+
+
+def inlined_too(function: Function) -> Function:
+    """Compile a function, and also inline it in its compiled callers; it must create no arrays."""
+    return compiled_in_place(function, forceinline=True)
+
+
+def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
+    """Return an intrinsic of numba: `function` generates its LLVM code (see `numba.extending`)."""
+    written: Any = extending.intrinsic(**options) if options else extending.intrinsic
+    return written(function)
+
+
+def state_of(file: Path) -> str:
+    """Return a digest of the sources that a file's compiled functions may contain."""
+    folders = [package_folder(file), Path(__file__).parent]
+    digest = hashlib.sha256(b"".join(map(sources_digest, folders)))
+    return f"numba-{digest.hexdigest()[:12]}"

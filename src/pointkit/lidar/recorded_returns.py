@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.errors import InputError
+from pointkit.lidar.returns import HOUR_US, Returns
+from pointkit.lidar.turns import Turn, clock_steps
+from pointkit.return_tables import (
+    ColumnSpecs,
+    ReturnTable,
+    TableSchema,
+    read_return_table,
+    write_return_table,
+)
+
+STRONGEST, LAST, BOTH = 0, 1, 2
+"""Kinds of return; in dual return mode, BOTH is a return that is strongest and last."""
+UNKNOWN = -1
+"""Reflectivity that is not known."""
+
+RETURN_COLUMNS: ColumnSpecs = {
+    "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
+    "turn": ("<i4", "", "turn of the sensor, from 0; a turn begins at azimuth 0"),
+    "laser_id": ("<i2", "", "laser, from 0"),
+    "return_kind": ("<i2", "", "0 strongest, 1 last, 2 both"),
+    "azimuth": ("<f8", "rad", "clockwise from forward (y) seen from above, at the firing"),
+    "elevation": ("<f8", "rad", "nominal elevation of the laser"),
+    "distance": ("<f8", "m", "measured distance"),
+    "reflectivity": ("<i2", "", "0..100 diffuse, 101..255 retro-reflector; -1: not known"),
+    "x": ("<f8", "m", "right, sensor's frame"),
+    "y": ("<f8", "m", "forward, sensor's frame"),
+    "z": ("<f8", "m", "up, sensor's frame, vertical correction applied"),
+}
+
+
+@dataclass(frozen=True)
+class RecordedReturns(ReturnTable):
+    schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
+
+
+def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedReturns:
+    """Convert returns to a table with a row for each, in the order of `Returns.points`.
+
+    A packet's time is that of its first column; other columns follow every `sequence_us`
+    microseconds. Packets without a time have the time 0.
+    """
+    parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
+    counts = [len(part["laser_id"]) for part in parts]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    packets = np.append(0.0, np.cumsum(clock_steps(columns["packet_us"], HOUR_US)))
+    columns["timestamp"] = (packets[: sum(counts)] + columns["delay_us"]) * 1e-6
+    columns["turn"] = np.repeat(np.arange(len(parts)), counts)
+    columns |= dict(zip("xyz", returns.points().T, strict=True))
+    kinds = RETURN_COLUMNS.items()
+    table = {name: columns[name].astype(kind, copy=False) for name, (kind, *_) in kinds}
+    return RecordedReturns(table, {"sensor": returns.sensor})
+
+
+def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray[Any]]:
+    layout, beams, unknown = returns.layout, returns.beams, np.full(turn.ranges.shape, UNKNOWN)
+    columns, lasers, kinds = returns.indices(turn)
+    at = (kinds, columns, lasers)
+    is_only = turn.ranges[0, columns, lasers] == turn.ranges[-1, columns, lasers]
+    times = np.zeros(1) if turn.times is None else turn.times.astype(np.float64)
+    packets, column = np.divmod(columns, layout.columns_per_block * layout.blocks_per_time)
+    values = unknown if turn.reflectivities is None else turn.reflectivities
+    return {
+        "packet_us": times[packets % len(times)],
+        "delay_us": sequence_us * (column + np.asarray(beams.delays)[lasers]),
+        "laser_id": lasers,
+        "return_kind": np.where(is_only & (layout.kinds == 2), BOTH, kinds),
+        "azimuth": np.mod(returns.azimuths(turn)[columns, lasers], 2 * np.pi),
+        "elevation": np.radians(beams.elevations_deg)[lasers],
+        "distance": returns.distances(turn)[at],
+        "reflectivity": values[at],
+    }
+
+
+def write_returns(path: Path, table: RecordedReturns) -> None:
+    write_return_table(path, table)
+
+
+def read_returns(path: Path) -> RecordedReturns:
+    table = read_return_table(path, RecordedReturns)
+    for name, values in table.columns.items():
+        if not np.isfinite(values).all():
+            raise InputError(f"{path}: column {name} has a value that is not finite")
+    return table

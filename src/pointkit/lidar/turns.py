@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+
+CENTIDEGREES = 36000
+MAX_AZIMUTH_STEPS = 1 << 16
+MAX_LASERS = 128
+MAX_COLUMNS = 1 << 14
+"""Limit of the columns of a turn; a Puck at its lowest rotation rate has 3,617."""
+MAX_PIXELS = 1 << 20
+MAX_RANGE = (1 << 24) - 1
+"""Largest range in an image of 32 bits, in quanta."""
+
+
+_Value = TypeVar("_Value", bound=np.generic)
+Ranges = NDArray[np.uint16 | np.uint32]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Arrangement of a sensor's firings in an image of columns by lasers.
+
+    `order` lists laser ids from the lowest elevation to the highest. The columns of a block, two
+    for a VLP-16, share an azimuth; the blocks of a packet share a time. Dual return mode has two
+    `kinds` of return. `azimuth_steps` is the number of azimuth units in a revolution: 36,000 of
+    0.01 degrees by default, the number of columns for an Ouster. If lasers of a column have
+    different azimuths, coders move the values of each laser by `shifts` columns, so that a column
+    has nearly one azimuth; empty: no shifts.
+    """
+
+    order: tuple[int, ...]
+    columns_per_block: int = 1
+    blocks_per_time: int = 1
+    kinds: int = 1
+    azimuth_steps: int = CENTIDEGREES
+    shifts: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if sorted(self.order) != list(range(len(self.order))) or not self.order:
+            raise ValueError("the order of the lasers is no permutation")
+        if len(self.order) > MAX_LASERS or self.kinds not in (1, 2):
+            raise ValueError(f"at most {MAX_LASERS} lasers and two kinds")
+        if not 1 <= self.columns_per_block <= 255 or not 1 <= self.blocks_per_time <= 255:
+            raise ValueError("columns of a block and blocks of a time are 1 to 255")
+        if not 1 <= self.azimuth_steps <= MAX_AZIMUTH_STEPS:
+            raise ValueError(f"azimuth steps of a revolution are 1 to {MAX_AZIMUTH_STEPS}")
+        if len(self.shifts) not in (0, self.lasers) or any(
+            abs(shift) >= MAX_COLUMNS for shift in self.shifts
+        ):
+            raise ValueError(f"shifts are less than {MAX_COLUMNS} columns, of each laser or none")
+
+    @property
+    def lasers(self) -> int:
+        return len(self.order)
+
+    @property
+    def max_blocks(self) -> int:
+        columns = min(MAX_COLUMNS, MAX_PIXELS // self.lasers)
+        return max(columns // self.columns_per_block, 1)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The firings of one revolution as images, with lasers in the order of their ids.
+
+    Parameters
+    ----------
+    ranges
+        (kinds of return, columns, lasers), in range quanta, 0 for no return; at most `MAX_RANGE`.
+    azimuths
+        (blocks,), in the layout's azimuth steps.
+    times
+        (ceil(blocks / blocks_per_time),), microseconds.
+    reflectivities
+        In the shape of `ranges`.
+    """
+
+    ranges: Ranges
+    azimuths: NDArray[np.uint16]
+    times: NDArray[np.uint32] | None = None
+    reflectivities: NDArray[np.uint8] | None = None
+
+    @property
+    def returns(self) -> int:
+        """Number of returns; in dual return mode, a beam's second return does not count."""
+        return int(np.count_nonzero(self.ranges[0]))
+
+
+def check_turn(turn: Turn, layout: Layout) -> None:
+    blocks = len(turn.azimuths)
+    shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
+    arrays: list[tuple[str, Any, tuple[int, ...], str]] = [
+        ("ranges", turn.ranges, shape, "uint32" if has_wide_ranges(turn) else "uint16"),
+        ("azimuths", turn.azimuths, (blocks,), "uint16"),
+        ("times", turn.times, (-(-blocks // layout.blocks_per_time),), "uint32"),
+        ("reflectivities", turn.reflectivities, shape, "uint8"),
+    ]
+    for name, values, expected, kind in arrays:
+        if values is not None and (values.shape != expected or values.dtype != kind):
+            actual = f"{values.dtype} {values.shape}"
+            raise InputError(f"{name} of a turn are {actual}, not {kind} {expected}")
+    if not 0 < blocks <= layout.max_blocks:
+        raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
+    if has_wide_ranges(turn) and turn.ranges.max(initial=0) > MAX_RANGE:
+        raise InputError(f"ranges of a turn exceed {MAX_RANGE} quanta")
+
+
+def by_elevation(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
+    """Apply a layout's shifts to values (kinds, columns, lasers); sort lasers by elevation."""
+    if not layout.shifts:
+        return values[..., list(layout.order)]
+    return _flat(values)[:, _places(layout, *values.shape[1:])].reshape(values.shape)
+
+
+def by_laser(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
+    """Invert `by_elevation`."""
+    if not layout.shifts:
+        return values.take(np.argsort(layout.order), axis=2)
+    original = np.empty(values.shape, values.dtype)
+    _flat(original)[:, _places(layout, *values.shape[1:])] = _flat(values)
+    return original
+
+
+def _flat(values: NDArray[_Value]) -> NDArray[_Value]:
+    return values.reshape(len(values), -1)
+
+
+@lru_cache(maxsize=8)
+def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
+    """Return the flat index, in its input, of each value of `by_elevation`'s result."""
+    order = np.asarray(layout.order)
+    shifted = np.arange(columns)[:, None] - np.asarray(layout.shifts)[order]
+    return np.asarray(shifted % columns * lasers + order).ravel()
+
+
+def has_wide_ranges(turn: Turn) -> bool:
+    return turn.ranges.dtype == np.uint32
+
+
+def clock_steps(times: Floats, hour: float) -> Floats:
+    """Return the steps (n - 1,) between successive times (n,) of a clock with the period `hour`.
+
+    Of the steps possible modulo `hour`, the smallest in absolute value is returned.
+    """
+    steps: Floats = np.mod(np.diff(times) + hour / 2, hour) - hour / 2
+    return steps

@@ -1,0 +1,276 @@
+"""Plug-ins by name: codecs, data sets, error models, tables, figures and others.
+
+A plug-in is one file with one class or function, registered where it is defined::
+
+    @CODECS.register("grid")
+    class Grid(Codec): ...
+
+A registry's own plug-ins are the modules of one package, such as ``puckbench.figures``. A package
+that declares the entry point ``NAME = "package"`` in the group ``puckbench.plugins`` adds those of
+its folder with the same name (``package.figures``). To list plug-ins, a registry imports all these
+modules, which therefore import heavy packages inside functions only. To find the plug-in ``a_b``,
+it first imports the module ``a_b`` or, if missing, ``a``. A package may also declare single
+plug-ins as entry points in the group ``puckbench.<kind>s``.
+
+A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to the user's class or function. As
+loading a place runs code, `load` accepts only places passed to `trust`: those named on the command
+line or in a configuration, never in streams, tables or other data.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from collections.abc import Callable, Iterable
+from contextlib import chdir
+from functools import cache, cached_property
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Generic, TypeGuard, TypeVar
+
+from pointkit.errors import InputError, among, error_text
+from pointkit.sources import package_folder
+
+T = TypeVar("T")
+Target = TypeVar("Target")
+
+_PLUGINS = "puckbench.plugins"
+"""Group of the entry points of packages that add plug-ins of several kinds."""
+_trusted: set[str] = set()
+
+
+def trust(names: Iterable[str | None]) -> None:
+    _trusted.update(name for name in names if is_place(name))
+
+
+def is_place(name: object) -> TypeGuard[str]:
+    return isinstance(name, str) and ":" in name
+
+
+class Registry(Generic[T]):
+    """Plug-ins of one kind, such as all codecs, by name.
+
+    Parameters
+    ----------
+    kind
+        Singular noun for messages ("error model").
+    package
+        Package whose modules register plug-ins ("puckbench.figures").
+    make
+        Creates a plug-in from name, class or function, and the keyword arguments of `register`.
+    """
+
+    def __init__(self, kind: str, package: str, make: Callable[..., T] | None = None) -> None:
+        self.kind = kind
+        self._package = package
+        self._make = make
+        self._plugins: dict[tuple[str, str], T] = {}
+        """Plug-ins by module and registered name."""
+        self._targets: dict[tuple[str, str], Any] = {}
+        self._modules: dict[str, str] = {}
+        """Modules of the imported plug-ins of packages, by name of the plug-in."""
+        self._added: dict[str, str] = {}
+
+    def register(self, name: str, **details: Any) -> Callable[[Target], Target]:
+        """Return a decorator that registers a class or function under a name."""
+
+        def registered(target: Target) -> Target:
+            module = target.__module__
+            if module.partition(".")[0] in _packages(self._package):
+                self._modules.setdefault(name, module)
+            if self._modules.get(name, module) != module:
+                fault = f"{module} registers the name of {self._modules[name]}: rename it"
+                raise InputError(f"{self.kind} {name}: {fault}")
+            self._targets[module, name] = target
+            self._plugins[module, name] = self._made(name, target, **details)
+            return target
+
+        return registered
+
+    @property
+    def group(self) -> str:
+        return f"puckbench.{self.kind.replace(' ', '_')}s"
+
+    @cached_property
+    def _ours(self) -> list[str]:
+        for module in _modules(self._package):
+            importlib.import_module(module)
+        return sorted(self._modules, key=lambda name: self._modules[name])
+
+    def _is_ours(self, name: str) -> bool:
+        if name not in self._modules and not is_place(name):
+            self._import_nearest(name)
+            return name in self._modules or name in self._ours
+        return name in self._modules
+
+    def _import_nearest(self, name: str) -> None:
+        modules = {module.rpartition(".")[2]: module for module in _modules(self._package)}
+        beginnings = [stem for stem in modules if f"{name}_".startswith(f"{stem}_")]
+        if beginnings:
+            importlib.import_module(modules[max(beginnings, key=len)])
+
+    def add(self, place: str) -> None:
+        """Add the plug-in at a trusted place ``module:Name`` under the name after the colon.
+
+        Raises InputError if another plug-in already has this name.
+        """
+        module, _, name = place.rpartition(":")
+        if not module or self._added.get(name, place) != place or name in self._ours:
+            fault = "that name is taken" if module else "must be module:Name or file.py:Name"
+            raise InputError(f"{self.kind} {place}: {fault}")
+        _check_trusted(place, self.kind)
+        self._added[name] = place
+
+    @cached_property
+    def _installed(self) -> dict[str, str]:
+        places = {point.name: point.value for point in entry_points(group=self.group)}
+        trust(places.values())
+        return places
+
+    def names(self) -> list[str]:
+        return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
+
+    def module_of(self, name: str) -> str:
+        """Return the module or file that defines a plug-in."""
+        return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
+
+    def place_of(self, name: str) -> str:
+        """Return the name or ``module:Name`` by which another process can load a plug-in."""
+        return self._added.get(name, name)
+
+    def get(self, name: str) -> T:
+        """Return the plug-in with this name, or at this place in a file or module.
+
+        Raises InputError if there is none, or the place is not trusted (`trust`).
+        """
+        if self._is_ours(name):
+            return self._plugins[self._modules[name], name]
+        target = load(self._place(name), f"{self.kind} {name}")
+        for key, registered in self._targets.items():
+            if registered is target:
+                return self._plugins[key]
+        plugin: T = self._made(name, target)
+        return plugin
+
+    def name_of(self, plugin: T) -> str:
+        return next(name for (_, name), each in self._plugins.items() if each is plugin)
+
+    def __contains__(self, name: str) -> bool:
+        # A search of the installed packages is slow, so it comes last.
+        return self._is_ours(name) or name in self._added or name in self._installed
+
+    def _place(self, name: str) -> str:
+        place = self._added.get(name) or self._installed.get(name, name)
+        if not is_place(place):
+            raise InputError(f"unknown {self.kind} '{name}'{among(name, self.names())}")
+        _check_trusted(place, self.kind)
+        return place
+
+    def _made(self, name: str, target: Any, **details: Any) -> Any:
+        return target if self._make is None else self._make(name, target, **details)
+
+
+@cache
+def _packages(package: str) -> dict[str, str]:
+    """Return the packages that hold plug-ins of a kind, by their top-level packages."""
+    top, folder = package.partition(".")[0], package.rpartition(".")[2]
+    others = {point.value: f"{point.value}.{folder}" for point in entry_points(group=_PLUGINS)}
+    return {**others, top: package}
+
+
+@cache
+def _modules(package: str) -> list[str]:
+    modules = []
+    for name in sorted(_packages(package).values()):
+        if spec := importlib.util.find_spec(name):
+            found = pkgutil.iter_modules(spec.submodule_search_locations)
+            modules += [name, *(f"{name}.{module.name}" for module in found)]
+    return modules
+
+
+def load(place: str, purpose: str) -> Any:
+    """Import and return the object at a place (``module:Name`` or ``file.py:Name``).
+
+    Raises InputError, whose message begins with `purpose`, if the place is not trusted or the
+    import fails.
+    """
+    module, _, name = place.rpartition(":")
+    if not module:
+        raise InputError(f"{purpose}: '{place}' is not of the form module:Name or file.py:Name")
+    _check_trusted(place, purpose)
+    try:
+        with chdir("."):  # and back, if the module changes the folder
+            return getattr(_imported(module), name)
+    except InputError:
+        raise
+    except (ImportError, OSError, AttributeError, SyntaxError) as error:
+        raise InputError(f"{purpose}: cannot load '{place}' ({error})") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{purpose}: cannot load '{place}' ({error_text(error)})") from error
+
+
+def _check_trusted(place: str, purpose: str) -> None:
+    if place not in _trusted:
+        raise InputError(
+            f"{purpose}: {place!r} is code that is not loaded: neither the command line nor the "
+            "configuration names it"
+        )
+
+
+def _imported(name: str) -> ModuleType:
+    if not name.endswith(".py"):
+        return importlib.import_module(name)
+    path = Path(name).resolve()
+    top = package_folder(path)
+    top = top.parent if (top / "__init__.py").exists() else top
+    if str(top) not in sys.path:
+        sys.path.append(str(top))  # for good: the module may import others when it codes
+    is_in_package = top != path.parent
+    inner = ".".join(path.relative_to(top).with_suffix("").parts)
+    module = importlib.import_module(inner) if is_in_package else _imported_file(path)
+    _check_visible(module, top)
+    return module
+
+
+def _imported_file(path: Path) -> ModuleType:
+    """Import a file that is in no package, as importlib's documentation shows.
+
+    The module gets a unique name, because files may have equal names, and an entry in
+    `sys.modules`, where pickle looks for a class's module.
+    """
+    name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _check_visible(module: ModuleType, top: Path) -> None:
+    """Raise ImportError if a module got another one in place of that beside it, in `top`."""
+    for value in vars(module).values():
+        owner = value.__name__ if isinstance(value, ModuleType) else value_module(value)
+        first = owner.partition(".")[0]
+        file = getattr(sys.modules.get(first), "__file__", None)
+        if not file or Path(file).is_relative_to(top):
+            continue
+        for own in (top / f"{first}.py", top / first / "__init__.py"):
+            if own.is_file():
+                raise ImportError(f"{own} is hidden by {file}: rename it")
+
+
+def value_module(value: object) -> str:
+    """Return the name of the module that defines a class or function; else an empty text."""
+    return str(getattr(value, "__module__", "") or "")

@@ -1,0 +1,157 @@
+"""Tables of LiDAR returns, stored as Parquet files with units.
+
+A subclass of `ReturnTable` declares its columns in a `TableSchema`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.errors import InputError
+from pointkit.files import object_of, written_whole
+from pointkit.geometry.cloud import Floats
+from pointkit.parquet_files import check_parquet_memory, parquet_metadata
+
+ColumnSpecs = dict[str, tuple[str, str, str]]
+"""(NumPy type, unit, description) of each column, in the order of the file."""
+
+
+@dataclass(frozen=True)
+class TableSchema:
+    name: str
+    metadata_key: str
+    columns: ColumnSpecs
+
+
+@dataclass(frozen=True)
+class ReturnTable:
+    """Table of LiDAR returns: columns (n,) by name, and a dictionary that describes them."""
+
+    schema: ClassVar[TableSchema]
+
+    columns: dict[str, NDArray[Any]]
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.columns["distance"])
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.columns[name]
+
+    @property
+    def xyz(self) -> Floats:
+        """Points in metres, (n, 3)."""
+        return self.vectors("x", "y", "z")
+
+    def vectors(self, *names: str) -> Floats:
+        """Return the named columns as one array (n, number of names)."""
+        return np.column_stack([self.columns[name] for name in names])
+
+    def select(self, rows: NDArray[Any]) -> Self:
+        return replace(self, columns={name: part[rows] for name, part in self.columns.items()})
+
+
+T = TypeVar("T", bound=ReturnTable)
+
+
+def write_return_table(path: Path, table: ReturnTable) -> None:
+    """Write a Parquet file that contains the unit and description of each column."""
+    from pyarrow import parquet
+
+    with written_whole(path) as temporary:
+        parquet.write_table(_arrow_table(table), temporary, **_encoding(table.schema))
+
+
+def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
+    """Write tables as row groups of one Parquet file and return the number of rows.
+
+    The first table's description is stored.
+    """
+    from pyarrow import parquet
+
+    first = next(portions, None)
+    if first is None:
+        raise ValueError("a table without a portion")
+    rows, count, encoding = _arrow_table(first), len(first), _encoding(first.schema)
+    with (
+        written_whole(path) as temporary,
+        parquet.ParquetWriter(temporary, rows.schema, **encoding) as writer,
+    ):
+        writer.write_table(rows, row_group_size=count)
+        del first, rows  # frees the memory
+        for portion in portions:
+            writer.write_table(_arrow_table(portion, writer.schema), row_group_size=len(portion))
+            count += len(portion)
+    return count
+
+
+def read_return_table(path: Path, kind: type[T]) -> T:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    schema = kind.schema
+    check_parquet_memory(path)
+    try:
+        rows = parquet.read_table(path)
+        names = rows.column_names
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
+        reason = f"not a {schema.name} (Parquet)" if path.exists() else "no such file"
+        raise InputError(f"{path}: {reason}") from error
+    missing = [name for name in schema.columns if name not in names]
+    if missing:
+        raise InputError(f"{path}: not a {schema.name}, it lacks {', '.join(missing)}")
+    text = (rows.schema.metadata or {}).get(schema.metadata_key.encode(), b"{}")
+    about = object_of(text, f"{path}: its metadata")
+    columns = {}
+    for name, (form, _, _) in schema.columns.items():
+        values = rows.column(name).to_numpy()
+        columns[name] = _exactly(f"{path}: column {name}", values, np.dtype(form))
+    return kind(columns, about)
+
+
+def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[Any]:
+    """Return the values in a type; raise InputError if it changes integers."""
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{what} holds no numbers ({values.dtype})")
+    with np.errstate(invalid="ignore"):
+        converted = values.astype(form, copy=False)
+    changed = converted != values
+    if form.kind == "i" and changed.any():
+        value, bits = values[np.argmax(changed)], 8 * form.itemsize
+        raise InputError(f"{what} has {value}, where integers of {bits} bits are expected")
+    return converted
+
+
+def is_table_of(path: Path, kind: type[ReturnTable]) -> bool:
+    """Return whether a file is a Parquet table of this kind, by its metadata."""
+    return kind.schema.metadata_key.encode() in parquet_metadata(path)
+
+
+def _arrow_table(table: ReturnTable, schema: Any = None) -> Any:
+    import pyarrow as pa
+
+    if schema is None:
+        about = json.dumps(table.about, sort_keys=True, allow_nan=False)
+        fields = [_arrow_field(name, *spec) for name, spec in table.schema.columns.items()]
+        schema = pa.schema(fields).with_metadata({table.schema.metadata_key: about})
+    return pa.table([pa.array(table[name]) for name in table.schema.columns], schema=schema)
+
+
+def _arrow_field(name: str, kind: str, unit: str, description: str) -> Any:
+    import pyarrow as pa
+
+    metadata = {"unit": unit, "description": description}
+    return pa.field(name, pa.from_numpy_dtype(np.dtype(kind)), nullable=False, metadata=metadata)
+
+
+def _encoding(schema: TableSchema) -> dict[str, Any]:
+    doubles = [name for name, (kind, _, _) in schema.columns.items() if kind == "<f8"]
+    others = [name for name in schema.columns if name not in doubles]
+    return {"compression": "zstd", "use_byte_stream_split": doubles, "use_dictionary": others}

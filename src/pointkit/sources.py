@@ -1,0 +1,47 @@
+"""Source files of packages, from which machine code and results follow."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from functools import cache
+from pathlib import Path
+
+
+@cache
+def package_folder(file: Path) -> Path:
+    """Return the folder of the top-level package that a file is in; without one, its own folder."""
+    folder = file.parent
+    while (folder.parent / "__init__.py").exists() and (folder / "__init__.py").exists():
+        folder = folder.parent
+    return folder
+
+
+def package_files(folder: Path) -> list[Path]:
+    """Return the Python files of a package, with its inner packages; else those in the folder."""
+    inner = (folder / "__init__.py").exists()
+    return sorted(folder.rglob("*.py") if inner else folder.glob("*.py"))
+
+
+@cache
+def sources_digest(folder: Path) -> bytes:
+    """Return a digest of the names and contents of a package's files (`package_files`)."""
+    digest = hashlib.sha256()
+    for file in package_files(folder):
+        digest.update(file.relative_to(folder).as_posix().encode() + b"\0")
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.digest()
+
+
+def loops_folder(sources: Path) -> Path:
+    """Return the folder in which functions compiled from a folder of sources are cached.
+
+    The folder is ``NUMBA_CACHE_DIR`` if set; else ``__pycache__`` beside the sources or, if the
+    sources are read-only, ``puckbench`` in the user's cache folder.
+    """
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(folder)
+    if os.access(sources, os.W_OK):
+        return sources / "__pycache__"
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 (Path raises without a home)
+    return Path(caches, "puckbench")

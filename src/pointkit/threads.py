@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def allowed_threads() -> int:
+    """Return ``OMP_NUM_THREADS`` or, if not set, the number of the process's cores."""
+    limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    return int(limit) if limit.isdigit() else _cores()
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """Call a function for items in parallel; return the results in order.
+
+    The function should release the interpreter lock.
+    """
+    queue = list(items)
+    threads = min(allowed_threads(), len(queue))
+    if threads < 2:
+        return [function(item) for item in queue]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(function, queue))
+
+
+def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """Call a function for items in parallel batches, and yield the results in order.
+
+    A batch has one item per thread; a caller that stops early wastes at most one batch.
+    """
+    step = allowed_threads()
+    for first in range(0, len(items), step):
+        yield from in_threads(function, items[first : first + step])

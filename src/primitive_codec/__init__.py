@@ -1,0 +1,26 @@
+"""Point-cloud codec of geometric primitives: planes in an octree, and surfaces of revolution.
+
+`encode` encodes coordinates (n, 3) with `PrimitiveSettings`; `decode` returns points,
+`decode_surface` points with normals, `decode_mesh` labelled triangles.
+"""
+
+from typing import TYPE_CHECKING
+
+from pointkit.lazy import lazy
+
+if TYPE_CHECKING:
+    from primitive_codec.decoder import DecodedSurface as DecodedSurface
+    from primitive_codec.decoder import decode as decode
+    from primitive_codec.decoder import decode_surface as decode_surface
+    from primitive_codec.mesh_reconstruction import decode_mesh as decode_mesh
+    from primitive_codec.mode_decision import SurfaceCache as SurfaceCache
+    from primitive_codec.mode_decision import encode as encode
+    from primitive_codec.settings import PrimitiveSettings as PrimitiveSettings
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    decoder=("DecodedSurface", "decode", "decode_surface"),
+    mesh_reconstruction=("decode_mesh",),
+    mode_decision=("SurfaceCache", "encode"),
+    settings=("PrimitiveSettings",),
+)

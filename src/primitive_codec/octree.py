@@ -1,0 +1,120 @@
+"""Octree of a surface's samples, pruned at nodes where one plane costs less than the children."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.compiling import compiled
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.moments import MOMENT_COUNT, distance_to_fit
+from pointkit.geometry.morton import morton_codes
+from primitive_codec.octree_arrays import Ints, Leaves
+
+
+class PlaneOctreeLevel(NamedTuple):
+    """Occupied nodes of one level in Morton order."""
+
+    cells: Ints  # (n, 3) coordinates at this level
+    moments: Floats  # (n, 10) of the samples
+    first_child: Ints  # (n + 1,) index in the next finer level
+    is_leaf: NDArray[np.bool_]  # (n,)
+
+
+def build_octree(
+    xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
+) -> list[PlaneOctreeLevel]:
+    """Build an octree of samples; return its levels from the root (0) to the cells (`depth`).
+
+    Each sample represents a disc of `radius` cells.
+    """
+    cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
+    keys = morton_codes(cells, np.arange(3))
+    order = np.argsort(keys, kind="stable")
+    cells, keys = cells[order], keys[order]
+    moments = moments_of(xyz[order], weights[order], normals[order], radius)
+    levels: list[PlaneOctreeLevel] = []
+    for _ in range(depth + 1):
+        starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
+        bounds = np.concatenate([starts, [len(cells)]])
+        moments = np.add.reduceat(moments, starts, axis=0)
+        cells, keys = cells[starts], keys[starts] >> 3
+        levels.append(PlaneOctreeLevel(cells, moments, bounds, np.zeros(len(cells), bool)))
+        cells = cells >> 1
+    return levels[::-1]
+
+
+def prune_octree(
+    levels: list[PlaneOctreeLevel],
+    lmbda: float,
+    leaf_bits: float,
+    split_bits: float,
+    coarsest_leaf_level: int,
+    finest_leaf_level: int,
+) -> None:
+    """Mark the leaves that minimise squared distance + lmbda * bits, bottom-up.
+
+    `leaf_bits` and `split_bits` are the estimated bits of a plane and of a split.
+    """
+    child_costs = np.zeros(0)
+    for depth in range(finest_leaf_level, -1, -1):
+        level = levels[depth]
+        costs = plane_errors(level.moments) + lmbda * leaf_bits
+        if depth < finest_leaf_level:
+            split_costs = np.add.reduceat(child_costs, level.first_child[:-1]) + lmbda * split_bits
+            level.is_leaf[:] = (costs < split_costs) & (depth >= coarsest_leaf_level)
+            costs = np.where(level.is_leaf, costs, split_costs)
+        else:
+            level.is_leaf[:] = True
+        child_costs = costs
+
+
+def collect_leaves(levels: list[PlaneOctreeLevel]) -> tuple[Ints, Leaves]:
+    """Return the leaves' indices (n,) among the nodes of all levels, and the leaves."""
+    depth = len(levels) - 1
+    corner, side, level_indices = [], [], []
+    is_reached, start = np.ones(1, bool), 0
+    for level, side_log2 in zip(levels, range(depth, -1, -1), strict=True):
+        rows = np.flatnonzero(is_reached & level.is_leaf)
+        corner.append(level.cells[rows] << side_log2)
+        side.append(np.full(len(rows), 1 << side_log2))
+        level_indices.append(start + rows)
+        start += len(level.cells)
+        if side_log2:
+            is_reached = np.repeat(is_reached & ~level.is_leaf, np.diff(level.first_child))
+    node_indices = np.concatenate(level_indices)
+    planes, counts = np.zeros(len(node_indices), np.int64), np.array([len(node_indices), 0])
+    leaves = Leaves(np.concatenate(corner), np.concatenate(side), planes, np.empty((0, 4)), counts)
+    return node_indices, leaves
+
+
+def moments_of(
+    xyz: Floats,
+    weights: Floats | float = 1.0,
+    normals: Floats | None = None,
+    radius: float = 0.0,
+) -> Floats:
+    """Return the moments (n, 10), for least-squares planes, of points or of discs around points.
+
+    A row is 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight. `normals` and `radius` describe
+    the discs.
+    """
+    normals = np.zeros((1, 3)) if normals is None else normals
+    variance, (i, j) = radius**2 / 4, (np.array([0, 0, 1]), np.array([1, 2, 2]))
+    squares = xyz**2 + variance * (1 - normals**2)
+    products = xyz[:, i] * xyz[:, j] - variance * normals[:, i] * normals[:, j]
+    moments = np.empty((len(xyz), MOMENT_COUNT))
+    moments[:, 0], moments[:, 1:4] = 1.0, xyz
+    moments[:, [4, 7, 9]], moments[:, [5, 6, 8]] = squares, products
+    return np.asarray(moments * np.reshape(weights, (-1, 1)))
+
+
+@compiled
+def plane_errors(moments: Floats) -> Floats:
+    """Return weighted sums (n,) of squared distances to least-squares planes of moments (n, 10)."""
+    costs: Floats = np.empty(len(moments))
+    for i in range(len(moments)):
+        costs[i] = distance_to_fit(moments[i])
+    return costs

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.geometry.cloud import Floats, bounds
+from pointkit.geometry.spatial_order import morton_order
+from primitive_codec.distortion import Distortion, DistortionEstimator
+from primitive_codec.noise import estimate_noise
+from primitive_codec.settings import UNITS, PrimitiveSettings
+from primitive_codec.smoothing import downsample, smooth_samples
+from primitive_codec.stream import MAX_CELLS
+
+_NOISE_CELL_SIZE = 16.0
+_DEFAULT_SPACING = 6.0 / 2**0.5
+"""Default side of a sampling cell, in units."""
+_SPACING_PER_NOISE = 3.0
+"""Target sample spacing, in standard deviations of the noise."""
+_SPACING_PER_COLUMN = 1.5
+"""Target sample spacing, in columns."""
+_MIN_POINTS_PER_SAMPLE = 2.5
+_OUTLIER_DISTANCE_PER_NOISE = 6.5
+"""Outlier distance of smoothing, in standard deviations of the noise."""
+
+
+class SurfaceSamples(NamedTuple):
+    xyz: Floats  # (n, 3)
+    normals: Floats  # (n, 3) unit normals
+    point_weights: Floats  # (n,) fractions of the cloud's points
+    spacing: float  # side of a sampling cell
+    area_weight: float  # fraction of the area that each sample represents
+
+    def masked(self, mask: NDArray[np.bool_]) -> SurfaceSamples:
+        arrays = (self.xyz[mask], self.normals[mask], self.point_weights[mask])
+        return SurfaceSamples(*arrays, self.spacing, self.area_weight)
+
+
+class PreparedCloud(NamedTuple):
+    points: Floats  # (n, 3) in units, in Morton order
+    source: Floats  # (n, 3) the same points in the input's coordinates
+    corner: Floats  # (3,) least input coordinates
+    unit: float  # length of a unit in the input
+    noise: float  # standard deviation in units
+    surface: SurfaceSamples  # in units
+    settings: PrimitiveSettings  # adapted to the noise
+    estimator: DistortionEstimator  # in units
+
+    def in_units(self, points: Floats) -> Floats:
+        return np.asarray((points - self.corner) / self.unit)
+
+    def distortion(self, decoded: Floats) -> Distortion:
+        """Estimate the distortion of decoded points (k, 3), given in the input's coordinates."""
+        return self.estimator.measure(self.in_units(decoded))
+
+
+def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
+    """Scale points (n, 3), not all equal, to units of 1/1023 of the extent; smooth the surface."""
+    source = points[morton_order(points)]
+    corner, high = bounds(source)
+    unit = float((high - corner).max()) / UNITS
+    points = (source - corner) / unit
+    noise = estimate_noise(points, _NOISE_CELL_SIZE)
+    settings = settings.adapted_to(noise)
+    surface = _smoothed_surface(points, noise, settings)
+    estimator = DistortionEstimator.of(points, *surface[:3])
+    return PreparedCloud(points, source, corner, unit, noise, surface, settings, estimator)
+
+
+def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
+    """Return a column's side in units, enlarged to suit the samples' spacing and `MAX_CELLS`."""
+    doublings = np.log2(0.6 * surface.spacing / settings.column_size)
+    column = settings.column_size * 2.0 ** max(0, np.ceil(doublings - 1e-9))
+    while np.prod(np.ptp(surface.xyz, axis=0) / column + 2) > MAX_CELLS:
+        column *= 2
+    return float(column)
+
+
+def axis_aligned_column_size(cloud: PreparedCloud) -> float:
+    return column_size(cloud.surface, cloud.settings)
+
+
+def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings) -> SurfaceSamples:
+    target_spacing = max(_SPACING_PER_COLUMN * settings.column_size, _SPACING_PER_NOISE * noise)
+    # Spacings are powers of sqrt(2), so that no rate has larger cells than a lower rate.
+    octaves = np.log2(max(_DEFAULT_SPACING / target_spacing, 1.0))
+    spacing = float(_DEFAULT_SPACING * 2.0 ** (-np.ceil(2 * octaves - 1e-9) / 2))
+    samples = downsample(points, spacing)
+    while len(points) < _MIN_POINTS_PER_SAMPLE * len(samples.xyz) and spacing < UNITS / 4:
+        spacing *= 2**0.5
+        samples = downsample(points, spacing)
+    radius = max(settings.smoothing_radius * noise, 1.5 * spacing)
+    outlier_distance = max(_OUTLIER_DISTANCE_PER_NOISE * noise, spacing / 2)
+    xyz, normals = smooth_samples(samples, spacing, radius, outlier_distance)
+    return SurfaceSamples(xyz, normals, samples.counts / len(points), spacing, 1 / len(xyz))

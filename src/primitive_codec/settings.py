@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+from pydantic import Field
+
+from pointkit.models import Model
+
+UNITS = 1023.0
+"""Units along the longest side of a cloud."""
+
+_REFERENCE_NOISE = 1.3
+"""Noise, in units, for which the rates are tuned: a VLP-16 in a six-metre room."""
+
+
+class PrimitiveSettings(Model):
+    """Parameters of a rate. Lengths are in units of 1/1023 of the cloud's longest side.
+
+    With `refinement` > 0 the encoder codes a surface and voxels together (hybrid mode).
+    """
+
+    max_bpp: float = Field(
+        default=1.0, ge=0, description="largest number of bits per point of a surface or of voxels"
+    )
+    max_voxel_size: float = Field(
+        default=UNITS / 4, ge=0, description="largest side of a voxel, even if it needs more bits"
+    )
+    refinement: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="budget of the hybrid mode on a logarithmic scale, from 0 (the surface alone) "
+        "to 1 (refined_bpp, or the bits of voxels of max_voxel_size if these are more)",
+    )
+    refined_bpp: float = Field(
+        default=3.5, gt=0, description="bits per point of the hybrid mode at refinement 1"
+    )
+    min_leaf_size: float = Field(
+        default=16.0,
+        ge=0,
+        description="side of the smallest leaves; 0 codes voxels only",
+    )
+    column_size: float = Field(
+        default=4.0,
+        ge=0,
+        description="side of a column of an occupancy map: min_leaf_size / 2^k",
+    )
+    max_leaf_size: float = Field(default=128.0, ge=0, description="side of the largest leaves")
+    lmbda: float = Field(
+        default=10.0,
+        ge=0,
+        description="Lagrangian weight of rate against distortion: squared error per bit per point",
+    )
+    plane_step: float = Field(
+        default=3.0, ge=0, description="quantisation step of planes in the smallest leaves"
+    )
+    smoothing_radius: float = Field(
+        default=19.0,
+        ge=0,
+        description="radius of the smoothing neighbourhood, in standard deviations of the noise",
+    )
+
+    def adapted_to(self, noise: float) -> PrimitiveSettings:
+        """Return settings that are coarser in proportion to noise above `_REFERENCE_NOISE`.
+
+        `noise` is in units. Finer leaves and planes would reproduce the noise.
+        """
+        factor = max(noise / _REFERENCE_NOISE, 1.0)
+        length_names = ("min_leaf_size", "column_size", "plane_step")
+        scaled = {name: factor * getattr(self, name) for name in length_names}
+        return self.model_copy(update={**scaled, "lmbda": factor**2 * self.lmbda})

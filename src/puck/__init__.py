@@ -1,0 +1,31 @@
+"""Compression of the returns of spinning LiDARs, without loss or with quantised ranges.
+
+A turn (revolution) is coded as azimuths, times, reflectivities and an image of ranges, with a row
+for each laser and a column for each firing of all lasers. Recordings are restored bit for bit.
+"""
+
+from typing import TYPE_CHECKING
+
+from pointkit.lazy import lazy
+
+if TYPE_CHECKING:
+    from puck.options import CodingOptions as CodingOptions
+    from puck.packet_kinds import decode_turns as decode_turns
+    from puck.recording import compress as compress
+    from puck.recording import decompress as decompress
+    from puck.returns import decode_returns as decode_returns
+    from puck.returns import encode_returns as encode_returns
+    from puck.returns import range_steps as range_steps
+    from puck.returns import reflectivity_bytes as reflectivity_bytes
+    from puck.smoothing import smoothed_points as smoothed_points
+    from puck.stream import encode_turns as encode_turns
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    options=("CodingOptions",),
+    recording=("compress", "decompress"),
+    returns=("decode_returns", "encode_returns", "range_steps", "reflectivity_bytes"),
+    smoothing=("smoothed_points",),
+    packet_kinds=("decode_turns",),
+    stream=("encode_turns",),
+)

@@ -1,0 +1,138 @@
+"""Compression of the bytes between the packets of a recording (gaps) by LZMA.
+
+Gaps of equal length, mostly headers, are stored together as differences between successive gaps.
+"""
+
+from __future__ import annotations
+
+import lzma
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.coding.byte_io import Reader, base_128
+from pointkit.errors import InputError
+from puck.records import DAMAGED, check
+
+Bytes = NDArray[np.uint8]
+
+MOST_RAW_BYTES = 1 << 26
+"""Limit of the bytes of a batch before compression."""
+_GROUPS = 32
+"""Maximum number of frequent lengths; only gaps of these lengths are coded as differences."""
+_HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
+"""LZMA options for differences of headers, in which adjacent bytes are nearly independent. Output
+is no larger than with the preset, and takes a fifth of the time."""
+_CHUNK = 1 << 16
+"""Limit of the bytes of an LZMA2 chunk that is stored uncompressed."""
+
+
+def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
+    return compress_bytes(_joined(gaps), are_headers)
+
+
+def store_gaps(gaps: list[bytes]) -> bytes:
+    """Encode gaps without compression, for bytes that LZMA would enlarge."""
+    raw = _joined(gaps)
+    chunks = (raw[first : first + _CHUNK] for first in range(0, len(raw), _CHUNK))
+    parts = (b"\1" + (len(chunk) - 1).to_bytes(2, "big") + chunk for chunk in chunks)
+    return base_128(len(raw)) + b"".join(parts) + b"\0"
+
+
+def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
+    """Decode `count` gaps, after a call of `admit` with their total size in bytes.
+
+    `admit` raises an error if the size is too large.
+    """
+    body = Reader(decompress_bytes(reader, admit))
+    size = len(body.body)
+    runs = [(body.number(), body.number()) for _ in range(min(body.number(), size))]
+    check(sum(repeats for _, repeats in runs) == count)
+    lengths = np.repeat([length for length, _ in runs], [repeats for _, repeats in runs])
+    check(sum(length * repeats for length, repeats in runs) <= size)
+    groups: dict[int, Iterator[bytes]] = {}
+    for length in _frequent(lengths):
+        rows = int(np.count_nonzero(lengths == length))
+        planes = np.frombuffer(body.take(length * rows), np.uint8)
+        groups[length] = iter([row.tobytes() for row in _rows(planes, rows, length)])
+    gaps = [
+        next(groups[length]) if length in groups else body.take(length)
+        for length in lengths.tolist()
+    ]
+    check(not body.rest())
+    return gaps
+
+
+def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
+    filters = [{**_filter(len(raw)), **(_HEADERS if are_headers else {})}]
+    return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
+
+
+def decompress_bytes(reader: Reader, admit: Callable[[int], None]) -> bytes:
+    """Decompress the output of `compress_bytes`, after a call of `admit` (see `decode_gaps`)."""
+    size = reader.number()
+    check(size <= MOST_RAW_BYTES)
+    admit(size)
+    decompressor = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=[_filter(size)])
+    try:
+        raw = decompressor.decompress(reader.rest(), size + 1)
+    except lzma.LZMAError as error:
+        raise InputError(DAMAGED) from error
+    check(len(raw) == size)
+    return raw
+
+
+def _filter(size: int) -> dict[str, int]:
+    # Clearing the memory of a larger dictionary than needed would take time.
+    dictionary = min(1 << max(size.bit_length(), 12), 1 << 24)
+    return {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": dictionary}
+
+
+def _joined(gaps: list[bytes]) -> bytes:
+    lengths = np.array([len(gap) for gap in gaps])
+    edges = np.flatnonzero(np.diff(lengths, prepend=-1))
+    counts = np.diff(edges, append=len(lengths))
+    runs = [
+        base_128(int(lengths[edge])) + base_128(int(count))
+        for edge, count in zip(edges, counts, strict=True)
+    ]
+    parts = [base_128(len(runs)), *runs]
+    frequent: dict[int, list[bytes]] = {length: [] for length in _frequent(lengths)}
+    for gap in gaps:
+        if len(gap) in frequent:
+            frequent[len(gap)].append(gap)
+    for length, group in frequent.items():
+        parts.append(_planes(np.frombuffer(b"".join(group), np.uint8).reshape(-1, length)))
+    parts += [gap for gap in gaps if len(gap) not in frequent]
+    return b"".join(parts)
+
+
+def _frequent(lengths: NDArray[np.int64]) -> list[int]:
+    values, counts = np.unique(lengths, return_counts=True)
+    order = np.lexsort((values, -counts))
+    return [int(values[k]) for k in order if values[k] > 0 and counts[k] > 1][:_GROUPS]
+
+
+def _planes(rows: Bytes) -> bytes:
+    """Encode differences between successive rows (n, length), the first bytes of all rows first."""
+    words, tail = _words(rows)
+    words = np.diff(words, axis=0, prepend=np.zeros_like(words[:1]))
+    tail = np.diff(tail, axis=0, prepend=np.zeros_like(tail[:1]))
+    planes = np.concatenate([words.view(np.uint8).reshape(len(rows), -1), tail], axis=1)
+    return planes.T.tobytes()
+
+
+def _rows(planes: Bytes, count: int, length: int) -> Bytes:
+    words, tail = _words(np.ascontiguousarray(planes.reshape(length, count).T))
+    words = np.cumsum(words, axis=0, dtype="<u4")
+    tail = np.cumsum(tail, axis=0, dtype=np.uint8)
+    head = words.astype("<u4").view(np.uint8).reshape(count, -1)
+    rows: Bytes = np.concatenate([head, tail], axis=1)
+    return rows
+
+
+def _words(rows: Bytes) -> tuple[NDArray[np.uint32], Bytes]:
+    end = rows.shape[1] // 4 * 4
+    words = np.ascontiguousarray(rows[:, :end]).view("<u4").reshape(len(rows), -1)
+    return words, np.ascontiguousarray(rows[:, end:])

@@ -1,0 +1,258 @@
+"""Formats of packets in recordings, and coding of packets as records of turns.
+
+A second record follows a turn if the packets hold more data: an Ouster's further fields, an
+HDL-64E's status bytes, or an Alpha Prime's blocks without lasers in dual return mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from io import BytesIO
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.coding.byte_io import Reader
+from pointkit.errors import InputError
+from pointkit.lidar.turns import Layout, Turn
+from puck.fields import FieldsDecoder, FieldsEncoder
+from puck.gaps import compress_bytes, decompress_bytes
+from puck.options import CodingOptions
+from puck.recordings.ouster import PROFILES, metadata_beside, read_sensor
+from puck.recordings.ouster_packets import OusterKind
+from puck.recordings.packet_turns import (
+    PacketKind,
+    Payloads,
+    find_packets,
+    packet_kind,
+    packets_of,
+    split_turns,
+    turn_of,
+)
+from puck.recordings.packets import PACKET_BYTES
+from puck.records import DAMAGED, Record, RecordKind, check, read_records
+from puck.returns_header import decode_layout, encode_layout
+from puck.stream import check_ranges, count_ranges
+from puck.turns import TurnDecoder, TurnEncoder, is_key
+
+Kind = PacketKind | OusterKind
+_OUSTER_CODE_BYTES = 3
+
+
+class PacketFormat(NamedTuple):
+    """A format of packets in a file: IP fragments of lengths `pieces`, `hole` bytes apart."""
+
+    pieces: list[int]
+    hole: int
+    find: Callable[[Payloads], NDArray[np.int64]]
+    split_turns: Callable[[Payloads], Iterator[tuple[Kind, Payloads]]]
+
+    @property
+    def span(self) -> int:
+        return sum(self.pieces) + self.hole * (len(self.pieces) - 1)
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """Start of each piece in the span of a packet."""
+        steps = np.array(self.pieces) + self.hole
+        starts: NDArray[np.int64] = np.cumsum(steps) - steps
+        return starts
+
+
+VELODYNE = PacketFormat([PACKET_BYTES], 0, find_packets, split_turns)
+_HOLES = (50, 52, 54, 68)
+"""Bytes of headers between IP fragments: pcap (Ethernet, Linux cooked, VLAN) and pcapng."""
+
+
+def formats_of(recording: Path) -> list[PacketFormat]:
+    """Return the formats of packets in the order in which to search for them.
+
+    An Ouster's formats come first if metadata lie beside the recording.
+    """
+    metadata = metadata_beside(recording)
+    try:
+        whole = OusterKind.of(read_sensor(metadata)) if metadata else None
+    except InputError:
+        whole = None
+    if whole is None:
+        return [VELODYNE]
+    kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
+    formats = [PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds]
+    return [*formats, VELODYNE]
+
+
+def decode_kind(body: bytes) -> Kind:
+    """Decode the body of a LAYOUT record; raise InputError if no packets have this layout."""
+    layout, code = decode_layout(body)
+    if len(code) == _OUSTER_CODE_BYTES:
+        return OusterKind.decode(layout, code)
+    if len(code) != 2:
+        raise InputError("the stream holds turns, but no packets")
+    kind = packet_kind(*code)
+    # The stream has its own order and shifts of lasers, as the tables of sensors may change.
+    check(layout == replace(kind.layout, order=layout.order, shifts=layout.shifts))
+    return replace(kind, layout=layout)
+
+
+def count_values(kind: Kind, body: bytes) -> int:
+    """Return the number of ranges and of field values in a coded turn."""
+    images = len(kind.channels) if isinstance(kind, OusterKind) else 0
+    return count_ranges(kind.layout, body) * (1 + images)
+
+
+class _CodedTurn(NamedTuple):
+    layout: Layout
+    kind: OusterKind | None  # if reflectivities are coded with the fields
+    body: bytes
+    fields: bytes | None = None
+
+    def ranges(self) -> int:
+        if self.kind is None:
+            return count_ranges(self.layout, self.body)
+        return count_values(self.kind, self.body)
+
+
+def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
+    """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
+
+    Decoding starts at the last key turn up to turn `first`. Turns lack an Ouster's signals and
+    ambient light, which `decompress` restores.
+    """
+    layout: Layout | None = None
+    turns: list[_CodedTurn] = []
+    for record in read_records(BytesIO(stream)):
+        if record.kind == RecordKind.LAYOUT:
+            layout, code = decode_layout(record.body)
+            kind = OusterKind.decode(layout, code) if len(code) == _OUSTER_CODE_BYTES else None
+            kind = kind if kind and PROFILES[kind.profile].signals else None
+        elif record.kind == RecordKind.TURN:
+            if layout is None:
+                raise InputError(DAMAGED)
+            turns.append(_CodedTurn(layout, kind, record.body))
+        elif record.kind == RecordKind.FIELDS and turns:
+            turns[-1] = turns[-1]._replace(fields=record.body)
+    turns = turns[: None if end is None else max(end, 0)]
+    if first >= len(turns):
+        return []
+    start = max((k for k in range(first + 1) if is_key(turns[k].body)), default=0)
+    check_ranges(sum(turn.ranges() for turn in turns[start:]), len(stream))
+    return _decoded(turns[start:])[first - start :]
+
+
+def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
+    turns: list[Turn] = []
+    format_of_turn: tuple[Layout, OusterKind | None] | None = None
+    for each in coded:
+        kind = each.kind
+        if (each.layout, kind) != format_of_turn:
+            format_of_turn, decoder = (each.layout, kind), TurnDecoder(each.layout)
+            fields = FieldsDecoder(kind) if kind else None
+        turn = decoder.decode(each.body)
+        if kind and fields:
+            if each.fields is None:
+                raise InputError(DAMAGED)
+            rest = fields.decode(each.fields, turn, is_key=is_key(each.body))
+            images = [
+                image
+                for image, channel in zip(rest.images, kind.channels, strict=True)
+                if channel.signal is not None
+            ]
+            turn = replace(turn, reflectivities=np.stack(images).astype(np.uint8))
+        turns.append(turn)
+    return turns
+
+
+class PacketsEncoder:
+    def __init__(self, kind: Kind, options: CodingOptions) -> None:
+        is_quick = options.effort == "fast" and isinstance(kind, OusterKind)
+        self.kind, self._turns = kind, TurnEncoder(kind.layout, options, is_quick=is_quick)
+        self._effort = options.effort
+        self._fields: FieldsEncoder | None = None
+
+    def layout(self) -> Record:
+        kind = self.kind
+        code = kind.code if isinstance(kind, OusterKind) else bytes([kind.product, kind.mode])
+        return Record(RecordKind.LAYOUT, encode_layout(kind.layout) + code)
+
+    def encode(self, payloads: Payloads) -> tuple[Turn, list[Record]]:
+        kind = self.kind
+        if isinstance(kind, PacketKind):
+            turn = turn_of(kind, payloads)
+            records = [Record(RecordKind.TURN, self._turns.encode(turn))]
+            rest = np.ascontiguousarray(payloads[:, kind.rest].T)
+            if kind.has_rest:
+                records.append(Record(RecordKind.FIELDS, compress_bytes(rest.tobytes())))
+            return turn, records
+        turn = kind.turn_of(payloads)
+        body = self._turns.encode(turn)
+        self._fields = self._fields or FieldsEncoder(kind, self._effort)
+        fields = self._fields.encode(turn, kind.rest_of(payloads), is_key=is_key(body))
+        return turn, [Record(RecordKind.TURN, body), Record(RecordKind.FIELDS, fields)]
+
+
+class PacketsDecoder:
+    """Decodes records of layouts, turns and their fields to pieces of packets.
+
+    Raises InputError if pieces that are not yet taken exceed `most_bytes`.
+    """
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most_bytes, self._bytes, self._count = most_bytes, 0, 0
+        self._pieces: list[bytes] = []
+        self._kind: Kind | None = None
+        self._turn: Turn | None = None  # whose fields must follow
+        self._is_key = False
+
+    def start_layout(self, body: bytes) -> None:
+        check(self._turn is None)
+        self._kind = kind = decode_kind(body)
+        self._turns = TurnDecoder(kind.layout)
+        self._fields = FieldsDecoder(kind) if isinstance(kind, OusterKind) else None
+
+    def add_turn(self, body: bytes) -> int:
+        """Decode a turn; return its number of returns."""
+        kind = self._kind
+        if kind is None or self._turn is not None:
+            raise InputError(DAMAGED)
+        turn = self._turns.decode(body)
+        if isinstance(kind, PacketKind) and not kind.has_rest:
+            self._keep(packets_of(kind, turn), VELODYNE.pieces)
+        else:
+            self._turn, self._is_key = turn, is_key(body)
+        return turn.returns
+
+    def add_fields(self, body: bytes) -> None:
+        kind, turn, self._turn = self._kind, self._turn, None
+        if kind is None or turn is None:
+            raise InputError(DAMAGED)
+        if isinstance(kind, PacketKind):
+            self._keep(packets_of(kind, turn, _decode_rest(kind, turn, body)), VELODYNE.pieces)
+        elif self._fields:
+            fields = self._fields.decode(body, turn, is_key=self._is_key)
+            self._keep(kind.packets_of(turn, fields), kind.pieces)
+
+    def _keep(self, payloads: Payloads, pieces: list[int]) -> None:
+        self._count, self._bytes = self._count + len(payloads), self._bytes + payloads.size
+        check(self._bytes <= self._most_bytes)
+        edges = list(pairwise(accumulate(pieces, initial=0)))
+        self._pieces += [row[at:end].tobytes() for row in payloads for at, end in edges]
+
+    def take(self) -> tuple[int, list[bytes]]:
+        """Return the number of packets since the last call, and their pieces."""
+        check(self._turn is None)
+        count, pieces = self._count, self._pieces
+        self._count, self._bytes, self._pieces = 0, 0, []
+        return count, pieces
+
+
+def _decode_rest(kind: PacketKind, turn: Turn, body: bytes) -> Payloads:
+    packets, uneven = divmod(len(turn.azimuths), kind.layout.blocks_per_time)
+    check(not uneven)
+    expected = packets * (kind.rest.stop - kind.rest.start)
+    raw = decompress_bytes(Reader(body), lambda size: check(size == expected))
+    rest = np.frombuffer(raw, np.uint8)
+    return rest.reshape(-1, packets).T

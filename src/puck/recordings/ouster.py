@@ -1,0 +1,313 @@
+"""Lidar packets of Ouster sensors, decoded with the sensor's metadata (JSON).
+
+Formats follow the Ouster Firmware User Manual (Lidar Data Packet Format) and the Ouster SDK 1.0.
+Points are in Ouster's sensor coordinates, whose x axis is forward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.errors import InputError, among, naming
+from pointkit.files import object_of, read_bytes
+from pointkit.lidar.returns import HOUR_US, Beams, Returns
+from pointkit.lidar.turns import MAX_LASERS, Layout, Turn
+
+LEGACY = "LEGACY"
+_FIRST_RADIAL_MM = 12.163
+"""Default distance of the beams' origin from the axis (first OS-1)."""
+_COLUMNS = (512, 1024, 2048, 4096)
+_MOST_DEG = 90.0
+_LASERS = (16, 32, 64, 128)
+_COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
+"""Allowed numbers of columns in a packet, and the usual number."""
+_HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+"""First elements of the transform from lidar to sensor coordinates; the next is the height."""
+
+
+class Field(NamedTuple):
+    """Place of a value in a pixel: the 32-bit word, the first bit, and the number of bits."""
+
+    word: int
+    bit: int
+    bits: int
+
+    def of(self, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        values = (words[..., self.word] >> self.bit) & ((1 << self.bits) - 1)
+        return values.astype(np.uint32, copy=False)
+
+
+class Profile(NamedTuple):
+    """Format of a pixel: number of words, fields for each kind of return, and quantum of ranges."""
+
+    words: int
+    ranges: tuple[Field, ...]
+    reflectivities: tuple[Field, ...]
+    quantum_m: float
+    signals: tuple[Field, ...] = ()
+
+
+def _fine(
+    words: int,
+    reflectivity: tuple[int, int],
+    signal: tuple[int, int],
+    kinds: int = 1,
+    bits: int = 19,
+) -> Profile:
+    ranges = tuple(Field(kind, 0, bits) for kind in range(kinds))
+    reflectivities = tuple(
+        Field(reflectivity[0] + kind, reflectivity[1], 8) for kind in range(kinds)
+    )
+    signals = tuple(Field(signal[0], signal[1] + 16 * kind, 16) for kind in range(kinds))
+    return Profile(words, ranges, reflectivities, 0.001, signals)
+
+
+def _coarse(words: int, kinds: int = 1) -> Profile:
+    ranges = tuple(Field(kind, 0, 15) for kind in range(kinds))
+    return Profile(words, ranges, tuple(Field(kind, 16, 8) for kind in range(kinds)), 0.008)
+
+
+PROFILES = {
+    LEGACY: _fine(3, (1, 0), (1, 16), bits=20),
+    "RNG19_RFL8_SIG16_NIR16": _fine(3, (1, 0), (1, 16)),
+    "RNG19_RFL8_SIG16_NIR16_ZONE16": _fine(3, (1, 0), (1, 16)),
+    "RNG19_RFL8_SIG16_NIR16_RGB16": _fine(4, (0, 24), (1, 0)),
+    "RNG19_RFL8_SIG16_NIR16_DUAL": _fine(4, (0, 24), (2, 0), kinds=2),
+    "RNG19_RFL8_SIG16_ZONE16_DUAL": _fine(4, (0, 24), (2, 0), kinds=2),
+    "RNG19_RFL8_SIG16_NIR16_RGB16_DUAL": _fine(5, (0, 24), (2, 0), kinds=2),
+    "FIVE_WORD_PIXEL": _fine(5, (0, 24), (2, 0), kinds=2),
+    "RNG15_RFL8_NIR8": _coarse(1),
+    "RNG15_RFL8_WIN8": _coarse(1),
+    "RNG15_RFL8_NIR8_ZONE16": _coarse(2),
+    "RNG15_RFL8_NIR8_DUAL": _coarse(2, kinds=2),
+    "FUSA_RNG15_RFL8_NIR8_DUAL": _coarse(2, kinds=2),
+}
+"""Profiles of lidar packets by their name in the metadata (``udp_profile_lidar``).
+
+Compressed recordings store a profile's index; therefore, add new profiles at the end.
+"""
+
+
+def packet_type(
+    profile: str, lasers: int, columns: int = _USUAL_COLUMNS, is_fusa: bool = False
+) -> np.dtype[Any]:
+    """Return the structure of a packet; bytes that are not decoded belong to no field."""
+    pixels = ("pixels", "<u4", (lasers, PROFILES[profile].words))
+    if profile == LEGACY:
+        head = [("time", "<u8"), ("column", "<u2"), ("frame", "<u2"), ("encoder", "<u4")]
+        column = np.dtype([*head, pixels, ("status", "<u4")])
+        return np.dtype([("columns", column, (columns,))])
+    column = np.dtype([("time", "<u8"), ("column", "<u2"), ("status", "<u2"), pixels])
+    at, kind, serial = (4, "<u4", 11) if is_fusa else (2, "<u2", 7)
+    return np.dtype(
+        {
+            "names": ["frame", "serial", "columns"],
+            "formats": [kind, (np.uint8, (5,)), (column, (columns,))],
+            "offsets": [at, serial, 32],
+            "itemsize": 64 + columns * column.itemsize,
+        }
+    )
+
+
+@dataclass(frozen=True)
+class OusterSensor:
+    """An Ouster sensor and the format of its packets.
+
+    `columns` is the number of columns in a revolution, `whole` that in the azimuth window, which a
+    whole turn contains.
+    """
+
+    name: str
+    serial: int
+    profile: str
+    is_fusa: bool
+    columns: int
+    whole: int
+    columns_per_packet: int
+    elevations_deg: tuple[float, ...]
+    azimuths_deg: tuple[float, ...]
+    radial_mm: float
+    height_mm: float
+
+    @property
+    def lasers(self) -> int:
+        return len(self.elevations_deg)
+
+    @cached_property
+    def packet(self) -> np.dtype[Any]:
+        return packet_type(self.profile, self.lasers, self.columns_per_packet, self.is_fusa)
+
+    @property
+    def beams(self) -> Beams:
+        none, height = (0.0,) * self.lasers, (self.height_mm,) * self.lasers
+        radial = (self.radial_mm,) * self.lasers
+        return Beams(
+            self.elevations_deg, height, none, azimuths_deg=self.azimuths_deg, radial_mm=radial
+        )
+
+    @property
+    def layout(self) -> Layout:
+        ranges = PROFILES[self.profile].ranges
+        order = np.argsort(self.elevations_deg, kind="stable")
+        shifts = np.rint(np.array(self.azimuths_deg) * self.columns / 360).astype(int)
+        return Layout(
+            tuple(order.tolist()),
+            kinds=len(ranges),
+            azimuth_steps=self.columns,
+            shifts=tuple(shifts.tolist()),
+        )
+
+
+def metadata_beside(recording: Path) -> Path | None:
+    """Return the JSON file with a recording's metadata, or None.
+
+    For ``x.pcap`` this is ``x_0.json``, else ``x.json``, else the file with the longest stem with
+    which ``x`` begins.
+    """
+    stem = recording.stem
+    names = (path for path in recording.parent.glob("*.json") if path.is_file())
+    fitting = [path for path in names if stem.startswith(path.stem) or path.stem == f"{stem}_0"]
+    return max(fitting, key=lambda path: len(path.stem), default=None)
+
+
+def read_sensor(path: Path) -> OusterSensor:
+    document = object_of(read_bytes(path), str(path))
+    with naming(path):
+        try:
+            return _sensor(document)
+        except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+            raise InputError("not the metadata of an Ouster sensor") from error
+
+
+def _sensor(document: Mapping[str, Any]) -> OusterSensor:
+    parts = ("sensor_info", "beam_intrinsics", "lidar_intrinsics", "config_params")
+    values = {**document}
+    for part in parts:
+        values |= document.get(part, {})
+    packets = document.get("lidar_data_format") or document.get("data_format") or {}
+    elevations = _floats(values["beam_altitude_angles"])
+    profile = str(packets.get("udp_profile_lidar", LEGACY))
+    if profile not in PROFILES:
+        raise InputError(f"unknown format of packets '{profile}'{among(profile, PROFILES)}")
+    columns = int(packets.get("columns_per_frame") or values["lidar_mode"].partition("x")[0])
+    first, last = packets.get("column_window", (0, columns - 1))
+    to_lidar = _floats(values.get("beam_to_lidar_transform", (0.0,) * 16))
+    radial = values.get("lidar_origin_to_beam_origin_mm", to_lidar[3] or _FIRST_RADIAL_MM)
+    to_sensor = _floats(values.get("lidar_to_sensor_transform", (*_HALF_TURN, 0.0)))
+    sensor = OusterSensor(
+        name=str(values.get("prod_line") or "Ouster"),
+        serial=int(values.get("prod_sn") or 0),
+        profile=profile,
+        is_fusa="FUSA" in (profile.partition("_")[0], packets.get("header_type")),
+        columns=columns,
+        whole=(int(last) - int(first)) % columns + 1,
+        columns_per_packet=int(packets.get("columns_per_packet", _USUAL_COLUMNS)),
+        elevations_deg=elevations,
+        azimuths_deg=_floats(values["beam_azimuth_angles"]),
+        radial_mm=float(radial),
+        height_mm=to_lidar[11] + to_sensor[11],
+    )
+    lasers = {len(elevations), len(sensor.azimuths_deg)}
+    lasers.add(int(packets.get("pixels_per_column", len(elevations))))
+    numbers = (*elevations, *sensor.azimuths_deg, sensor.radial_mm, sensor.height_mm)
+    if (
+        len(lasers) > 1
+        or not 0 < len(elevations) <= MAX_LASERS
+        or columns not in _COLUMNS
+        or sensor.columns_per_packet not in _COLUMNS_PER_PACKET
+        or not np.isfinite(numbers).all()
+        or np.abs([*elevations, *sensor.azimuths_deg]).max() > _MOST_DEG
+        or to_sensor[:11] != _HALF_TURN
+    ):
+        raise ValueError("inconsistent")
+    return sensor
+
+
+def _floats(values: Sequence[Any]) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def is_size_of_packets(size: int) -> bool:
+    """Whether a lidar packet of 16 columns can have this size in bytes."""
+    return any(size == packet_type(*each).itemsize for each in product(PROFILES, _LASERS))
+
+
+def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
+    if sensor.profile == LEGACY:
+        return None
+    return int.from_bytes(np.frombuffer(payload, sensor.packet)["serial"].tobytes(), "little")
+
+
+class OusterTurns(NamedTuple):
+    """Revolutions, and the index range from the first to the last complete one."""
+
+    returns: Returns
+    whole: range
+
+
+def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTurns:
+    """Decode packets (p, size in bytes), which may be in any order within a revolution.
+
+    Repeated columns and columns without data are left out. Times have a resolution of 1 us.
+    """
+    frames, columns = numbered_columns(sensor, payloads)
+    _, rows = np.unique(frames * sensor.columns + columns["column"], return_index=True)
+    ends = np.flatnonzero(np.diff(frames[rows])) + 1
+    parts = np.split(columns[rows], ends) if len(rows) else []
+    profile = PROFILES[sensor.profile]
+    turns = tuple(turn_of_columns(profile, part, sensor.columns) for part in parts)
+    complete = [k for k, part in enumerate(parts) if len(part) >= sensor.whole]
+    whole = range(complete[0], complete[-1] + 1) if complete else range(0)
+    offset = -sensor.radial_mm / 1000
+    returns = Returns(sensor.beams, sensor.layout, turns, profile.quantum_m, sensor.name, offset)
+    return OusterTurns(returns, whole)
+
+
+def numbered_columns(
+    sensor: OusterSensor, payloads: NDArray[np.uint8]
+) -> tuple[NDArray[np.int64], NDArray[Any]]:
+    """Return the columns (c,) with data of packets, and the numbers (c,) of their revolutions."""
+    packets = np.ascontiguousarray(payloads).view(sensor.packet)[:, 0]
+    columns = packets["columns"].reshape(-1)
+    frames = np.repeat(_frames(sensor, packets), sensor.columns_per_packet)
+    is_data = (columns["status"] & 1 == 1) & (columns["column"] < sensor.columns)
+    return frames[is_data], columns[is_data]
+
+
+def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:
+    is_legacy = "frame" not in (packets.dtype.names or ())
+    numbers = packets["columns"]["frame"][:, 0] if is_legacy else packets["frame"]
+    return np.asarray(numbers, dtype=np.int64)
+
+
+def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
+    counters = frame_numbers(packets)
+    half = 1 << (31 if sensor.is_fusa else 15)
+    steps = (np.diff(counters, prepend=counters[:1]) + half) % (2 * half) - half
+    return np.cumsum(steps)
+
+
+def turn_of_columns(profile: Profile, columns: NDArray[Any], steps: int) -> Turn:
+    """Convert columns (c,) of packets to a turn with `steps` columns in a whole revolution."""
+    words = columns["pixels"]
+    ranges, reflectivities = (
+        np.stack([field.of(words) for field in fields])
+        for fields in (profile.ranges, profile.reflectivities)
+    )
+    # The lidar's frame is half a turn from the sensor's.
+    azimuths = (columns["column"].astype(np.int64) + steps // 2) % steps
+    times = columns["time"] // np.uint64(1000) % np.uint64(HOUR_US)
+    return Turn(
+        ranges.astype(np.uint32 if profile.ranges[0].bits > 16 else np.uint16),
+        azimuths.astype(np.uint16),
+        times.astype(np.uint32),
+        reflectivities.astype(np.uint8),
+    )

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+from pointkit.errors import InputError
+
+_MAX_LISTED, _MAX_NAME_LENGTH = 8, 60
+
+
+class Topic(NamedTuple):
+    """The type of a topic ("sensor_msgs/msg/PointCloud2") and its number of messages."""
+
+    kind: str
+    messages: int
+
+
+Topics = dict[str, Topic]
+
+
+def added_up(parts: Iterable[tuple[str, str, int]]) -> Topics:
+    """Merge topics (name, type, number of messages) by name; add their numbers of messages."""
+    topics: Topics = {}
+    for name, kind, messages in parts:
+        before = topics[name].messages if name in topics else 0
+        topics[name] = Topic(kind, before + messages)
+    return topics
+
+
+class BagFile(NamedTuple):
+    """The topics of one file of a bag, and a function that reads messages of a topic.
+
+    The function takes a sorted sequence of message numbers, in time order, or None (all messages).
+    """
+
+    topics: Topics
+    read: Callable[[str, Sequence[int] | None], Iterator[bytes]]
+
+
+def refuse_topic(name: str | None) -> None:
+    """Raise InputError if a topic `name` is set for a file that is not a ROS bag."""
+    if name is not None:
+        raise InputError(f"topic '{name}': only ROS bags have topics")
+
+
+def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) -> str:
+    """Return the topic `name`; by default, the only topic of the first type in `kinds` that occurs.
+
+    Raises InputError if no topic or several topics match.
+    """
+    if name is not None:
+        if name not in topics:
+            raise InputError(f"the ROS bag has no topic {name}; it has {listed(topics)}")
+        if (kind := topics[name].kind) not in kinds:
+            raise InputError(f"topic {name} is of {kind}, not of {' or '.join(kinds)}")
+        return name
+    for kind in kinds:
+        matching = [topic for topic, (type_, _) in topics.items() if type_ == kind]
+        if len(matching) == 1:
+            return matching[0]
+        if matching:
+            choices = listed(matching)
+            fault = f"the ROS bag has several topics of {kind}: {choices}"
+            raise InputError(f"{fault}: choose one by --topic or the option topic")
+    types = listed([f"{topic} ({type_})" for topic, (type_, _) in topics.items()])
+    fault = f"the ROS bag must have one topic of {' or '.join(kinds)}; it has {types}"
+    raise InputError(f"{fault}: record packets, or use its clouds (data set recorded_clouds)")
+
+
+def listed(names: Collection[str]) -> str:
+    shortened = [
+        "".join(letter if letter.isprintable() else "?" for letter in name)[:_MAX_NAME_LENGTH]
+        for name in sorted(names)[:_MAX_LISTED]
+    ]
+    others = [f"{len(names) - _MAX_LISTED} others"] if len(names) > _MAX_LISTED else []
+    return ", ".join([*shortened, *others]) or "no topic"

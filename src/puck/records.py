@@ -1,0 +1,97 @@
+"""Container format of streams: a magic number and a version, then records.
+
+A record is its kind, the length of its body (base 128) and, unless the body is empty, the CRC-32
+and the body.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import IO
+
+from pointkit.coding.byte_io import base_128
+from pointkit.errors import InputError
+
+MAGIC = b"PUCK"
+_VERSION = 2
+_CHECKSUM_BYTES = 4
+_PORTION = 1 << 20
+DAMAGED = "the stream is damaged or truncated"
+
+
+def check(is_valid: bool) -> None:
+    """Raise InputError for a damaged stream unless `is_valid`."""
+    if not is_valid:
+        raise InputError(DAMAGED)
+
+
+class RecordKind(IntEnum):
+    """Content of a record: end, layout, turn, bytes between packets, page links, beams, or further
+    fields of the last turn's packets.
+    """
+
+    END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
+
+
+@dataclass(frozen=True)
+class Record:
+    kind: RecordKind
+    body: bytes
+
+    def packed(self) -> bytes:
+        return bytes([self.kind]) + base_128(len(self.body)) + _with_checksum(self.kind, self.body)
+
+
+def _with_checksum(kind: int, body: bytes) -> bytes:
+    checksum = zlib.crc32(body, kind).to_bytes(_CHECKSUM_BYTES, "little")
+    return checksum + body if body else b""
+
+
+def start() -> bytes:
+    return MAGIC + bytes([_VERSION])
+
+
+def join_records(records: Iterable[Record]) -> bytes:
+    return b"".join([start(), *(each.packed() for each in (*records, Record(RecordKind.END, b"")))])
+
+
+def read_records(stream: IO[bytes]) -> Iterator[Record]:
+    """Yield the records of a stream up to and including its END record."""
+    head = stream.read(len(MAGIC) + 1)
+    if head[: len(MAGIC)] != MAGIC:
+        raise InputError("not a puck stream")
+    if head != start():
+        raise InputError("not a puck stream of this version")
+    while True:
+        record = _read_record(stream)
+        yield record
+        if record.kind == RecordKind.END:
+            check(not stream.read(1))
+            return
+
+
+def _read_record(stream: IO[bytes]) -> Record:
+    kind = stream.read(1)
+    check(bool(kind) and kind[0] in list(RecordKind))
+    length, shift, more = 0, 0, True
+    while more:
+        byte = stream.read(1)
+        check(bool(byte) and shift <= 28)
+        length |= (byte[0] & 127) << shift
+        shift, more = shift + 7, byte[0] >= 128
+    content = _read(stream, length + _CHECKSUM_BYTES if length else 0)
+    body = content[_CHECKSUM_BYTES:]
+    check(len(body) == length and content == _with_checksum(kind[0], body))
+    return Record(RecordKind(kind[0]), body)
+
+
+def _read(stream: IO[bytes], length: int) -> bytes:
+    # A damaged length may be huge: portions keep the memory to what the stream holds.
+    parts = []
+    while length > 0 and (part := stream.read(min(length, _PORTION))):
+        parts.append(part)
+        length -= len(part)
+    return b"".join(parts)

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from io import BytesIO
+
+from pointkit.errors import InputError
+from pointkit.lidar.returns import Returns
+from puck import turns
+from puck.options import CodingOptions
+from puck.records import Record, RecordKind, check, join_records, read_records
+from puck.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
+from puck.stream import check_ranges, count_ranges
+from puck.turns import TurnDecoder, TurnEncoder, turn_step
+
+
+def encode_returns(returns: Returns, options: CodingOptions | None = None) -> bytes:
+    """Encode returns as one self-contained stream; lossless by default."""
+    encoder = TurnEncoder(returns.layout, options)
+    bodies = [encoder.encode(turn) for turn in returns.turns]
+    stream = join_records(
+        [
+            Record(RecordKind.LAYOUT, encode_layout(returns.layout)),
+            Record(RecordKind.BEAMS, encode_beams(returns)),
+            *(Record(RecordKind.TURN, turn) for turn in bodies),
+        ]
+    )
+    check_ranges(sum(count_ranges(returns.layout, body) for body in bodies), len(stream))
+    return stream
+
+
+def decode_returns(stream: bytes) -> Returns:
+    """Decode the output of `encode_returns`; raise InputError for damaged and other streams."""
+    without_turns, bodies = _read(stream)
+    decoder = TurnDecoder(without_turns.layout)
+    return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))
+
+
+def range_steps(stream: bytes) -> list[float]:
+    """Return the quantisation step of the ranges in each turn of a stream, m."""
+    without_turns, bodies = _read(stream)
+    return [turn_step(body) * without_turns.quantum_m for body in bodies]
+
+
+def reflectivity_bytes(stream: bytes) -> int:
+    without_turns, bodies = _read(stream)
+    return sum(turns.reflectivity_bytes(body, without_turns.layout) for body in bodies)
+
+
+def _read(stream: bytes) -> tuple[Returns, list[bytes]]:
+    records = read_records(BytesIO(stream))
+    layout = decode_layout(_body(records, RecordKind.LAYOUT))[0]
+    without_turns = decode_beams(_body(records, RecordKind.BEAMS), layout)
+    *turns, _ = records
+    check(all(record.kind == RecordKind.TURN for record in turns))
+    bodies = [record.body for record in turns]
+    check_ranges(sum(count_ranges(layout, body) for body in bodies), len(stream))
+    return without_turns, bodies
+
+
+def _body(records: Iterator[Record], kind: RecordKind) -> bytes:
+    record = next(records)
+    if record.kind != kind:
+        raise InputError("not a stream of returns; decompress a compressed recording first")
+    return record.body

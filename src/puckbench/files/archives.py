@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+import struct
+import zipfile
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path
+
+from pointkit.damage import reading
+from pointkit.errors import InputError, naming
+from pointkit.files import read_bytes, written_whole
+
+SUFFIX = ".zip"
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Earliest time that a zip archive can store."""
+_DAMAGE = (zipfile.BadZipFile, ValueError, RuntimeError, EOFError, OSError, struct.error)
+_REGULAR_FILE = 0o100644 << 16
+
+
+def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
+    """Write members (bytes by name) to a zip archive; equal members give identical files."""
+    with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, data in members.items():
+            member = zipfile.ZipInfo(name, _EPOCH)
+            member.external_attr = _REGULAR_FILE
+            archive.writestr(member, data)
+
+
+def read_archive(path: Path) -> dict[str, bytes]:
+    """Return the members of an archive (bytes by name); raise InputError if any is compressed."""
+    data = read_bytes(path)
+    with naming(path), reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:
+        members = archive.infolist()
+        if any(member.compress_type != zipfile.ZIP_STORED for member in members):
+            raise InputError("an archive with compressed members, not one of results")
+        if sum(member.file_size for member in members) > len(data):
+            raise InputError("a damaged archive: its members are larger than the file")
+        return {member.filename: archive.read(member) for member in members}

@@ -1,0 +1,128 @@
+"""Pose files: TUM (t x y z qx qy qz qw) and KITTI (the first three rows of a 4x4 matrix)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pointkit.errors import InputError, naming
+from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats
+
+_TUM, _KITTI = 8, 12
+_NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
+
+
+def read_poses(path: Path) -> tuple[Floats | None, Floats]:
+    """Read times (n,), in s (KITTI: None), and sensor-to-world poses (n, 4, 4) from a file.
+
+    Raises InputError if a line is malformed, or the times do not increase.
+    """
+    with naming(path):
+        return poses_of(read_bytes(path))
+
+
+def files_of_poses(path: str | Path) -> list[Path]:
+    """Return a file of poses and, if there is one, the ``calib.txt`` that belongs to it.
+
+    It is beside the poses, or in KITTI's folder: ``sequences/00/calib.txt`` for ``poses/00.txt``.
+    """
+    path = Path(path)
+    places = (path.parent, path.parent.parent / "sequences" / path.stem)
+    found = [place / "calib.txt" for place in places if (place / "calib.txt").is_file()]
+    return [path, *found[:1]]
+
+
+def read_lidar_poses(path: Path) -> Floats:
+    """Read a LiDAR's poses (n, 4, 4) from a file.
+
+    Poses in KITTI's form, which are those of its camera (z forward), are converted by their
+    calib.txt (`files_of_poses`). Without it, they are taken as the LiDAR's.
+
+    Raises InputError if they move along z, as a camera's do, and there is no calib.txt.
+    """
+    times, poses = read_poses(path)
+    if times is not None:
+        return poses
+    _, *calibrations = files_of_poses(path)
+    if calibrations:
+        camera = read_kitti_calibration(calibrations[0])
+        return np.linalg.inv(camera) @ poses @ camera
+    right, forward, up = np.abs(np.diff(poses[:, :3, 3], axis=0)).sum(axis=0)
+    if up > max(right, forward):
+        fault = (
+            "these poses move along z, as those of KITTI's camera: put its calib.txt beside them"
+        )
+        raise InputError(f"{path}: {fault}")
+    return poses
+
+
+def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
+    """Return times and poses from a file's content, as `read_poses` does."""
+    lines = data.decode("utf-8-sig", errors="replace").splitlines()
+    rows = [_numbers(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    widths = {len(row) for row in rows}
+    if widths not in ({_TUM}, {_KITTI}):
+        raise InputError("no poses: lines have 8 numbers (TUM) or 12 (KITTI)")
+    values, poses = np.array(rows), np.tile(np.eye(4), (len(rows), 1, 1))
+    if widths == {_KITTI}:
+        poses[:, :3] = values.reshape(-1, 3, 4)
+        _check_rotations(poses[:, :3, :3])
+        return None, poses
+    from scipy.spatial.transform import Rotation
+
+    if (back := np.flatnonzero(np.diff(values[:, 0]) <= 0)).size:
+        raise InputError(f"times run back: pose {back[0] + 2} is not later than the one before it")
+    if (np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1) > _NOT_UNIT).any():
+        raise InputError("a quaternion is not of length 1")
+    poses[:, :3, :3] = Rotation.from_quat(values[:, 4:]).as_matrix()
+    poses[:, :3, 3] = values[:, 1:4]
+    return values[:, 0], poses
+
+
+def tum_bytes(times: Floats, poses: Floats) -> bytes:
+    """Return times (n,), in s, and poses (n, 4, 4) as the content of a TUM file."""
+    from scipy.spatial.transform import Rotation
+
+    turned = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
+    rows = np.column_stack([times, poses[:, :3, 3], turned])
+    lines = [" ".join(f"{value:.9f}" for value in row) for row in rows + 0.0]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def read_kitti_calibration(path: Path) -> Floats:
+    """Read the transform ``Tr`` (4, 4) from LiDAR to first camera in a sequence's calib.txt."""
+    lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
+    with naming(path):
+        for number, line in enumerate(lines, 1):
+            name, _, values = line.partition(":")
+            if name == "Tr" and len(numbers := _numbers(number, values)) == _KITTI:
+                return np.vstack([np.reshape(numbers, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
+        raise InputError("no line 'Tr:' with 12 numbers, from the LiDAR to the camera")
+
+
+def read_times(path: Path) -> Floats:
+    """Read times (n,), in s, from a file with one time per line."""
+    lines = read_bytes(path).decode("utf-8", errors="replace").split("\n")
+    with naming(path):
+        rows = [_numbers(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+        if any(len(row) != 1 for row in rows):
+            raise InputError("expected one time in each line")
+        return np.array([value for row in rows for value in row])
+
+
+def _numbers(number: int, line: str) -> list[float]:
+    try:
+        values = [float(word) for word in line.replace(",", " ").split()]
+    except ValueError:
+        raise InputError(f"line {number} is not a row of numbers") from None
+    if not np.isfinite(values).all():
+        raise InputError(f"line {number} has a number that is not finite")
+    return values
+
+
+def _check_rotations(matrices: Floats) -> None:
+    product = matrices @ matrices.transpose(0, 2, 1)
+    if (np.abs(product - np.eye(3)) > _NOT_ROTATION).any() or (np.linalg.det(matrices) < 0).any():
+        raise InputError("a pose is not a rotation and a position")

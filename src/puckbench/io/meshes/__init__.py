@@ -1,4 +1,0 @@
-from puckbench.io.meshes.reading import SUFFIXES, read_mesh, read_mesh_report, warn_of_skipped
-from puckbench.io.meshes.writing import write_mesh
-
-__all__ = ["SUFFIXES", "read_mesh", "read_mesh_report", "warn_of_skipped", "write_mesh"]

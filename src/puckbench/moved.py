@@ -1,0 +1,47 @@
+"""Old import paths: importing a module that has moved fails with a line that names the new one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+_MOVED = {
+    "puckbench.coding": "pointkit.coding",
+    "puckbench.core.compiling": "pointkit.compiling",
+    "puckbench.core.errors": "pointkit.errors",
+    "puckbench.core.files": "pointkit.files",
+    "puckbench.core.lazy": "pointkit.lazy",
+    "puckbench.core.measurement": "pointkit.measurement",
+    "puckbench.core.models": "pointkit.models",
+    "puckbench.core.registry": "pointkit.registry",
+    "puckbench.core.seeding": "pointkit.seeding",
+    "puckbench.core.threads": "pointkit.threads",
+    "puckbench.core.yaml_files": "pointkit.yaml_files",
+    "puckbench.geometry": "pointkit.geometry",
+    "puckbench.gpcc": "gpcc",
+    "puckbench.io": "puckbench.files, pointkit or puck.recordings",
+    "puckbench.learned": "pcc_networks",
+    "puckbench.lidar": "virtual_lidar, pointkit.lidar or puck.recordings",
+    "puckbench.primitives": "primitive_codec",
+    "puckbench.puck": "puck",
+    "puckbench.scenes": "virtual_lidar.scenes",
+    "puckbench.storage": "puckbench.codecs.storage",
+    "puckbench.thesis": "jenco2022",
+}
+"""Old modules and packages, and where they, or most of what was in them, are now."""
+
+
+class MovedModules(MetaPathFinder):
+    """Explains the import of a module that no other finder has found."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        place = name
+        while place and place not in _MOVED:
+            place = place.rpartition(".")[0]
+        if not place:
+            return None
+        raise ModuleNotFoundError(f"{name} has moved: import it from {_MOVED[place]}", name=name)

@@ -1,0 +1,212 @@
+"""Drives: consecutive turns of a moving sensor, with its poses, in one archive.
+
+The archive contains the poses as ``poses.tum``, times and description as ``drive.json``, and each
+turn as ``0000.parquet`` (returns) or ``0000.ply`` (points).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from pydantic import NonNegativeFloat
+
+from pointkit.errors import InputError, naming
+from pointkit.files import json_bytes, object_of
+from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.lidar.returns import Returns, read_firings, write_firings
+from pointkit.models import Model, parsed
+from puckbench.files.archives import read_archive, write_archive
+from puckbench.files.clouds import cloud_bytes, read_cloud
+from puckbench.files.poses import poses_of, tum_bytes
+
+KEPT, AZIMUTH, NONE = "kept", "azimuth", "none"
+"""Values of the column ``times``: where the times of a decoded turn's points come from."""
+UNDECODED_POSES = "KISS-ICP on the undecoded turns"
+"""Value of the column ``poses`` for drives without true poses: KISS-ICP estimated the reference
+poses from the turns before coding."""
+TURN_SHARE = "turn_share"
+"""Field of a turn's points: their times as fractions of the turn's duration, from 0 to 1."""
+_POSES, _ABOUT = "poses.tum", "drive.json"
+_GAP = 1.5
+"""Largest time between turns, as a multiple of the median."""
+_CLOCK_S = 1e-6
+
+
+class _Description(Model):
+    starts: tuple[float, ...]
+    turn_s: NonNegativeFloat
+    about: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Consecutive turns with the sensor's poses.
+
+    Parameters
+    ----------
+    turns
+        Points of each turn, m, in sensor coordinates; with the turn's ``returns`` if available.
+    starts
+        Times at which turns begin, (n,), s.
+    turn_s
+        Duration of a turn, s; 0 if all its points have one time.
+    pose_times, poses
+        (m,), s; (m, 4, 4), from sensor to world coordinates.
+    about
+        Scene, seed, sensor, error model, and source of the poses.
+
+    Raises
+    ------
+    InputError
+        There are fewer than two turns, times decrease, turns are missing, or poses do not cover the
+        turns.
+    """
+
+    turns: tuple[PointCloud, ...]
+    starts: Floats
+    turn_s: float
+    pose_times: Floats
+    poses: Floats
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len(self.turns) < 2 or len(self.starts) != len(self.turns):
+            count, times = len(self.turns), len(self.starts)
+            raise InputError(
+                f"{count} turns and {times} times: a drive has a time for each of two or more turns"
+            )
+        check_times(self.starts)
+        end = self.starts[-1] + self.turn_s
+        middle = self.starts[0] + self.turn_s / 2
+        if self.pose_times[0] > middle + _CLOCK_S or self.pose_times[-1] < end - _CLOCK_S:
+            span = f"{self.pose_times[0]:g} to {self.pose_times[-1]:g} s"
+            raise InputError(f"poses from {span}, turns from {self.starts[0]:g} to {end:g} s")
+
+    def poses_at(self, share: float) -> Floats:
+        """Return the poses (n, 4, 4) at the fraction `share`, 0 to 1, of each turn's duration."""
+        from scipy.spatial.transform import Rotation, Slerp
+
+        times = np.clip(self.starts + share * self.turn_s, self.pose_times[0], self.pose_times[-1])
+        poses = np.tile(np.eye(4), (len(times), 1, 1))
+        poses[:, :3, :3] = Slerp(self.pose_times, Rotation.from_matrix(self.poses[:, :3, :3]))(
+            times
+        ).as_matrix()
+        for axis in range(3):
+            poses[:, axis, 3] = np.interp(times, self.pose_times, self.poses[:, axis, 3])
+        return poses
+
+    @cached_property
+    def points(self) -> int:
+        return sum(map(len, self.turns))
+
+
+def check_times(starts: Floats) -> None:
+    """Raise InputError if turns are out of order or missing."""
+    steps = np.diff(starts)
+    if (back := np.flatnonzero(steps <= 0)).size:
+        raise InputError(f"times run back: turn {back[0] + 1} begins before turn {back[0]}")
+    if (gaps := np.flatnonzero(steps > _GAP * np.median(steps))).size:
+        first, usual = gaps[0], np.median(steps)
+        lasts = f"{steps[first]:g} s instead of {usual:g} s"
+        raise InputError(f"a gap after turn {first}: {lasts}; select turns that follow one another")
+
+
+def turn_of(returns: Returns) -> PointCloud:
+    return PointCloud(returns.points(), returns=returns)
+
+
+def firing_shares(returns: Returns) -> Floats:
+    """Return the time of each point (n,) of a turn as a fraction of the turn, from 0 to 1."""
+    (turn,) = returns.turns
+    columns, lasers, _ = returns.indices(turn)
+    azimuths = returns.column_azimuths(turn)
+    passed = np.mod(azimuths - azimuths[0].min(), 2 * np.pi) / (2 * np.pi)
+    return np.asarray(passed[columns, lasers])
+
+
+def azimuth_shares(points: Floats, returns: Returns) -> Floats:
+    """Return when each point was measured, (n,), from its azimuth: 0 is the turn's beginning, 1
+    its end.
+
+    `points` (n, 3) are in m, in the sensor's coordinate frame. `returns` are those of the original
+    turn, of which only the first azimuth and the direction of rotation are used. A sensor all of
+    whose lasers fire at the column's azimuth, as a virtual sensor or a VLP-16, has exact times;
+    others have errors of the lasers' azimuths. A point that coding moved across the first azimuth
+    gets the other end of the turn.
+    """
+    clockwise = returns.beams.clockwise
+    azimuths = np.arctan2(points[:, 0] if clockwise else -points[:, 0], points[:, 1])
+    (turn,) = returns.turns
+    begun = returns.column_azimuths(turn)[0].min()
+    return np.asarray(np.mod(azimuths - begun, 2 * np.pi) / (2 * np.pi))
+
+
+def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
+    """Return a decoded turn's points with `TURN_SHARE` by azimuth; `original` has returns."""
+    if original.returns is None:
+        raise InputError("the original turn has no returns, whose first azimuth is needed")
+    shares = azimuth_shares(turn.xyz, original.returns)
+    return PointCloud(turn.xyz, fields={TURN_SHARE: shares})
+
+
+def shares_of(turn: PointCloud) -> Floats | None:
+    """Return when each point of a turn was measured, (n,): 0 is the turn's beginning, 1 its end.
+
+    The times come from the turn's returns or, for points without returns, from the field
+    `TURN_SHARE`. Return None if the turn has neither.
+    """
+    if turn.returns is not None:
+        return firing_shares(turn.returns)
+    return turn.fields.get(TURN_SHARE)
+
+
+def write_drive(path: Path, drive: Drive) -> None:
+    """Write the archive of a drive; equal drives give equal bytes."""
+    described = {"starts": drive.starts.tolist(), "turn_s": drive.turn_s, "about": drive.about}
+    members = {
+        _POSES: tum_bytes(drive.pose_times, drive.poses),
+        _ABOUT: json_bytes(described),
+        **dict(_turn_members(drive)),
+    }
+    write_archive(path, members)
+
+
+def _turn_members(drive: Drive) -> Iterator[tuple[str, bytes]]:
+    with TemporaryDirectory() as folder:
+        table = Path(folder, "turn.parquet")
+        for number, turn in enumerate(drive.turns):
+            if turn.returns is None:
+                yield f"{number:04d}.ply", cloud_bytes(PointCloud(turn.xyz))
+            else:
+                write_firings(table, turn.returns)
+                yield f"{number:04d}.parquet", table.read_bytes()
+
+
+def read_drive(path: Path) -> Drive:
+    members = read_archive(path)
+    with naming(path):
+        if not {_POSES, _ABOUT} <= members.keys():
+            raise InputError(f"not a drive: it lacks {_POSES} or {_ABOUT}")
+        value = object_of(members.pop(_ABOUT), _ABOUT)
+        described = parsed(_Description, value, _ABOUT)
+        times, poses = poses_of(members.pop(_POSES))
+        if times is None:
+            raise InputError(f"{_POSES}: its poses have no times")
+        turns = tuple(_read_turns(members))
+        starts = np.array(described.starts)
+        return Drive(turns, starts, described.turn_s, times, poses, value["about"])
+
+
+def _read_turns(members: Mapping[str, bytes]) -> Iterator[PointCloud]:
+    with TemporaryDirectory() as folder:
+        for name, data in members.items():
+            file = Path(folder, Path(name).name)
+            file.write_bytes(data)
+            yield turn_of(read_firings(file)) if file.suffix == ".parquet" else read_cloud(file)
+            file.unlink()

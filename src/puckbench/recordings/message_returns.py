@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import check_points
+from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.sensor import Sensor
+from pointkit.lidar.times import TimeUnit
+from pointkit.lidar.turns import MAX_LASERS
+from pointkit.point_columns import Columns
+from puckbench.recordings.cloud_messages import cloud_topic, read_cloud_messages
+from puckbench.recordings.decoded_clouds import (
+    LASERS,
+    REFLECTIVITIES,
+    check_finite,
+    returns_of_columns,
+    tell_missing,
+    without_missing,
+)
+from puckbench.recordings.fitted_lasers import fitted_lasers
+from puckbench.recordings.message_times import MessagePoints, seconds_of_messages, time_field
+
+_BATCH = 64
+_log = logging.getLogger(__name__)
+
+
+def read_message_returns(
+    path: Path,
+    topic: str | None,
+    sensor: Sensor | None,
+    time_unit: TimeUnit | None = None,
+    source: Path | None = None,
+) -> RecordedReturns:
+    """Read a topic of clouds as a table of returns, with a turn for each message.
+
+    The clouds' coordinates are those of ROS: x forward, y left, z up. For times see
+    `message_times.seconds_of_messages`, for other columns `decoded_clouds.returns_of_columns`. If
+    `sensor` is None, lasers are fitted to the points. Warnings name `source` if `path` is a
+    temporary copy of it.
+    """
+    name, (_, count) = cloud_topic(path, topic)
+    label = f"{source or path}: topic {name}"
+    with naming(label):
+        points, counts = _read(path, name, range(count), time_unit, label)
+        columns = {**points, "x": -points["y"], "y": points["x"]}
+        about: dict[str, Any] = {}
+        if sensor is None:
+            columns, sensor, about = _fitted(columns, label)
+        table = returns_of_columns(columns, columns["timestamp"], sensor, label)
+    since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
+    about = {"format": path.suffix[1:].lower(), **counts, **about, "topic": name, "messages": count}
+    columns = {**table.columns, "timestamp": since}
+    return replace(table, columns=columns, about={**table.about, **about})
+
+
+def read_message_columns(
+    path: Path, topic: str | None, turns: tuple[int, int], time_unit: TimeUnit | None = None
+) -> Columns:
+    """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
+
+    For times see `message_times.seconds_of_messages`. Points without coordinates are left out.
+    """
+    name, (_, count) = cloud_topic(path, topic)
+    first, last = turns
+    label = f"{path}: topic {name}"
+    with naming(label):
+        if not 0 <= first <= last < count:
+            raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
+        columns, _ = _read(path, name, range(first, last + 1), time_unit, label)
+    result = {axis: columns[axis] for axis in "xyz"}
+    for name, fields in (("ring", LASERS[::-1]), ("intensity", REFLECTIVITIES)):
+        present = [columns[field] for field in fields if field in columns]
+        result |= {name: present[0]} if present else {}
+    return result | ({"time": columns["timestamp"]} if columns["timed"].all() else {})
+
+
+def _read(
+    path: Path, topic: str, numbers: Sequence[int], unit: TimeUnit | None, label: str
+) -> tuple[Columns, dict[str, int]]:
+    """Read points, without missing returns, with columns `timestamp`, `timed` and `turn`."""
+    messages, missing = [], 0
+    for message, left_out in _messages(path, topic, numbers):
+        if len(message.columns["x"]):
+            messages.append(message)
+            missing += left_out
+    if not messages:
+        raise InputError("no points in its messages")
+    counts = tell_missing(label, missing)
+    _check_alike(messages)
+    seconds, are_timed = seconds_of_messages(messages, unit, label)
+    names = [each for each in messages[0].columns if each != time_field(messages[0].columns)]
+    columns = {each: np.concatenate([part.columns[each] for part in messages]) for each in names}
+    sizes = [len(part) for part in seconds]
+    columns["timestamp"] = np.concatenate(seconds)
+    columns["timed"] = np.full(sum(sizes), are_timed)
+    columns["turn"] = np.repeat(np.array([each.number for each in messages], np.int32), sizes)
+    return columns, counts
+
+
+def _messages(
+    path: Path, topic: str, numbers: Sequence[int]
+) -> Iterator[tuple[MessagePoints, int]]:
+    """Yield the points of messages without missing returns, and the numbers of these."""
+    for first in range(0, len(numbers), _BATCH):
+        batch = numbers[first : first + _BATCH]
+        for number, message in zip(batch, read_cloud_messages(path, topic, batch), strict=True):
+            columns = message.columns
+            kept = (*"xyz", *LASERS, *REFLECTIVITIES, time_field(columns))
+            columns = {name: part for name, part in columns.items() if name in kept}
+            present, missing = without_missing(columns, "field")
+            yield MessagePoints(number, message.stamp_ns, message.frame, present), missing
+
+
+def _check_alike(messages: Sequence[MessagePoints]) -> None:
+    """Raise InputError if messages differ in frame or fields: they are of several sensors."""
+    first = messages[0]
+    for each in messages:
+        if each.frame != first.frame:
+            fault = f"is in frame {each.frame!r}, message {first.number} in {first.frame!r}"
+        elif differing := sorted(each.columns.keys() ^ first.columns.keys()):
+            fault = f"and message {first.number} differ in the fields {', '.join(differing)}"
+        else:
+            continue
+        raise InputError(f"message {each.number} {fault}: several sensors in one topic?")
+
+
+def _fitted(columns: Columns, label: str) -> tuple[Columns, Sensor, dict[str, Any]]:
+    name = next((each for each in LASERS[::-1] if each in columns), None)
+    if name is None:
+        raise InputError(f"no laser column ({', '.join(LASERS)})")
+    ring = columns[name]
+    check_finite(f"field {name}", ring)
+    if (count := len(np.unique(ring))) > MAX_LASERS:
+        raise InputError(f"field {name} has {count:,} numbers, more than {MAX_LASERS} lasers")
+    if (ring != np.floor(ring)).any():
+        raise InputError(f"field {name} has {ring[ring != np.floor(ring)][0]:g}, no laser's number")
+    xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
+    check_points(xyz, label)
+    fitted = fitted_lasers(xyz, ring, columns["timestamp"], columns["turn"])
+    rest = {each: values[fitted.is_used] for each, values in columns.items() if each not in LASERS}
+    rest["ring"] = fitted.ranks[fitted.is_used]
+    about = fitted.about()
+    if left_out := about.get("points_left_out"):
+        _log.warning("%s: left out %d points of lasers with few points", label, left_out)
+    return rest, fitted.sensor, about

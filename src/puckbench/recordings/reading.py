@@ -1,0 +1,221 @@
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from pointkit.errors import InputError, naming
+from pointkit.files import read_bytes
+from pointkit.lidar.recorded_returns import RecordedReturns, read_returns, table_of_returns
+from pointkit.lidar.returns import Returns
+from pointkit.lidar.sensor import Sensor
+from pointkit.lidar.sensors import load_sensor
+from pointkit.lidar.times import TimeUnit
+from pointkit.lidar.unit_calibration import calibration_beside, calibration_in_packets, is_s3
+from puck.recordings.captured_packets import is_packet_capture
+from puck.recordings.data_packets import (
+    LEFT_OUT,
+    log_left_out,
+    ouster_packets,
+    packets_of_capture,
+    whole_packets,
+)
+from puck.recordings.ouster import ouster_turns
+from puck.recordings.packet_order import tell_irregularities
+from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
+from puck.recordings.packets import HDL64E, PacketLog
+from puck.recordings.pcap import read_datagrams, refuse_stream
+from puck.recordings.ros_bags import is_bag, read_messages
+from puck.recordings.topics import refuse_topic
+from puck.recordings.velodyne_messages import MESSAGES, SCAN
+from puckbench.recordings.cloud_messages import has_clouds
+from puckbench.recordings.decoded_clouds import SUFFIXES, read_points
+from puckbench.recordings.message_returns import read_message_returns
+
+_COMPRESSED = {
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bzip2",
+    b"PK\x03\x04": "ZIP",
+    b"\xfd7zXZ": "xz",
+    b"\x28\xb5\x2f\xfd": "Zstandard",
+}
+"""First bytes of compressed files, and names of the formats."""
+
+
+def read_recording(
+    path: Path,
+    sensor: Sensor | None = None,
+    start_s: float = 0.0,
+    end_s: float = math.inf,
+    stream: str | None = None,
+    time_unit: TimeUnit | None = None,
+    source: Path | None = None,
+    topic: str | None = None,
+) -> RecordedReturns:
+    """Read the returns in a recording.
+
+    Parameters
+    ----------
+    path
+        A packet capture (.pcap, .pcapng), a ROS bag of data packets or clouds (.bag, .db3, .mcap,
+        or its folder), a cloud (see `decoded_clouds.read_points`), or a table of `write_returns`
+        (.parquet).
+    sensor, time_unit
+        The sensor, and the unit of a cloud's times; both are inferred by default.
+    start_s, end_s
+        Interval to read, in seconds after the first packet or point.
+    stream, source, topic
+        See `read_packets`.
+    """
+    source, suffix = source or path, path.suffix.lower()
+    with naming(source):
+        is_file_of_returns = suffix in (*SUFFIXES, ".parquet")
+        if is_file_of_returns:
+            refuse_stream(stream)
+        has_units = suffix in SUFFIXES or (not is_file_of_returns and has_clouds(path, topic))
+        if time_unit is not None and not has_units:
+            raise InputError(f"time unit {time_unit}: only times of clouds have units")
+        if is_file_of_returns:
+            refuse_topic(topic)
+        if suffix == ".parquet":
+            table = _between(read_returns(path), start_s, end_s)
+        elif suffix in SUFFIXES:
+            table = _between(read_points(path, sensor, time_unit), start_s, end_s)
+        elif has_units:
+            returns = read_message_returns(path, topic, sensor, time_unit, source)
+            table = _between(returns, start_s, end_s)
+        else:
+            packets = read_packets(path, stream, source, topic)
+            sensor = sensor or _unit(packets, source)
+            log = _interval(packets, start_s, end_s)
+            decoded = _decoded(log, sensor)
+            table = replace(decoded, about={**decoded.about, **log.about})
+        if len(table) == 0:
+            raise InputError("no return in the recording")
+    return replace(table, about={**table.about, "source": source.name})
+
+
+class RecordedTurns(NamedTuple):
+    """Revolutions, the index range of whole ones, and counts of data left out."""
+
+    returns: Returns
+    whole: range
+    left_out: dict[str, int]
+
+
+def read_turns(
+    path: Path,
+    start_s: float = 0.0,
+    stream: str | None = None,
+    source: Path | None = None,
+    topic: str | None = None,
+) -> RecordedTurns:
+    """Read revolutions from `start_s` seconds on; `read_packets` explains the other parameters."""
+    with naming(source or path):
+        packets = read_packets(path, stream, source, topic)
+        log = _interval(packets, start_s, math.inf)
+        left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
+        if log.sensor:
+            return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
+        returns = returns_of_packets(log.payloads, _unit(packets, source or path))
+        return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
+
+
+def read_packets(
+    path: Path, stream: str | None = None, source: Path | None = None, topic: str | None = None
+) -> PacketLog:
+    """Read the undamaged data packets of a packet capture or a ROS bag, in the sensor's order.
+
+    Warnings tell of packets that are left out, late or lost, and of leaps of clock and azimuth.
+    `stream` selects a capture's stream, such as ``192.168.1.201:2368``; `topic` selects a bag's
+    topic. Messages name `source` if `path` is a temporary copy of it.
+    """
+    source = source or path
+    with naming(source):
+        if is_bag(path):
+            log = _packets_of_bag(path, stream, topic)
+        else:
+            log = _packets_of_file(path, stream, topic, source)
+        log_left_out(source, log.about)
+        tell_irregularities(source, log)
+    return log
+
+
+def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
+    data = read_bytes(path)
+    if not is_packet_capture(data):
+        raise InputError(_unknown_format(data))
+    refuse_topic(topic)
+    capture = read_datagrams(data)
+    return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
+
+
+def _unknown_format(data: bytes) -> str:
+    packer = next((name for start, name in _COMPRESSED.items() if data.startswith(start)), None)
+    hint = f"packed by {packer}: unpack it" if packer else "clouds and tables go by their suffixes"
+    return f"not a packet capture (.pcap, .pcapng) or ROS bag (.bag, .db3, .mcap); {hint}"
+
+
+def _packets_of_bag(path: Path, stream: str | None, topic: str | None) -> PacketLog:
+    refuse_stream(stream)
+    bag = read_messages(path, [SCAN], MESSAGES, topic)
+    packets = [packet for message in bag.messages for packet in message.packets]
+    if not packets:
+        raise InputError("the ROS bag has no data packet of a Velodyne")
+    received = [packet.stamp.sec + packet.stamp.nanosec * 1e-9 for packet in packets]
+    about = {"format": bag.format, "topic": bag.topic, "messages": len(bag.messages)}
+    return whole_packets([packet.data.tobytes() for packet in packets], received, about)
+
+
+def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
+    if log.sensor is None:
+        return decode_packets(log.payloads, sensor)
+    if sensor:
+        raise InputError(f"sensor {sensor.name}: the metadata of an Ouster describe its sensor")
+    table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
+    kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
+    return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
+
+
+def _unit(log: PacketLog, source: Path) -> Sensor | None:
+    """Return a recording's HDL-64E, calibrated if possible; None if the sensor is another one.
+
+    The calibration is in a file beside the recording or in the packets.
+    """
+    if log.sensor or kind_codes(log.payloads[:1])[0, 0] != HDL64E:
+        return None
+    status = log.payloads[:, -2:]
+    sensor = nominal = load_sensor(SENSORS[HDL64E])
+    if beside := calibration_beside(source):
+        sensor = load_sensor(beside)
+    elif calibration := calibration_in_packets(status):
+        sensor = nominal.replaced(**calibration)
+    else:
+        logging.getLogger(__name__).warning(
+            "%s: nominal angles and distances of an HDL-64E's lasers; put the calibration of the "
+            "unit (db.xml) beside it as %s",
+            source,
+            source.with_suffix(".xml").name,
+        )
+    if sensor.name != nominal.name or is_s3(status):
+        return sensor
+    older = load_sensor("hdl64e_s2")
+    changes = ("name", "azimuth_step_deg", "firing_sequence_us", "firing_offsets_us")
+    return sensor.replaced(**{name: getattr(older, name) for name in changes})
+
+
+def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:
+    selected = log.between(start_s, end_s)
+    if not len(selected):
+        last = log.received[-1] - log.received[0]
+        raise InputError(
+            f"no data packet from {start_s:g} to {end_s:g} s; the last is at {last:g} s"
+        )
+    return selected
+
+
+def _between(table: RecordedReturns, start_s: float, end_s: float) -> RecordedReturns:
+    since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
+    return table.select((since >= start_s) & (since < end_s))

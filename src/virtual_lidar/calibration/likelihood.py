@@ -1,0 +1,147 @@
+"""Restricted likelihood of range errors: plane parameters are integrated out.
+
+The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normally
+distributed, per laser of a device, per laser and scan, and per laser and frame. Planes and mean
+have a flat prior, so that fitting planes to the noise does not bias the sigmas.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+from virtual_lidar.calibration.kernels import (
+    LOGARITHMS,
+    SQUARES,
+    WIDTH,
+    absorb_cells,
+    absorb_scans,
+    group_sums,
+    solved,
+)
+from virtual_lidar.calibration.observations import Observations
+
+_LEAST_SIGMA_M = 1e-6
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """Parameters of range errors.
+
+    `laser_sigma_m`, `scan_sigma_m` and `frame_sigma_m` are standard deviations, m, of a laser's
+    biases per device, per scan and per frame. Ray noise at incidence theta and range r has the
+    standard deviation ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r``.
+    """
+
+    laser_sigma_m: float = 0.0
+    scan_sigma_m: float = 0.0
+    frame_sigma_m: float = 0.0
+    ray_sigma_m: float = 0.0
+    ray_incidence_m: float = 0.0
+    ray_range: float = 0.0
+
+    @property
+    def ray(self) -> tuple[float, float, float]:
+        return self.ray_sigma_m, self.ray_incidence_m, self.ray_range
+
+
+NAMES = tuple(sigma.name for sigma in fields(Sigmas))
+BIASES, RAYS = NAMES[:3], NAMES[3:]
+"""Names of the biases' sigmas (at least 0), and of the parameters of ray noise."""
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Normal equations ``matrix @ x = right`` for errors z with covariance V.
+
+    `squares` is ``z' V^-1 z``, and `log_determinant` is ``log |V|``.
+    """
+
+    matrix: Floats
+    right: Floats
+    squares: float
+    log_determinant: float
+
+
+@dataclass(frozen=True)
+class RestrictedLikelihood:
+    """Restricted likelihood of observations with ranges rounded to multiples of `quantum_m`.
+
+    Rounding adds ``quantum_m^2 / 12`` to the variance of a ray.
+    """
+
+    seen: Observations
+    quantum_m: float = 0.0
+    _kept: dict[tuple[float, float, float], Floats] = field(default_factory=dict, repr=False)
+
+    def deviance(self, sigmas: Sigmas) -> float:
+        """Return minus twice the restricted log-likelihood, up to a constant."""
+        equations = self._mixed(sigmas)
+        determinant, explained = solved(equations.matrix, equations.right)
+        if not np.isfinite(determinant):
+            raise InputError(_NOT_TOLD)
+        return equations.log_determinant + determinant + equations.squares - explained
+
+    def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
+        """Return the best linear unbiased prediction of the lasers' biases, m, and their
+        covariance.
+        """
+        equations, planes = self._mixed(sigmas), 3 * self.seen.surfaces
+        covariance = np.linalg.inv(equations.matrix)
+        parts = self._in_parts(np.eye(planes + len(self.seen.laser_ids)), sigmas)[:, planes:].T
+        return parts @ (covariance @ equations.right), parts @ covariance @ parts.T
+
+    def variances(self, sigmas: Sigmas) -> Floats:
+        """Return the variance of each range due to ray noise and rounding, (n,), m^2."""
+        scale = np.maximum(self.seen.features @ np.array(sigmas.ray), _LEAST_SIGMA_M)
+        return np.asarray(scale**2 + self.quantum_m**2 / 12)
+
+    def _sums(self, ray: tuple[float, float, float]) -> Floats:
+        if ray not in self._kept:
+            seen, least = self.seen, (_LEAST_SIGMA_M, self.quantum_m**2 / 12)
+            sums = np.empty((len(seen.surface), WIDTH))
+            group_sums(seen.groups, (seen.error, seen.basis, seen.features), ray, least, sums)
+            # Most steps of a search change only sigmas of biases, so the last sums are kept.
+            self._kept.clear()
+            self._kept[ray] = sums
+        return self._kept[ray]
+
+    def _mixed(self, sigmas: Sigmas) -> Equations:
+        """Return Henderson's mixed model equations for planes, mean and scaled laser biases."""
+        equations = self._absorbed(sigmas)
+        rows = self._in_parts(equations.matrix, sigmas)
+        matrix = self._in_parts(rows.T, sigmas)
+        lasers = len(matrix) - 3 * self.seen.surfaces - int(self.seen.tells_mean)
+        drawn = np.arange(len(matrix) - lasers, len(matrix))
+        matrix[drawn, drawn] += 1.0
+        right = self._in_parts(equations.right[:, None], sigmas)[:, 0]
+        return Equations(matrix, right, equations.squares, equations.log_determinant)
+
+    def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
+        """Change variables from laser biases to the mean bias and scaled deviations."""
+        planes = 3 * self.seen.surfaces
+        lasers = rows[planes:]
+        mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]
+        drawn = sigmas.laser_sigma_m * lasers if sigmas.laser_sigma_m > 0 else lasers[:0]
+        return np.vstack([rows[:planes], mean, drawn])
+
+    def _absorbed(self, sigmas: Sigmas) -> Equations:
+        seen, sums = self.seen, self._sums(sigmas.ray)
+        lasers = 3 * seen.surfaces
+        core = lasers + len(seen.laser_ids)
+        matrix, right = np.zeros((core + seen.scans,) * 2), np.zeros(core + seen.scans)
+        codes = (seen.cell, seen.surface, seen.laser + lasers, seen.scan + core)
+        of_cells = absorb_cells(codes, sums, sigmas.frame_sigma_m**2, matrix, right)
+        of_scans = absorb_scans(core, sigmas.scan_sigma_m**2, matrix, right)
+        return Equations(
+            matrix[:core, :core],
+            right[:core],
+            float(sums[:, SQUARES].sum() - of_cells[0] - of_scans[0]),
+            float(sums[:, LOGARITHMS].sum() + of_cells[1] + of_scans[1]),
+        )
+
+
+_NOT_TOLD = "the residuals cannot separate the planes from the biases: more lasers are needed"

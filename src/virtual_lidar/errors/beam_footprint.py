@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import NonNegativeFloat, PositiveInt
+
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.sensor import Sensor
+from virtual_lidar.errors.beam import BeamOfWidth
+from virtual_lidar.errors.model import Draws, Hits
+from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.sweep import Rays
+
+_GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+Echo = Literal["first", "strongest", "last", "mean"]
+
+
+@ERROR_MODELS.register("beam_footprint")
+class BeamFootprint(BeamOfWidth):
+    """Error model that samples a beam by several rays, and adds the noise of `Vlp16` to the echo.
+
+    Rays of equal energy cover the beam's elliptical cross-section in a sunflower pattern with a
+    random rotation. Hits at similar ranges form an echo at their mean range (a mixed pixel). The
+    measured point lies on the beam's axis.
+    """
+
+    title, colour = "Beam footprint", "#334400"
+
+    sub_rays: PositiveInt = 9
+    """Number of rays of a beam."""
+    returns: Echo = "strongest"
+    """Measured echo: the ``first``, the ``strongest`` (with most rays; the first of several such),
+    the ``last``, or the ``mean`` of all hits."""
+    merged_within_m: NonNegativeFloat = 0.9
+    """Largest difference between successive ranges of an echo; the default is half the length of
+    the VLP-16's pulse of 6 ns."""
+
+    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
+        turn = draws.running("footprint").random(rays.yaw.shape)[..., None] * (2 * np.pi)
+        order = np.arange(self.sub_rays)
+        radius = np.sqrt((order + 0.5) / self.sub_rays)
+        angle = turn + order * _GOLDEN_ANGLE
+        yaw_half, pitch_half = np.radians(self.beam_widths_deg(sensor)) / 2
+        yaw = rays.yaw[..., None] + yaw_half * radius * np.cos(angle)
+        pitch = rays.pitch[..., None] + pitch_half * radius * np.sin(angle)
+        shape = (*rays.yaw.shape[:2], -1)
+        return Rays(yaw.reshape(shape), pitch.reshape(shape), placed_as_fired=False)
+
+    def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
+        apart = hits.distance.reshape(-1, self.sub_rays)
+        distance, middle = echoes(apart, self.merged_within_m, self.returns)
+        beams = np.arange(len(middle))
+        triangle = hits.triangle.reshape(apart.shape)[beams, middle]
+        incidence = hits.incidence.reshape(apart.shape)[beams, middle]
+        merged = Hits(distance, triangle, incidence, hits.surfaces)
+        return merged.reshaped((*hits.distance.shape[:2], sensor.lasers))
+
+
+def echoes(apart: Floats, gap: float, choice: Echo) -> tuple[Floats, NDArray[np.intp]]:
+    """Return the mean distance of each beam's chosen echo, and the ray nearest to this distance.
+
+    `apart` (beams, rays) are distances, m, inf for a miss. In increasing order, a distance more
+    than `gap` beyond the previous one begins a new echo. A beam without echo has the distance inf.
+    """
+    order = np.argsort(apart, axis=1, kind="stable")
+    reach = np.take_along_axis(apart, order, axis=1)
+    beams, is_hit = np.arange(len(apart)), np.isfinite(reach)
+    with np.errstate(invalid="ignore"):
+        is_new = np.diff(reach, axis=1, prepend=reach[:, :1]) > (
+            np.inf if choice == "mean" else gap
+        )
+    echo = np.cumsum(is_new & is_hit, axis=1)
+    place = beams[:, None] * apart.shape[1] + echo
+    counts, totals = (
+        np.bincount(place[is_hit], weights, apart.size).reshape(apart.shape)
+        for weights in (None, reach[is_hit])
+    )
+    chosen = {"strongest": counts.argmax(axis=1), "last": echo[:, -1]}.get(choice, 0 * beams)
+    with np.errstate(invalid="ignore"):
+        distance = totals[beams, chosen] / counts[beams, chosen]
+        off = np.abs(reach - distance[:, None])
+    off[~is_hit | (echo != chosen[:, None])] = np.inf
+    return np.where(is_hit[:, 0], distance, np.inf), order[beams, off.argmin(axis=1)]

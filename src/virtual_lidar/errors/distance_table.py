@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from pydantic import model_validator
+
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.sensor import Sensor
+from virtual_lidar.errors.model import Draws, ErrorModel, Hits
+from virtual_lidar.errors.noise import Distribution, standard_noise
+from virtual_lidar.errors.registry import ERROR_MODELS
+
+
+@ERROR_MODELS.register("distance_table")
+class DistanceTable(ErrorModel):
+    """Range noise whose mean mu and standard deviation sigma depend on the true distance d.
+
+    A measured range is ``d + N(mu(d), sigma(d))``. mu and sigma are interpolated linearly in a
+    table, and constant beyond the table's ends.
+    """
+
+    title, colour = "Distance table", "#442233"
+
+    table: tuple[tuple[float, ...], ...]
+    """Rows of distance, mu and sigma, m, by increasing distance."""
+    distribution: Distribution = "gaussian"
+    """``gaussian``, or ``laplace`` with b = sigma."""
+
+    @model_validator(mode="after")
+    def _of_rising_distances(self) -> Self:
+        if not self.table:
+            raise InputError("table is empty")
+        if any(len(row) != 3 for row in self.table):
+            raise InputError("table has a row that is not distance, mu, sigma")
+        distance, _, sigma = np.transpose(self.table)
+        if (np.diff(distance) <= 0).any():
+            raise InputError("table has distances that do not increase")
+        if (sigma < 0).any():
+            raise InputError("table has a sigma below 0")
+        return self
+
+    def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
+        distance, mean, scale = np.transpose(self.table)
+        noisy = standard_noise(draws.running("ray"), hits.distance.shape, self.distribution)
+        noisy *= np.interp(hits.distance, distance, scale)
+        noisy += np.interp(hits.distance, distance, mean)
+        noisy += hits.distance
+        return noisy

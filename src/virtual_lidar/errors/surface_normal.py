@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+from pydantic import NonNegativeFloat
+
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.sensor import Sensor
+from virtual_lidar.errors.model import Draws, Hits
+from virtual_lidar.errors.noise import Distribution, standard_noise
+from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.vlp16 import Vlp16
+
+
+@ERROR_MODELS.register("surface_normal")
+class SurfaceNormal(Vlp16):
+    """Error model that displaces measured points along the true surface normal; not in the thesis.
+
+    Plane residuals have the scale `normal_sigma_m` at any incidence, like the residuals of the
+    recorded wall and floor (0.014 m); noise along the ray gives residuals proportional to the
+    cosine of incidence. The ray noise of `Vlp16` is 0 by default.
+    """
+
+    title, colour = "Surface normal", "#EE5544"
+
+    bias_sigma_m: NonNegativeFloat = 0.0
+    ray_sigma_m: NonNegativeFloat = 0.0
+    normal_sigma_m: NonNegativeFloat = 0.014
+    """Scale of the noise along the normal."""
+    normal_distribution: Distribution = "gaussian"
+    """``gaussian``, or ``laplace`` with b = `normal_sigma_m`."""
+
+    def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
+        stream, shape = draws.running("normal"), hits.distance.shape
+        return standard_noise(stream, shape, self.normal_distribution) * self.normal_sigma_m

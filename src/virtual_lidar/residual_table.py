@@ -1,0 +1,97 @@
+"""Tables of plane residuals: a row for each return of a virtual scan or a recording.
+
+A residual is the signed distance of a point from the plane fitted to its surface (thesis, section
+5.1.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.ransac import Plane
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+REAL = "real"
+"""Value of the column `model` for recordings."""
+
+SURFACES = ("wall", "floor")
+"""Surfaces of a virtual scan; a recording may have others."""
+
+COLUMNS = (
+    "model",
+    "surface",
+    "distance_m",
+    "run",
+    "laser_id",
+    "elevation_deg",
+    "residual_m",
+    "incidence_rad",
+    "range_m",
+    "frame",
+    "plane_u_m",
+    "plane_v_m",
+)
+"""Columns of a residual table; `residual_m` is positive on the sensor's side of the plane.
+
+`range_m` is the distance from the sensor to the measured point, `frame` the frame of a scan or the
+turn of a recording; `plane_u_m` and `plane_v_m` come from `plane_coordinates`.
+"""
+_OPTIONAL = ("range_m", "frame", "plane_u_m", "plane_v_m")
+
+
+def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Concatenate residual tables, keeping models and surfaces as categories."""
+    import pandas as pd
+    from pandas.api.types import union_categoricals
+
+    whole = pd.concat(tables, ignore_index=True)
+    for name in ("model", "surface"):
+        whole[name] = union_categoricals([table[name] for table in tables])
+    return whole
+
+
+def read_residuals(path: Path) -> pd.DataFrame:
+    """Read a table of plane residuals; old tables lack `range_m` and the columns after it."""
+    from pointkit.tables import read_table
+
+    table = read_table(path)
+    missing = [name for name in COLUMNS if name not in table]
+    if needed := [name for name in missing if name not in _OPTIONAL]:
+        raise InputError(f"{path}: not a residual table, without {', '.join(needed)}")
+    return table[[name for name in COLUMNS if name not in missing]]
+
+
+def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
+    """Return the columns of a residual table that depend on points (n, 3) and the fitted plane.
+
+    The plane's normal must point to the sensor's position `origin` (3,).
+    """
+    u, v = plane_coordinates(points, plane, origin).T
+    values = {
+        "residual_m": plane.distances(points),
+        "range_m": np.linalg.norm(points - origin, axis=1),
+        "plane_u_m": u,
+        "plane_v_m": v,
+    }
+    return {name: column.astype(np.float32) for name, column in values.items()}
+
+
+def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
+    """Return the coordinates (n, 2), m, of points in a plane, relative to the sensor's projection.
+
+    The first axis is horizontal, the second points upwards; `origin` is the sensor's position.
+    """
+    level = np.cross([0.0, 0.0, 1.0], plane.normal)
+    # On a horizontal plane any axis is horizontal.
+    level = np.array([1.0, 0.0, 0.0]) if np.linalg.norm(level) < 1e-3 else level
+    first = level - (level @ plane.normal) * plane.normal
+    first /= np.linalg.norm(first)
+    return (points - origin) @ np.column_stack([first, np.cross(plane.normal, first)])

@@ -1,0 +1,221 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
+from pointkit.geometry.mesh import Mesh, check_mesh
+from pointkit.lidar.sensor import Sensor
+from virtual_lidar.errors.model import Draws, ErrorModel
+from virtual_lidar.errors.receiver import mirrors_of
+from virtual_lidar.mirrors import follow_mirrors
+from virtual_lidar.placement import check_free, check_untouched
+from virtual_lidar.raycast import Cast, RayCaster, dot
+from virtual_lidar.scan_table import COLUMNS, ScanTable, read_scan, write_scan
+from virtual_lidar.sweep import Rays, Sweep
+
+__all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
+
+Progress = Callable[[int, int], None]
+"""Function that is called with the number of scanned frames and the number of all frames."""
+
+# Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
+_RAYS_AT_A_TIME = 1 << 16
+# Rows of a portion of a streamed scan, and thus of a row group of its file: some 140 MB.
+_RAYS_IN_A_PORTION = 1 << 20
+
+
+@dataclass(frozen=True)
+class ScanJob:
+    """A virtual scan of a mesh (m, z up) by a sensor at `origin` (3,).
+
+    Unless `anywhere` is set, the sensor must be inside the scene and outside objects, and must not
+    move through a surface.
+    """
+
+    mesh: Mesh
+    sensor: Sensor
+    sweep: Sweep
+    model: ErrorModel
+    origin: Floats | Sequence[float]
+    anywhere: bool = True
+    threads: int = 0
+
+    @property
+    def rays(self) -> int:
+        return self.sweep.frames * self.sweep.steps(self.sensor) * self.sensor.lasers
+
+    def table(
+        self,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
+        rays_at_a_time: int = _RAYS_AT_A_TIME,
+    ) -> ScanTable:
+        (table,) = self.portions(rng, progress, self.rays, rays_at_a_time)
+        return table
+
+    def portions(
+        self,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
+        rays_in_a_portion: int = _RAYS_IN_A_PORTION,
+        rays_at_a_time: int = _RAYS_AT_A_TIME,
+    ) -> Iterator[ScanTable]:
+        """Yield tables of whole frames, which need less memory than one table of the scan."""
+        scanner, rows = _Scanner(self._caster(), self.sensor, self.sweep, self.model, Draws(rng)), 0
+        rays_per_frame = self.rays // self.sweep.frames
+        for frames in _portions(range(self.sweep.frames), rays_in_a_portion // rays_per_frame):
+            parts = []
+            for some in _portions(frames, rays_at_a_time // rays_per_frame):
+                parts.append(scanner.returns(some))
+                if progress is not None:
+                    progress(some.stop, self.sweep.frames)
+            columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in COLUMNS}
+            rows += len(columns["distance"])
+            if len(columns["distance"]):
+                yield ScanTable(columns, scanner.about)
+        if rows == 0:
+            place = scanner.caster.origin.tolist()
+            raise InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
+
+    def check(self) -> None:
+        """Raise InputError if the mesh, or the sensor's position or path, is invalid."""
+        self._caster()
+
+    def _caster(self) -> RayCaster:
+        check_mesh(self.mesh, "the mesh to scan")
+        caster = RayCaster(self.mesh, _checked_origin(self.origin), self.threads)
+        times, places = self.sweep.way()
+        check_untouched(caster, places)
+        if not self.anywhere:
+            check_free(caster, times, places)
+        return caster
+
+
+def scan(
+    mesh: Mesh,
+    sensor: Sensor,
+    sweep: Sweep,
+    model: ErrorModel,
+    origin: Floats | Sequence[float],
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> ScanTable:
+    """Scan a mesh with a virtual sensor (thesis, section 5.2); return a table of returns.
+
+    Each row is a nominal ray with a return, in the order of firing (frame, azimuth step, laser).
+    Clean values describe the true intersection of the nominal ray with the surface, noisy values
+    the measurement. If the error model fires a deviating ray (beam divergence), the sensor measures
+    along that ray, and both rays must hit a surface within range.
+
+    Parameters
+    ----------
+    mesh
+        The scene, m, z up.
+    origin
+        (3,), position of the sensor or origin of its trajectory, m.
+    rng
+        Generator that seeds the random streams of errors.
+
+    Raises
+    ------
+    InputError
+        The mesh has no faces, the origin is invalid or touches the mesh, or no ray returned.
+    """
+    return ScanJob(mesh, sensor, sweep, model, origin).table(rng, progress)
+
+
+@dataclass(frozen=True)
+class _Scanner:
+    caster: RayCaster
+    sensor: Sensor
+    sweep: Sweep
+    model: ErrorModel
+    draws: Draws
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        about = {
+            "sensor": self.sensor.model_dump(),
+            "sweep": self.sweep.model_dump(),
+            "errors": self.model.described(),
+            "origin": self.caster.origin.tolist(),
+        }
+        # With lists instead of tuples, as read from a file.
+        as_read: dict[str, Any] = json.loads(json.dumps(about))
+        return as_read
+
+    def returns(self, frames: range) -> dict[str, NDArray[Any]]:
+        """Scan frames; return the table columns of rays with a return."""
+        nominal = self.sweep.rays(self.sensor, frames)
+        fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
+        truth = self._cast(nominal, frames)
+        measured = truth if fired is nominal else self._cast(fired, frames)
+        if self.mirrors is not None:
+            measured = follow_mirrors(self.caster, measured, self.mirrors, self._limits[1])
+        hits = self.model.merge_hits(measured.hits, self.sensor)
+        distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
+        lift = self.model.lift_points(hits, self.sensor, self.draws)
+        returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
+        rays, (_, steps, lasers) = np.flatnonzero(returned), returned.shape
+        placed = (measured if fired.placed_as_fired else truth).directions.take(rays, axis=0)
+        triangles, directions = truth.hits.triangle.take(rays), truth.directions.take(rays, axis=0)
+        origins = truth.origins.take(rays // lasers, axis=0)
+        normals = self.caster.planes.take(triangles, axis=0)[:, :3]
+        normals *= np.where(dot(normals, directions) > 0, -1.0, 1.0)[:, None]
+        true, noisy = truth.hits.distance.take(rays), distance.take(rays)
+        points = origins + noisy[:, None] * placed
+        if lift is not None:
+            points += lift.take(rays)[:, None] * normals
+            away = points - origins
+            noisy = np.sqrt(dot(away, away))
+        values = {
+            "timestamp": self.sweep.firing_times(self.sensor, frames).take(rays),
+            "frame": frames.start + rays // (steps * lasers),
+            "laser_id": rays % lasers,
+            "yaw": nominal.yaw.take(rays),
+            "pitch": nominal.pitch.take(rays),
+            "distance": true,
+            "distance_noisy": noisy,
+            **dict(zip("xyz", (origins + true[:, None] * directions).T, strict=True)),
+            **dict(zip(("x_noisy", "y_noisy", "z_noisy"), points.T, strict=True)),
+            "incidence": truth.hits.incidence.take(rays),
+            "object_id": self.caster.object_id.take(triangles),
+            "primitive_id": self.caster.primitive_id.take(triangles),
+            "triangle_id": triangles,
+            **dict(zip(("nx", "ny", "nz"), normals.T, strict=True)),
+        }
+        return {name: values[name].astype(kind, copy=False) for name, (kind, *_) in COLUMNS.items()}
+
+    def _cast(self, rays: Rays, frames: range) -> Cast:
+        return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), self._limits)
+
+    @cached_property
+    def mirrors(self) -> NDArray[np.bool_] | None:
+        return mirrors_of(self.model, self.caster.surfaces)
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        return self.sensor.min_range_m, self.sweep.max_range_m or self.sensor.max_range_m
+
+
+def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
+    try:
+        place = np.asarray(origin, dtype=np.float64)
+    except (TypeError, ValueError):
+        place = np.empty(0)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise InputError(f"the sensor's origin is {origin}, but must be three finite numbers")
+    return place
+
+
+def _portions(frames: range, at_a_time: int) -> list[range]:
+    step = max(at_a_time, 1)
+    return [frames[first : first + step] for first in range(0, len(frames), step)]

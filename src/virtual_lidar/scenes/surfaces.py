@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pointkit.geometry.cloud import Floats, Ints
+from pointkit.geometry.mesh import Primitive
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A geometric primitive in a normalised pose: plane z = 0, axis z, centre or apex (0, 0, 0).
+
+    `kind` is as in `pointkit.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
+    the pose, ``ratios`` (angles, exponents) do not.
+    """
+
+    kind: str
+    lengths: tuple[float, ...] = ()
+    ratios: tuple[float, ...] = ()
+
+
+PLANE = Shape("plane")
+FREEFORM = Shape("freeform")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles that lie on s primitives, with vertices counter-clockwise seen from outside.
+
+    Parameters
+    ----------
+    vertices
+        (v, 3) float64.
+    triangles
+        Vertex indices, (t, 3).
+    shape_id
+        Index into `shapes`, (t,).
+    frames
+        Pose of each primitive, (s, 4, 4): rotation, translation and uniform scale.
+    """
+
+    vertices: Floats
+    triangles: Ints
+    shape_id: Ints
+    shapes: tuple[Shape, ...]
+    frames: Floats
+
+    def __add__(self, other: Surface) -> Surface:
+        return join([self, other])
+
+    def transformed(self, pose: Floats) -> Surface:
+        """Apply a similarity transform (4, 4); normals still point outwards after a reflection."""
+        flip = float(np.linalg.det(pose[:3, :3])) < 0
+        return replace(
+            self,
+            vertices=self.vertices @ pose[:3, :3].T + pose[:3, 3],
+            triangles=self.triangles[:, ::-1] if flip else self.triangles,
+            frames=pose @ self.frames,
+        )
+
+    def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float) -> Surface:
+        """Move the surface by the transform that `pose` returns."""
+        return self.transformed(pose(x, y, z, **angles))
+
+    def at_corners(self, x: float, y: float, z: float = 0.0) -> list[Surface]:
+        """Return copies at (-x, -y), (-x, y), (x, -y) and (x, y)."""
+        return [self.at(a * x, b * y, z) for a in (-1, 1) for b in (-1, 1)]
+
+    def at_sides(
+        self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, axis: int = 0, **angles: float
+    ) -> list[Surface]:
+        """Return two rotated copies, at (x, y, z) and with the `axis` coordinate negated."""
+        place = [-value if number == axis else value for number, value in enumerate((x, y, z))]
+        return [self.at(*place, **angles), self.at(x, y, z, **angles)]
+
+    def mirrored(self, axis: int = 0) -> Surface:
+        """Reflect the surface in the plane x = 0, y = 0 or z = 0 (`axis` 0, 1, 2)."""
+        mirror = np.eye(4)
+        mirror[axis, axis] = -1.0
+        return self.transformed(mirror)
+
+    def flipped(self) -> Surface:
+        """Reverse the orientation, for example for the inside of a room."""
+        planes = np.array([shape.kind == "plane" for shape in self.shapes], dtype=bool)
+        frames = self.frames.copy()
+        frames[planes] = frames[planes] @ np.diag([1.0, -1.0, -1.0, 1.0])
+        return replace(self, triangles=self.triangles[:, ::-1], frames=frames)
+
+    def deformed(self, change: Callable[[Floats], Floats]) -> Surface:
+        """Apply a function to the vertices (v, 3); the result is freeform."""
+        return freeform(change(self.vertices), self.triangles)
+
+    def select(self, *shapes: int) -> Surface:
+        """Return the triangles that lie on the primitives with these indices."""
+        rows = np.isin(self.shape_id, shapes)
+        return replace(self, triangles=self.triangles[rows], shape_id=self.shape_id[rows])
+
+    def bounds(self) -> Floats:
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+
+def join(surfaces: list[Surface]) -> Surface:
+    vertices, shapes = 0, 0
+    triangles, shape_ids = [], []
+    for each in surfaces:
+        triangles.append(each.triangles + vertices)
+        shape_ids.append(each.shape_id + shapes)
+        vertices, shapes = vertices + len(each.vertices), shapes + len(each.shapes)
+    return Surface(
+        np.concatenate([each.vertices for each in surfaces]),
+        np.concatenate(triangles),
+        np.concatenate(shape_ids),
+        tuple(shape for each in surfaces for shape in each.shapes),
+        np.concatenate([each.frames for each in surfaces]),
+    )
+
+
+def pose(
+    x: float = 0.0,
+    y: float = 0.0,
+    z: float = 0.0,
+    *,
+    turn: float = 0.0,
+    tilt: float = 0.0,
+    roll: float = 0.0,
+    scale: float = 1.0,
+) -> Floats:
+    """Return a transform (4, 4): scale, rotate about y (`roll`), x (`tilt`) and z (`turn`), shift.
+
+    Angles are in degrees.
+    """
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def rotation(axis: int, degrees: float) -> Floats:
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[[first, second], [first, second]] = cosine
+    matrix[first, second], matrix[second, first] = -sine, sine
+    return matrix
+
+
+def frame_along(axis: Floats, origin: Floats) -> Floats:
+    """Return a frame (4, 4) at an origin, with the z axis along `axis`."""
+    z = axis / np.linalg.norm(axis)
+    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    matrix = np.eye(4)
+    matrix[:3, :4] = np.column_stack([x, np.cross(z, x), z, origin])
+    return matrix
+
+
+def one_shape(
+    vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
+) -> Surface:
+    """Make a surface on one primitive, without triangles of zero area."""
+    a, b, c = vertices[triangles].swapaxes(0, 1)
+    size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    valid = triangles[size > 1e-12]
+    frames = (np.eye(4) if frame is None else frame)[None]
+    return Surface(vertices, valid, np.zeros(len(valid), dtype=np.int64), (shape,), frames)
+
+
+def freeform(vertices: Floats, triangles: Ints) -> Surface:
+    return one_shape(vertices, triangles, FREEFORM)
+
+
+def planar(vertices: Floats, triangles: Ints) -> Surface:
+    a, b, c = vertices[triangles].swapaxes(0, 1)
+    doubled = np.cross(b - a, c - a)
+    largest = int(np.argmax(np.sum(doubled**2, axis=1)))
+    return one_shape(vertices, triangles, PLANE, frame_along(doubled[largest], a[largest]))
+
+
+def grid(
+    points: Floats,
+    shape: Shape = FREEFORM,
+    frame: Floats | None = None,
+    *,
+    closed: tuple[bool, bool] = (False, False),
+) -> Surface:
+    """Make a surface through a grid of points (m, n, 3).
+
+    Normals are cross products of row and column directions. `closed` (rows, columns): whether the
+    last is connected to the first.
+    """
+    rows, columns, _ = points.shape
+    index = np.arange(rows * columns).reshape(rows, columns)
+    index = np.vstack([index, index[:1]]) if closed[0] else index
+    index = np.hstack([index, index[:, :1]]) if closed[1] else index
+    a, b = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
+    c, d = index[1:, 1:].ravel(), index[:-1, 1:].ravel()
+    triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return one_shape(points.reshape(-1, 3), triangles, shape, frame)
+
+
+_PARAMETERS = {
+    "cylinder": ("point", "axis", "radius"),
+    "cone": ("apex", "axis", "half_angle"),
+    "torus": ("centre", "axis", "major_radius", "minor_radius"),
+}
+"""Parameter names of position, direction, lengths and ratios."""
+
+
+def primitive(shape: Shape, frame: Floats) -> Primitive:
+    scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
+    axes, origin = frame[:3, :3] / scale, frame[:3, 3]
+    point, axis = origin.tolist(), axes[:, 2].tolist()
+    lengths = [length * scale for length in shape.lengths]
+    parameters: dict[str, Any] = {}
+    if shape.kind == "plane":
+        parameters = {"normal": axis, "offset": float(axes[:, 2] @ origin)}
+    elif shape.kind == "sphere":
+        parameters = {"centre": point, "radius": lengths[0]}
+    elif shape.kind == "superquadric":
+        parameters = {"centre": point, "axes": axes.T.tolist(), "sizes": lengths}
+        parameters["exponents"] = list(shape.ratios)
+    elif shape.kind != "freeform":
+        values = (point, axis, *lengths, *shape.ratios)
+        parameters = dict(zip(_PARAMETERS[shape.kind], values, strict=True))
+    return Primitive(shape.kind, parameters)

@@ -1,0 +1,264 @@
+"""Sweeps: the rotation and the motion of a virtual sensor during a scan.
+
+Axes are x right, y forward, z up. As in BlenSor, the sensor rotates about z, from forward,
+counter-clockwise seen from above; pitch rotates the sensor about x, upwards positive. By default,
+the lasers of an azimuth step fire together, and a frame has one pose. With ``timing="firing"`` each
+laser has a firing time; with a trajectory each azimuth step has a pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from pydantic import ConfigDict, NonNegativeInt, PositiveFloat, model_validator
+
+from pointkit.errors import InputError, among
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.sensor import Sensor
+from pointkit.models import Model, parsed
+from virtual_lidar.motion import Motion
+from virtual_lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows
+
+# Blender up to 2.79, on which BlenSor is built, places the handles of an automatic Bezier key at
+# the length of the interval over this number (blenkernel/intern/curve.c, calchandleNurb_intern),
+# level at the first and the last key (fcurve.c, calchandles_fcurve).
+_HANDLE_DIVISOR = 2.5614
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Angles of rays in sensor coordinates, (frames, steps, lasers), rad; may be broadcast views.
+
+    Measured points lie on these rays if `placed_as_fired`, otherwise on the nominal rays.
+    """
+
+    yaw: Floats
+    pitch: Floats
+    placed_as_fired: bool = True
+
+
+class Sweep(Model):
+    """Rotation and motion of a virtual sensor; defaults are those of the thesis, section 5.2."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+    frames_per_second: PositiveFloat = 120.0
+    duration_s: PositiveFloat = 4.0
+    pitch_start_deg: float = -60.0
+    """Pitch in the first frame."""
+    pitch_end_deg: float = 60.0
+    """Pitch in the last frame; in between, the pitch follows Blender's easing."""
+    rotation_hz: PositiveFloat | None = None
+    """Rotations per second; by default the sensor's."""
+    azimuth_step_deg: PositiveFloat | None = None
+    """Azimuth step between firings; by default the sensor's."""
+    max_range_m: PositiveFloat | None = None
+    """Longest range; by default the sensor's."""
+    frames_skipped: NonNegativeInt = 0
+    """Number of frames at the end that are not scanned; the last of them has `pitch_end_deg`."""
+    timing: Literal["step", "firing"] = "step"
+    """``step``: the lasers of an azimuth step fire together, as in BlenSor. ``firing``: each laser
+    has its firing time, and the azimuth at that time; a step is the rotation during a firing
+    sequence."""
+    trajectory: tuple[tuple[float, ...], ...] | None = None
+    """Poses that replace the pitch, as rows for `trajectory.trajectory_from_rows`: times are
+    relative to the start of the sweep, positions to the scan's origin. Each azimuth step has a pose
+    (rolling shutter); a single row is a fixed pose."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.frames < 1:
+            raise InputError(
+                f"the sweep has no frame ({self.duration_s} s, {self.frames_per_second}/s)"
+            )
+        if self.timing == "firing" and self.azimuth_step_deg is not None:
+            raise InputError("azimuth_step_deg is given, but timing 'firing' sets the step")
+        self._check_trajectory()
+        return self
+
+    def _check_trajectory(self) -> None:
+        if self._trajectory is None or len(self._trajectory.times) == 1:
+            return
+        start, end = self._trajectory.times[[0, -1]]
+        if start > 0 or end < self.duration_s * (1 - 1e-9):
+            raise InputError(
+                f"trajectory is from {start:g} to {end:g} s,"
+                f" the sweep from 0 to {self.duration_s:g} s"
+            )
+
+    @cached_property
+    def _trajectory(self) -> Trajectory | None:
+        return None if self.trajectory is None else trajectory_from_rows(self.trajectory)
+
+    @property
+    def frames(self) -> int:
+        return self._keyed_frames - self.frames_skipped
+
+    @property
+    def _keyed_frames(self) -> int:
+        return round(self.duration_s * self.frames_per_second)
+
+    def pitch_rad(self) -> Floats:
+        time = np.arange(self.frames) / max(self._keyed_frames - 1, 1)
+        span = self.pitch_end_deg - self.pitch_start_deg
+        return np.radians(self.pitch_start_deg + span * ease(time))
+
+    def rotations(self) -> Floats:
+        """Return the rotation from the sensor to the world in each frame, (frames, 3, 3)."""
+        pitch = self.pitch_rad()
+        sine, cosine = np.sin(pitch), np.cos(pitch)
+        rotations = np.tile(np.eye(3), (len(pitch), 1, 1))
+        rotations[:, 1, 1] = rotations[:, 2, 2] = cosine
+        rotations[:, 1, 2], rotations[:, 2, 1] = -sine, sine
+        return rotations
+
+    def poses(self, sensor: Sensor, frames: range) -> Poses:
+        """Return the sensor's pose at each step, (frames, steps), relative to the scan's origin."""
+        shape = (len(frames), self.steps(sensor))
+        if self._trajectory is not None:
+            return self._trajectory.at(self.timestamps(sensor, frames))
+        rotations = self.rotations()[frames.start : frames.stop, None]
+        rotations = np.broadcast_to(rotations, (*shape, 3, 3))
+        return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
+
+    def poses_during(self, times: Floats) -> Poses:
+        """Return the poses of a trajectory at times (n,), s, relative to the scan's origin."""
+        if self._trajectory is None:
+            raise InputError("the sweep has no trajectory, along which the sensor moves")
+        return self._trajectory.at(times)
+
+    @property
+    def is_level_and_still(self) -> bool:
+        return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
+
+    def way(self) -> tuple[Floats, Floats]:
+        """Return the vertices of the sensor's path: times (n,), s, and positions (n, 3), m."""
+        if self._trajectory is None:
+            return np.zeros(1), np.zeros((1, 3))
+        keyed = self._trajectory.times
+        if len(keyed) == 1:
+            return np.zeros(1), self._trajectory.positions
+        within = keyed[(keyed > 0) & (keyed < self.duration_s)]
+        times = np.concatenate([[0.0], within, [self.duration_s]])
+        return times, self._trajectory.at(times).positions
+
+    def steps(self, sensor: Sensor) -> int:
+        """Return the number of whole azimuth steps in a frame."""
+        steps = self._degrees_per_frame(sensor) / self.step_deg(sensor)
+        count = int(steps * (1 + 1e-9))
+        if count < 1:
+            raise InputError(
+                f"a frame of the sweep has {steps:.3g} azimuth steps, needs at least one"
+            )
+        return count
+
+    def rays(self, sensor: Sensor, frames: range) -> Rays:
+        """Return the nominal rays of frames; azimuths continue from frame to frame."""
+        starts = np.asarray(frames) * self._degrees_per_frame(sensor)
+        steps = np.arange(self.steps(sensor)) * self.step_deg(sensor)
+        degrees = (starts[:, None] + steps)[:, :, None]
+        if self.timing == "firing":
+            degrees = degrees + 360.0 * self.turning_hz(sensor) * _delays(sensor)
+        yaw = np.radians(np.mod(degrees, 360.0))
+        pitch = np.radians(sensor.laser_elevation_deg)
+        shape = (*yaw.shape[:2], sensor.lasers)
+        return Rays(np.broadcast_to(yaw, shape), np.broadcast_to(pitch, shape))
+
+    def timestamps(self, sensor: Sensor, frames: range) -> Floats:
+        """Return start times of azimuth steps, (frames, steps), s since the sweep's start."""
+        second_per_step = self.step_deg(sensor) / (360.0 * self.turning_hz(sensor))
+        within = np.arange(self.steps(sensor)) * second_per_step
+        return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
+
+    def firing_times(self, sensor: Sensor, frames: range) -> Floats:
+        """Return firing times, (frames, steps, lasers), s since the sweep's start."""
+        steps = self.timestamps(sensor, frames)[:, :, None]
+        fired = steps + _delays(sensor) if self.timing == "firing" else steps
+        return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))
+
+    def turning_hz(self, sensor: Sensor) -> float:
+        return sensor.rotation_hz if self.rotation_hz is None else self.rotation_hz
+
+    def step_deg(self, sensor: Sensor) -> float:
+        if self.timing == "firing":
+            return 360.0 * self.turning_hz(sensor) * _sequence_s(sensor)
+        return sensor.azimuth_step_deg if self.azimuth_step_deg is None else self.azimuth_step_deg
+
+    def _degrees_per_frame(self, sensor: Sensor) -> float:
+        return 360.0 * self.turning_hz(sensor) / self.frames_per_second
+
+
+def _delays(sensor: Sensor) -> Floats:
+    return np.array(sensor.firing_times_us) * 1e-6
+
+
+def _sequence_s(sensor: Sensor) -> float:
+    if sensor.firing_sequence_us is None:
+        raise InputError(f"sensor {sensor.name} does not state its firing_sequence_us")
+    return sensor.firing_sequence_us * 1e-6
+
+
+# `thesis_room`: the room scans of the thesis, with BlenSor's defaults instead of the VLP-16's.
+# `spin`: one turn of a level sensor at rest, in one frame.
+SWEEPS: dict[str, dict[str, Any]] = {
+    "thesis": {},
+    "thesis_room": {
+        "frames_per_second": 24.0,
+        "frames_skipped": 1,
+        "rotation_hz": 10.0,
+        "azimuth_step_deg": 0.1728,
+        "max_range_m": 120.0,
+    },
+    "spin": {
+        "frames_per_second": 5.0,
+        "rotation_hz": 5.0,
+        "duration_s": 0.2,
+        "pitch_start_deg": 0.0,
+        "pitch_end_deg": 0.0,
+    },
+}
+
+
+def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
+    """Create a sweep from the name of a preset, or from values such as ``{"duration_s": 1.0}``.
+
+    Missing values are those of the ``preset`` (default: ``thesis``). A ``trajectory``, rows of
+    poses, a file's path, or values of a `Motion`, determines the duration unless ``duration_s`` is
+    set.
+    """
+    options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
+    name = options.pop("preset", "thesis")
+    if name not in SWEEPS:
+        raise InputError(f"unknown sweep {name!r}{among(name, SWEEPS)}")
+    if isinstance(options.get("trajectory"), str):
+        options["trajectory"] = read_rows(Path(options["trajectory"]))
+    if isinstance(options.get("trajectory"), Mapping):
+        options["trajectory"] = parsed(Motion, options["trajectory"], "trajectory").rows()
+    if "duration_s" not in options:
+        options |= _duration(options.get("trajectory"))
+    return parsed(Sweep, {**SWEEPS[name], **options}, f"sweep {name}")
+
+
+def _duration(rows: Any) -> dict[str, float]:
+    if isinstance(rows, (list, tuple)) and len(rows) > 1 and isinstance(rows[-1], (list, tuple)):
+        return {"duration_s": rows[-1][0]} if rows[-1] else {}
+    return {}
+
+
+def ease(time: Floats) -> Floats:
+    """Interpolate smoothly from 0 to 1 at `time` in [0, 1], as Blender does by default.
+
+    The Bezier curve has the control points (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614.
+    """
+    h = 1 / _HANDLE_DIVISOR
+    s = np.array(time, dtype=np.float64)
+    for _ in range(6):
+        value = 3 * h * s * (1 - s) ** 2 + 3 * (1 - h) * s**2 * (1 - s) + s**3
+        slope = 3 * h * (1 - s) ** 2 + 6 * (1 - 2 * h) * s * (1 - s) + 3 * h * s**2
+        s -= (value - time) / slope
+    return np.asarray(s**2 * (3 - 2 * s))

@@ -1,0 +1,90 @@
+"""What a data set's settings make of its jobs: their settings and memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pointkit.errors import InputError
+from puckbench.jobs.evaluate import EvaluateCurve
+from puckbench.jobs.scan import Scan
+from puckbench.planning.workflow import Workflow
+
+CLOUDS = """
+from puckbench.datasets.base import GeneratedSet
+
+
+class Clouds(GeneratedSet):
+    of_clouds = True
+
+    def names(self):
+        return ["office_1"]
+
+    def load(self, name):
+        raise KeyError(name)
+"""
+
+
+def workflow(loader: str = "embedded_rooms", **settings: Any) -> Workflow:
+    rooms = {"loader": loader, "select": ["office_1"]}
+    dataset = {"scenes": "rooms", "make": "scan", **settings}
+    return Workflow({"scenes": {"rooms": rooms}, "datasets": {"d": dataset}})
+
+
+def test_a_scan_from_anywhere_is_asked_for() -> None:
+    assert not Scan.model_validate_json(workflow().clouds.scan("d", "office_1").record).anywhere
+    assert Scan.model_validate_json(
+        workflow(anywhere=True).clouds.scan("d", "office_1").record
+    ).anywhere
+
+
+def test_each_seed_has_a_cloud_of_every_scene() -> None:
+    bench = workflow(seeds=[3, 8])
+    assert bench.plan.clouds == (("d", "office_1-3"), ("d", "office_1-8"))
+    for cloud, seed in (("office_1-3", 3), ("office_1-8", 8)):
+        assert Scan.model_validate_json(bench.clouds.scan("d", cloud).record).seed == seed
+        assert bench.clouds.scene_file("d", cloud).endswith("scenes/rooms/office_1.ply")
+    sampled = workflow(seeds=[3, 8], make="sample").clouds
+    assert sampled.sample("d", "office_1-3").record != sampled.sample("d", "office_1-8").record
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [({"seed": 1, "seeds": [1]}, "a seed too"), ({"make": "cloud", "seeds": [1]}, "have none")],
+)
+def test_seeds_that_would_do_nothing_are_refused(settings: dict[str, Any], reason: str) -> None:
+    with pytest.raises(InputError, match=f"seeds: .*{reason}"):
+        workflow(**settings)
+
+
+def test_the_peak_of_a_grid_is_each_clouds_own(tmp_path: Path) -> None:
+    (tmp_path / "clouds.py").write_text(CLOUDS)
+
+    def peak(**settings: Any) -> float | None:
+        coding = workflow(**settings).coding
+        job = coding.evaluate(*coding.plan.curves[0])
+        return EvaluateCurve.model_validate_json(job.record).peak
+
+    assert peak() == 1023
+    assert peak(size=512) == 511
+    loader = f"{tmp_path}/clouds.py:Clouds"
+    assert peak(loader=loader, size="grid", make="cloud") is None
+
+
+def test_meshes_are_not_coded_as_clouds() -> None:
+    fault = r"datasets.d.make is 'cloud', but embedded_rooms has meshes: sample or scan"
+    with pytest.raises(InputError, match=fault):
+        workflow(make="cloud")
+
+
+def test_only_clouds_come_on_a_grid() -> None:
+    with pytest.raises(InputError, match=r"datasets.d.size: a grid is only for captured clouds"):
+        workflow(size="grid")
+
+
+def test_pictures_need_memory() -> None:
+    more = workflow(views=1920).coding.memory_mb("draco")
+    more -= workflow().coding.memory_mb("draco")
+    assert more == pytest.approx(1920**2 * 100e-6, abs=1)

@@ -1,0 +1,125 @@
+"""The source archive and the wheel: whole, and at work where nothing else of this tree is."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pointkit.geometry.cloud import PointCloud
+from puckbench.files.clouds import read_cloud, write_cloud
+from tests.support.bench import ROOT
+
+TREES = ("src", "workflow", "config", "envs", "docs")
+FILES = (
+    "pyproject.toml",
+    "setup.py",
+    "MANIFEST.in",
+    "README.md",
+    "LICENSE",
+    "CHANGELOG.md",
+    "Makefile",
+)
+CACHES = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*")
+
+
+def done(*words: str | Path, cwd: Path) -> str:
+    """What a program prints, run without this tree on its path."""
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    ended = subprocess.run(words, cwd=cwd, env=env, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr[-4000:]
+    return ended.stdout
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The source archive, built in a copy of the tree, which building would litter."""
+    tree = tmp_path_factory.mktemp("tree")
+    for name in TREES:
+        shutil.copytree(ROOT / name, tree / name, ignore=CACHES)
+    for name in FILES:
+        shutil.copy(ROOT / name, tree)
+    program = "import setuptools.build_meta as build; print(build.build_sdist('dist'))"
+    return tree / "dist" / done(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def wheel(archive: Path) -> Path:
+    """The wheel, built from the source archive alone."""
+    offline = ["--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
+    done(sys.executable, "-m", "pip", "wheel", *offline, archive.name, cwd=archive.parent)
+    (result,) = archive.parent.glob("*.whl")
+    return result
+
+
+def files_below(folder: Path) -> set[str]:
+    """Relative paths of the files below a folder, without what running leaves there."""
+    paths = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return {path.as_posix() for path in paths if "__pycache__" not in path.parts}
+
+
+def test_the_wheel_has_every_file_of_the_package(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    held = {name.removeprefix("puckbench/") for name in names if name.startswith("puckbench/")}
+    workflow = {f"workflow/{name}" for name in files_below(ROOT / "workflow")}
+    assert held == files_below(ROOT / "src" / "puckbench") | workflow | {"envs/puckbench.yaml"}
+    assert "snakemake_logger_plugin_puckbench/__init__.py" in names
+
+
+def test_the_source_archive_has_the_workflow(archive: Path) -> None:
+    with tarfile.open(archive) as tar:
+        names = {name.partition("/")[2] for name in tar.getnames()}
+    for folder in ("workflow", "config"):
+        assert {f"{folder}/{name}" for name in files_below(ROOT / folder)} <= names
+
+
+RUN = ("--codecs", "draco", "gpcc", "--rates", "r2", "r8", "--cores", "2")
+
+
+def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
+    wheel: Path, tmp_path: Path
+) -> None:
+    environment = tmp_path / "environment"
+    done(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
+    python = environment / "bin" / "python"
+    # What puckbench needs comes from this interpreter's packages; editable installs do not.
+    where = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    packages = Path(done(python, "-c", where, cwd=tmp_path).strip())
+    here = {sysconfig.get_path(name) for name in ("purelib", "platlib")}
+    (packages / "needed.pth").write_text("\n".join(sorted(here)) + "\n")
+    offline = ["--no-deps", "--no-index", "--ignore-installed", "--target", str(packages)]
+    done(sys.executable, "-m", "pip", "install", *offline, wheel, cwd=tmp_path)
+    for loops in (ROOT / "src").rglob("__pycache__/numba-*"):  # a digest of sources is in the name
+        compiled = packages / loops.relative_to(ROOT / "src")
+        compiled.parent.mkdir(exist_ok=True)
+        compiled.symlink_to(loops)
+    said = "import puckbench; print(puckbench.__file__)"
+    assert done(python, "-c", said, cwd=tmp_path).startswith(str(packages))
+    result = "from puckbench.planning.launch import snakefile; print(snakefile())"
+    assert done(python, "-c", result, cwd=tmp_path).strip() == str(
+        packages / "puckbench" / "workflow" / "Snakefile"
+    )
+    points = np.random.default_rng(0).integers(0, 64, (300, 3)).astype(np.float64)
+    write_cloud(tmp_path / "a.ply", PointCloud(points, about={"size": 64}))
+    puckbench = [python, "-m", "puckbench"]
+    for codec in ("draco", "pcgcv2_plus"):
+        rate = ["--codec", codec, "--rate", "r4", "--json"]
+        record = json.loads(done(*puckbench, "encode", "a.ply", "a.bin", *rate, cwd=tmp_path))
+        assert ("weights" in record) == (codec == "pcgcv2_plus")
+        done(*puckbench, "decode", "a.bin", "b.ply", cwd=tmp_path)
+        assert len(read_cloud(tmp_path / "b.ply")) > 0
+    output = done(*puckbench, "run", "a.ply", *RUN, cwd=tmp_path).splitlines()
+    assert [line.split()[:2] for line in output[1:3]] == [["Clouds", "Draco"], ["Clouds", "G-PCC"]]
+    assert (tmp_path / "out" / "report.html").stat().st_size > 50_000
+    for codec in ("draco", "gpcc"):
+        curve = zipfile.ZipFile(tmp_path / "out" / "coded" / "clouds" / "a" / f"{codec}.zip")
+        assert curve.namelist() == ["r2.bin", "r2.json", "r8.bin", "r8.json"]
