@@ -17,11 +17,11 @@ import numpy as np
 from benchmarks.turns import Turn
 from numpy.typing import NDArray
 
+from cloud_files.clouds import read_cloud, write_cloud
 from gpcc.coder import decode_geometry
 from gpcc.sensor import SensorDescription
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.codecs.external import write_points
-from puckbench.files.clouds import read_cloud, write_cloud
 
 SECONDS, MEMORY = 30, 2**31
 """That one of TMC3's processes may take: slices of a flat cloud have it search for ever."""

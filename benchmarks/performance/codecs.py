@@ -28,12 +28,12 @@ from benchmarks.clouds import sampled_object, scanned_room
 from benchmarks.turns import virtual_returns
 
 import puckbench
+from cloud_files.clouds import read_cloud
 from pointkit.coding.zstandard import compressed
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.measurement import measured
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.files.clouds import read_cloud
 from puckbench.metrics.geometry import distortion
 
 T = TypeVar("T")

@@ -21,13 +21,13 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from primitives_picture import draw_primitives
 
+from cloud_files.clouds import read_cloud
+from cloud_files.meshes.reading import read_mesh
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.figures.drawing import lay_out, save_figure
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files.clouds import read_cloud
-from puckbench.files.meshes.reading import read_mesh
 from puckbench.geometry.digest import cloud_digest
 from puckbench.metrics.coordinate_frames import rows_in_frame
 from puckbench.report.reference_results import (

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud, check_points
 from pointkit.measurement import measured
@@ -15,7 +16,6 @@ from pointkit.models import parsed
 from pointkit.registry import trust
 from puckbench.codecs import registry
 from puckbench.codecs.base import Codec, SharedWork
-from puckbench.files.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, ready
 from puckbench.jobs.curve_files import read_curve
 from puckbench.jobs.encode_curve import measured_encoding

@@ -10,6 +10,7 @@ from types import ModuleType
 _MOVED = {
     "puckbench.coding": "pointkit.coding",
     "puckbench.core.compiling": "pointkit.compiling",
+    "puckbench.core.content": "cloud_files.content",
     "puckbench.core.errors": "pointkit.errors",
     "puckbench.core.files": "pointkit.files",
     "puckbench.core.lazy": "pointkit.lazy",
@@ -21,7 +22,7 @@ _MOVED = {
     "puckbench.core.yaml_files": "pointkit.yaml_files",
     "puckbench.geometry": "pointkit.geometry",
     "puckbench.gpcc": "gpcc",
-    "puckbench.io": "puckbench.files, pointkit or puck.recordings",
+    "puckbench.io": "cloud_files, pointkit or puck.recordings",
     "puckbench.learned": "pcc_networks",
     "puckbench.lidar": "virtual_lidar, pointkit.lidar or puck.recordings",
     "puckbench.primitives": "primitive_codec",

@@ -74,7 +74,7 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 import numpy as np
-from puckbench.files.ply import write_vertices
+from cloud_files.ply import write_vertices
 name = sha256(Path(sys.argv[1]).read_bytes()).hexdigest() + ".npz"
 columns = dict(np.load(Path(__file__).with_name(name)))
 CHANGE

@@ -13,6 +13,7 @@ import pytest
 import torch
 from scipy.spatial import cKDTree
 
+from cloud_files.clouds import write_cloud
 from pcc_networks.pcgcv1 import weights as pcgcv1_weights
 from pcc_networks.pcgcv1.device_inference import DeviceTransforms
 from pcc_networks.pcgcv2 import inference as pcgcv2_inference
@@ -20,7 +21,6 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs.train import Train
 from tests.support.learned_codecs import changes, save_tiny, shell
 

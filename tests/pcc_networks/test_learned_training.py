@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from cloud_files.clouds import write_cloud
 from pcc_networks.catalogue import header_of
 from pcc_networks.pcgcv2.model import PCGCv2
 from pcc_networks.pcgcv2.training import Pcgcv2Trainer
@@ -21,7 +22,6 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
 from puckbench.cli import main
 from puckbench.codecs.registry import open_codec, open_training
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs.validation import faults, peak_of, validation
 from tests.support.learned_codecs import LMBDAS, TINY2
 

@@ -324,6 +324,6 @@ def test_streams_decode_in_a_fresh_process(codec: Codec, folder: Path, tmp_path:
         [*command, "--weights", folder, "--entry", json.dumps({"rates": RATES["pcgcv2_plus"]})],
         check=True,
     )
-    from puckbench.files.clouds import read_cloud
+    from cloud_files.clouds import read_cloud
 
     assert np.array_equal(read_cloud(tmp_path / "a.ply").xyz, codec.decode(stream))

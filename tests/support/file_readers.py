@@ -71,13 +71,13 @@ class FileReader:
 
 
 def _cloud(path: Path) -> NDArray[np.float64]:
-    from puckbench.files.clouds import read_cloud
+    from cloud_files.clouds import read_cloud
 
     return read_cloud(path).xyz
 
 
 def _mesh(path: Path) -> NDArray[np.float64]:
-    from puckbench.files.meshes import read_mesh
+    from cloud_files.meshes import read_mesh
 
     return read_mesh(path).vertices
 
@@ -128,7 +128,7 @@ def _weights(path: Path) -> None:
 
 
 def _checkpoint(path: Path) -> None:
-    from puckbench.files.tensorflow_checkpoints import read_variables
+    from cloud_files.tensorflow_checkpoints import read_variables
 
     read_variables(path.read_bytes(), bytes(1000))
 
@@ -141,7 +141,7 @@ def _points() -> NDArray[np.float64]:
 
 
 def _write_cloud(path: Path) -> None:
-    from puckbench.files.clouds import write_cloud
+    from cloud_files.clouds import write_cloud
 
     write_cloud(path, PointCloud(_points(), normals=np.eye(3)[np.arange(40) % 3]))
 
@@ -233,7 +233,7 @@ def _write_box(path: Path) -> None:
 
 
 def _write_mesh(path: Path) -> None:
-    from puckbench.files.meshes import write_mesh
+    from cloud_files.meshes import write_mesh
 
     write_mesh(path, Mesh(np.asarray(_box().vertices), np.asarray(_box().faces)))
 

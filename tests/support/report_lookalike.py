@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
+from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.tables import write_table
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs.tables.results import summary
 from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
 from puckbench.metrics.tables.uses import uses

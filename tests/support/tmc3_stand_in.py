@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from cloud_files.clouds import read_cloud
 from gpcc.coder import decode_geometry, encode_geometry
 from gpcc.options import PROFILES
 from gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 from pointkit.files import read_bytes
 from puckbench.codecs.external import write_points
-from puckbench.files.clouds import read_cloud
 
 
 def main(options: dict[str, Any]) -> None:

@@ -70,7 +70,7 @@ class _Remarks(logging.Handler):
 
 def _show_remarks() -> None:
     remarks = _Remarks()
-    for log in map(logging.getLogger, ("puckbench", "puck")):
+    for log in map(logging.getLogger, ("puckbench", "cloud_files", "puck")):
         log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
         log.addHandler(remarks)
 

@@ -8,10 +8,10 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from cloud_files.clouds import read_cloud
 from gpcc.conformance import CrashError, Decode, rows_of
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from puckbench.files.clouds import read_cloud
 
 SECONDS = 60
 """Time limit of a program per stream, in s."""

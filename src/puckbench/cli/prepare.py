@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from cloud_files.content import plain_suffix
 from pointkit.errors import InputError
 from pointkit.lidar.returns import returns_file
 from pointkit.return_tables import is_table_of
@@ -11,7 +12,6 @@ from puck.recordings.data_packets import LEFT_OUT
 from puck.recordings.pcap import refuse_stream
 from puckbench.cli.capture import STREAM, TOPIC
 from puckbench.cli.types import add_cloud_options, add_unit, integer, refuse, selected, turns
-from puckbench.core.content import plain_suffix
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
 from puckbench.jobs.prepare_message import PrepareMessage

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Availability, Codec, Cost, SharedWork
 from puckbench.core.programs import run_program
-from puckbench.files.clouds import read_cloud
 from puckbench.geometry.attributes import Attributes
 
 _MEMORY_BYTES, _MEMORY_PER_BYTE = 2**31, 400

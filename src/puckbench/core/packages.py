@@ -7,7 +7,10 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
-ENGINES = ("gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck", "virtual_lidar")
+ENGINES = (
+    *("cloud_files", "gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck"),
+    "virtual_lidar",
+)
 
 
 def plugin_packages() -> list[EntryPoint]:

@@ -82,9 +82,9 @@ def read_area_mesh(path: Path, area: str) -> AreaMesh:
 
 @lru_cache(maxsize=1)
 def _read(path: Path, area: str, _modified_ns: int) -> AreaMesh:
-    from puckbench.files.meshes.obj import read_obj
-    from puckbench.files.meshes.polygons import triangulate
-    from puckbench.files.meshes.reading import y_up_to_z_up
+    from cloud_files.meshes.obj import read_obj
+    from cloud_files.meshes.polygons import triangulate
+    from cloud_files.meshes.reading import y_up_to_z_up
 
     polygons = read_obj(path)
     if polygons.material_id is None:

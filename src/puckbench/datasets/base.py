@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict
 
+from cloud_files.meshes import read_mesh_report
 from pointkit.errors import InputError, among
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from pointkit.models import Model
 from puckbench.datasets.scene import Scene
-from puckbench.files.meshes import read_mesh_report
 
 T = TypeVar("T")
 

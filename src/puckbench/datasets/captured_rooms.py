@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.meshes.reading import y_up_to_z_up
 from pointkit.errors import InputError
 from pointkit.files import open_file, read_json
 from pointkit.geometry.cloud import Floats
@@ -19,7 +20,6 @@ from pointkit.geometry.mesh import Labels, Mesh, check_mesh
 from puckbench.datasets.base import FolderSet, freeform_labels, numbered_objects
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
-from puckbench.files.meshes.reading import y_up_to_z_up
 
 Entity = Mapping[str, Any]
 

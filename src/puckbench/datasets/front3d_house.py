@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.meshes import read_mesh_report
+from cloud_files.meshes.reading import y_up_to_z_up
 from pointkit.errors import InputError
 from pointkit.files import read_json
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh, check_mesh
 from puckbench.datasets.base import freeform_labels, numbered_objects
-from puckbench.files.meshes import read_mesh_report
-from puckbench.files.meshes.reading import y_up_to_z_up
 
 MeshArrays = tuple[Floats, NDArray[np.int64]]
 """Vertices (v, 3), y up, and triangles (t, 3)."""

@@ -19,6 +19,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cloud_files.clouds import without_invalid, without_missing
+from cloud_files.float32_frames import check_column_count, float32_rows
+from cloud_files.poses import read_kitti_calibration, read_poses, read_times
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import Floats, UncheckedCloud, check_points
@@ -27,9 +30,6 @@ from puckbench.datasets.base import Count, select_names
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.files.clouds import without_invalid, without_missing
-from puckbench.files.float32_frames import check_column_count, float32_rows
-from puckbench.files.poses import read_kitti_calibration, read_poses, read_times
 
 if TYPE_CHECKING:
     from puck.recordings.rings import RecoveredReturns

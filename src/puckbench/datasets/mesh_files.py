@@ -3,14 +3,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from cloud_files.content import plain_suffix
+from cloud_files.meshes import SUFFIXES, read_mesh_report, warn_of_skipped
+from cloud_files.ply import has_faces
 from pointkit.geometry.mesh import scaled_mesh
-from puckbench.core.content import plain_suffix
 from puckbench.datasets.captured_rooms import is_captured_room, read_capture
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
-from puckbench.files.meshes import SUFFIXES, read_mesh_report, warn_of_skipped
-from puckbench.files.ply import has_faces
 
 
 @LOADERS.register("mesh_files")

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from cloud_files.clouds import without_invalid, without_missing
+from cloud_files.float32_frames import check_column_count, float32_rows
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import Floats, UncheckedCloud, check_points
@@ -23,8 +25,6 @@ from pointkit.geometry.missing_returns import missing_firings
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.files.clouds import without_invalid, without_missing
-from puckbench.files.float32_frames import check_column_count, float32_rows
 
 if TYPE_CHECKING:
     from puck.recordings.rings import RecoveredReturns

@@ -4,13 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
+from cloud_files.clouds import SUFFIXES, checked_cloud, read_unchecked_cloud, removal_counts
+from cloud_files.content import plain_suffix
+from cloud_files.ply import has_faces
 from pointkit.geometry.cloud import check_extent
-from puckbench.core.content import plain_suffix
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
-from puckbench.files.clouds import SUFFIXES, checked_cloud, read_unchecked_cloud, removal_counts
-from puckbench.files.ply import has_faces
 
 
 @LOADERS.register("point_clouds")

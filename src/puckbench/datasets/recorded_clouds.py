@@ -3,13 +3,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from cloud_files.clouds import checked_cloud, removal_counts
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import check_extent
 from puckbench.datasets.base import look_up
 from puckbench.datasets.recordings import BAG_SUFFIXES, RecordingSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.files.clouds import checked_cloud, removal_counts
 
 
 @LOADERS.register("recorded_clouds")

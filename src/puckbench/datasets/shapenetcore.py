@@ -8,11 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from cloud_files.meshes import read_mesh_report
 from pointkit.geometry.mesh import Mesh
 from pointkit.yaml_files import read_yaml
 from puckbench.datasets.base import Count, MeshFolderSet, select_names
 from puckbench.datasets.registry import LOADERS
-from puckbench.files.meshes import read_mesh_report
 
 _read_table = cache(read_yaml)
 _SYNSET = re.compile(r"\d{8}")

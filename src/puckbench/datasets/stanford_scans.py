@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cloud_files.meshes import read_mesh_report
 from pointkit.geometry.mesh import Mesh
 from puckbench.datasets.base import MeshFolderSet, select_names
 from puckbench.datasets.registry import LOADERS
-from puckbench.files.meshes import read_mesh_report
 
 _CREDIT = "Stanford Computer Graphics Laboratory, The Stanford 3D Scanning Repository"
 _CREDIT_XYZRGB = f"{_CREDIT}; scanned by XYZ RGB Inc."

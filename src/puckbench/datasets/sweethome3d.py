@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cloud_files.meshes.reading import mesh_from_polygons, y_up_to_z_up
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh, SceneObject
@@ -19,7 +20,6 @@ from pointkit.yaml_files import read_yaml
 from puckbench.datasets.base import DataSet, freeform_labels, look_up, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
-from puckbench.files.meshes.reading import mesh_from_polygons, y_up_to_z_up
 
 INSTALLED = "/usr/share/sweethome3d/furniture"
 _INSIDE = ("", "furniture", "usr/share/sweethome3d/furniture")
@@ -164,7 +164,7 @@ def semantic_class(title: str) -> str | None:
 
 
 def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
-    from puckbench.files.meshes.obj import parse_obj
+    from cloud_files.meshes.obj import parse_obj
 
     what = f"{model.archive}/{model.member}"
     return mesh_from_polygons(parse_obj(_member(model.archive, model.member), what), what, "obj")

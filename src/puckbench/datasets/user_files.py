@@ -10,9 +10,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
+from cloud_files.content import plain_name, plain_suffix
 from pointkit.errors import InputError, naming
 from pointkit.files import refuse_special
-from puckbench.core.content import plain_name, plain_suffix
 from puckbench.datasets.base import DataSet, look_up
 from puckbench.datasets.scene import safe_name, unique_names
 from puckbench.datasets.units import Units, check_units, metres_per_unit_of

@@ -10,14 +10,14 @@ from typing import ClassVar
 import numpy as np
 from pydantic import PositiveFloat, PositiveInt
 
+from cloud_files.clouds import read_cloud
+from cloud_files.meshes.reading import y_up_to_z_up
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.datasets.base import Count, FolderSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
-from puckbench.files.clouds import read_cloud
-from puckbench.files.meshes.reading import y_up_to_z_up
 
 _FRAME = re.compile(r"(?P<sequence>\w+?)_vox(?P<bits>\d+)(?:_(?P<frame>\d+))?", re.ASCII)
 _SCALE = re.compile(rb"^comment frame_to_world_scale (\d*\.?\d+)\s*$", re.MULTILINE)

@@ -6,12 +6,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError, among
 from pointkit.files import write_bytes
 from pointkit.geometry.cloud import CoordinateFrame
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files.clouds import read_cloud
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.clouds import wide_colours, write_cloud
+from cloud_files.content import plain_suffix
+from cloud_files.las_rewriting import rewrite_las
+from cloud_files.meshes.writing import write_mesh
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.point_columns import WIDE_COLOURS
 from puckbench.codecs.facts import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
-from puckbench.core.content import plain_suffix
-from puckbench.files.clouds import wide_colours, write_cloud
-from puckbench.files.las_rewriting import rewrite_las
-from puckbench.files.meshes.writing import write_mesh
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
 from puckbench.geometry.matching import Match, farthest, match_points
 from puckbench.jobs.curve_files import Coded, read_coded

@@ -3,9 +3,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from cloud_files.archives import write_archive
+from cloud_files.clouds import cloud_bytes
 from pointkit.errors import naming
-from puckbench.files.archives import write_archive
-from puckbench.files.clouds import cloud_bytes
 from puckbench.jobs.curve_files import read_curve
 from puckbench.jobs.decoding import Decoding
 from puckbench.jobs.registry import JOBS

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from cloud_files.poses import read_lidar_poses
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import HOUR_US
@@ -14,7 +15,6 @@ from pointkit.lidar.turns import clock_steps
 from puckbench.core.progress import Progress
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.files.poses import read_lidar_poses
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.scan import Scanning
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from cloud_files.archives import read_archive, write_archive
 from pointkit.errors import InputError, naming, noting
 from pointkit.files import json_bytes, object_of
 from pointkit.geometry.cloud import PointCloud, check_points
@@ -17,7 +18,6 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
 from puckbench.core.environment import run_environment
 from puckbench.core.progress import Progress
-from puckbench.files.archives import read_archive, write_archive
 from puckbench.geometry.digest import cloud_digest
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import RECORD, STREAM, write_rows

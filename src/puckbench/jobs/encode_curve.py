@@ -5,16 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cloud_files.clouds import IN_METRES, read_cloud
+from cloud_files.content import plain_suffix
 from pointkit.errors import InputError, naming, noting
 from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from pointkit.lidar.returns import with_returns
 from pointkit.measurement import Cost, Measured, measured
 from puckbench.codecs.base import Codec, SharedWork
 from puckbench.codecs.registry import open_codec
-from puckbench.core.content import plain_suffix
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.progress import Progress
-from puckbench.files.clouds import IN_METRES, read_cloud
 from puckbench.geometry.attributes import not_coded
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import NOT_CODED, REMARK, Coded, write_curve

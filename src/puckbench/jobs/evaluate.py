@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from cloud_files.clouds import SUFFIXES, read_cloud
+from cloud_files.content import plain_suffix
 from pointkit.errors import naming
 from pointkit.files import write_json
 from pointkit.lidar.returns import with_returns
 from puckbench import __version__
-from puckbench.core.content import plain_suffix
 from puckbench.core.progress import Progress
-from puckbench.files.clouds import SUFFIXES, read_cloud
 from puckbench.jobs.curve_files import REMARK, read_coded, read_curve, write_rows
 from puckbench.jobs.decoding import Decoded, Decoding
 from puckbench.jobs.registry import JOBS

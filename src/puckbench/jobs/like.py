@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cloud_files.clouds import SUFFIXES, checked_cloud, read_cloud, read_unchecked_cloud
+from cloud_files.content import plain_suffix
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud, bounds
-from puckbench.core.content import plain_suffix
-from puckbench.files.clouds import SUFFIXES, checked_cloud, read_cloud, read_unchecked_cloud
 from puckbench.geometry.matching import share_beyond
 
 MOST_UNLIKE = 0.5

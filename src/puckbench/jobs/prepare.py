@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field, PositiveFloat
 
+from cloud_files.clouds import checked_cloud, read_unchecked_cloud, write_cloud
 from pointkit.errors import InputError
 from pointkit.files import read_object
 from pointkit.geometry.cloud import Floats, PointCloud, UncheckedCloud, bounds
 from pointkit.models import Model, parsed
-from puckbench.files.clouds import checked_cloud, read_unchecked_cloud, write_cloud
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.jobs.registry import JOBS, Job
 

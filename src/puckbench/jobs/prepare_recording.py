@@ -4,6 +4,9 @@ import logging
 from pathlib import Path
 from typing import Any
 
+from cloud_files import meshes
+from cloud_files.clouds import SUFFIXES
+from cloud_files.content import plain_suffix, read_content
 from pointkit.errors import naming
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, read_firings
@@ -12,10 +15,7 @@ from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.pcap import refuse_stream
 from puck.recordings.ros_bags import bag_format
 from puck.recordings.topics import refuse_topic
-from puckbench.core.content import plain_suffix, read_content
 from puckbench.datasets.recordings import RECORDING_SUFFIXES, decompressed
-from puckbench.files import meshes
-from puckbench.files.clouds import SUFFIXES
 from puckbench.jobs.prepare_returns import PrepareReturns, select_turns
 from puckbench.jobs.registry import JOBS
 from virtual_lidar.scan_table import ScanTable

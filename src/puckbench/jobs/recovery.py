@@ -5,13 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cloud_files.clouds import read_cloud
+from cloud_files.meshes import read_mesh
 from pointkit.errors import InputError, naming
 from pointkit.files import write_json
 from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Labels, Mesh
 from puckbench import __version__
-from puckbench.files.clouds import read_cloud
-from puckbench.files.meshes import read_mesh
 from puckbench.jobs.codec_jobs import CodecJob
 from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
 from puckbench.jobs.registry import JOBS

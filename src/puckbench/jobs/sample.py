@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import Field, PositiveFloat
 
+from cloud_files.clouds import write_cloud
 from pointkit.seeding import generator
-from puckbench.files.clouds import write_cloud
 from puckbench.geometry.sampling import sample_surface
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, PositiveFloat
 
+from cloud_files.descriptions import read_description, sidecar
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
 from pointkit.lidar.sensor import Sensor
@@ -14,7 +15,6 @@ from pointkit.lidar.sensors import load_sensor
 from pointkit.models import Model, parsed
 from pointkit.seeding import generator
 from puckbench.core.progress import Progress
-from puckbench.files.descriptions import read_description, sidecar
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface

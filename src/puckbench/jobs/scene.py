@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import Field
 
+from cloud_files.clouds import write_cloud
+from cloud_files.descriptions import write_description
+from cloud_files.meshes import write_mesh
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
-from puckbench.files.clouds import write_cloud
-from puckbench.files.descriptions import write_description
-from puckbench.files.meshes import write_mesh
 from puckbench.jobs.registry import JOBS, Job
 
 

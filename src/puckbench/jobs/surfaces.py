@@ -2,14 +2,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cloud_files.clouds import SUFFIXES, read_cloud
+from cloud_files.content import plain_suffix
+from cloud_files.meshes import read_mesh
+from cloud_files.ply import has_faces
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Mesh, scaled_mesh
 from pointkit.lazy import imported
-from puckbench.core.content import plain_suffix
-from puckbench.files.clouds import SUFFIXES, read_cloud
-from puckbench.files.meshes import read_mesh
-from puckbench.files.ply import has_faces
 
 _CAPTURES = "puckbench.datasets.captured_rooms:read_capture"
 

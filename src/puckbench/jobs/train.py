@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
+from cloud_files.clouds import read_cloud
 from pcc_networks.catalogue import weights_file
 from pcc_networks.device import why_not
 from pcc_networks.training.settings import BaseTraining
@@ -15,7 +16,6 @@ from pointkit.errors import InputError
 from pointkit.files import sha256, write_json
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.registry import entry, open_codec, open_training
-from puckbench.files.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
 

@@ -4,11 +4,11 @@ from collections.abc import Iterable
 from functools import cache, cached_property
 from pathlib import Path
 
-from puckbench.core.content import plain_suffix
+from cloud_files import clouds
+from cloud_files.content import plain_suffix
+from cloud_files.meshes import reading as meshes
 from puckbench.datasets import recordings
 from puckbench.datasets.registry import LOADERS
-from puckbench.files import clouds
-from puckbench.files.meshes import reading as meshes
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns
 from puckbench.jobs.sample import Sample

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from cloud_files.poses import files_of_poses
 from pointkit.errors import InputError, among, naming
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.facts import find_rate
-from puckbench.files.poses import files_of_poses
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.metrics.table_registry import UNDECODED

@@ -8,20 +8,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from cloud_files import clouds, meshes
+from cloud_files.clouds import IN_METRES
+from cloud_files.content import plain_suffix
+from cloud_files.ply import has_faces
 from pointkit.errors import NARROWER, InputError, naming
 from pointkit.files import special_kind, write_bytes
 from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.facts import check_lengths, find_rate
 from puckbench.codecs.registry import codec_class, open_codec
-from puckbench.core.content import plain_suffix
 from puckbench.datasets import captured_rooms, recordings
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.units import check_units, is_named
 from puckbench.datasets.user_files import is_file_or_lost
-from puckbench.files import clouds, meshes
-from puckbench.files.clouds import IN_METRES
-from puckbench.files.ply import has_faces
 from puckbench.geometry.scaling import METRIC
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
@@ -84,7 +84,7 @@ class UserRun:
         Names or places (``file.py:Class``) of codecs; the first is the anchor.
     frame
         Coordinate frame of clouds and meshes; by default metres if all formats are in
-        `puckbench.files.clouds.IN_METRES`.
+        `cloud_files.clouds.IN_METRES`.
     rates
         Names of rates, or ``("all",)``; by default all, or four if all would take long.
     points

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cloud_files.clouds import without_invalid, without_missing
 from pointkit.errors import naming
 from pointkit.geometry.cloud import UncheckedCloud
 from pointkit.geometry.missing_returns import missing_returns
@@ -19,7 +20,6 @@ from puck.recordings.point_cloud2 import POINT_CLOUD2, point_columns
 from puck.recordings.ros_bags import is_bag, read_messages, read_topics
 from puck.recordings.topics import Topic, choose_topic
 from puck.recordings.velodyne_messages import SCAN
-from puckbench.files.clouds import without_invalid, without_missing
 
 CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 
@@ -79,7 +79,7 @@ def read_recorded_cloud(
 ) -> UncheckedCloud:
     """Read a message as a cloud, which may be empty or have non-finite points.
 
-    Missing returns are removed and counted as in `puckbench.files.clouds.read_cloud`.
+    Missing returns are removed and counted as in `cloud_files.clouds.read_cloud`.
     """
     (message,) = read_cloud_messages(path, topic, [number])
     with naming(path):

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.las import read_las
+from cloud_files.pcd import read_pcd
+from cloud_files.ply import read_ply
+from cloud_files.text import read_csv
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, check_points
 from pointkit.lidar.recorded_returns import RETURN_COLUMNS, UNKNOWN, RecordedReturns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.lidar.times import TimeUnit, falls, fault_of, largest_leap, seconds_of, unit_of
-from puckbench.files.las import read_las
-from puckbench.files.pcd import read_pcd
-from puckbench.files.ply import read_ply
-from puckbench.files.text import read_csv
 
 _READERS = {
     ".csv": read_csv,

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.evd import write_evd
+from cloud_files.float32_frames import write_float32_frame
+from cloud_files.las import write_las
+from cloud_files.pcd import write_pcd
+from cloud_files.ply import write_ply
+from cloud_files.text import write_csv
 from pointkit.errors import InputError
 from pointkit.lidar.recorded_returns import UNKNOWN, RecordedReturns, read_returns, table_of_returns
 from pointkit.lidar.returns import Returns
 from pointkit.return_tables import is_table_of
-from puckbench.files.evd import write_evd
-from puckbench.files.float32_frames import write_float32_frame
-from puckbench.files.las import write_las
-from puckbench.files.pcd import write_pcd
-from puckbench.files.ply import write_ply
-from puckbench.files.text import write_csv
 from puckbench.recordings.writing import write_pcap
 from virtual_lidar.scan_table import ScanTable, read_scan
 

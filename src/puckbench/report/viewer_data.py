@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cloud_files.archives import SUFFIX as ARCHIVE
+from cloud_files.clouds import read_archived_cloud, read_cloud
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.seeding import generator
 from puckbench.figures.style import FigureStyle
-from puckbench.files.archives import SUFFIX as ARCHIVE
-from puckbench.files.clouds import read_archived_cloud, read_cloud
 from puckbench.report.contents import Contents, Example
 from puckbench.report.plot_data import codec_payload, round_significant
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud, write_cloud
+from cloud_files.meshes import read_mesh, write_mesh
 from pointkit.geometry.cloud import PointCloud, UncheckedCloud
 from puckbench.cli import main
 from puckbench.cli.registry import help_texts
-from puckbench.files.clouds import read_cloud, write_cloud
-from puckbench.files.meshes import read_mesh, write_mesh
 
 BOX = """OFF
 8 6 0

@@ -15,13 +15,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cloud_files.clouds import write_cloud
+from cloud_files.meshes import write_mesh
 from pointkit.files import write_json
 from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Labels, Primitive, SceneObject
 from pointkit.tables import write_table
 from puckbench.cli import main
-from puckbench.files.clouds import write_cloud
-from puckbench.files.meshes import write_mesh
 from puckbench.jobs.curve_files import write_rows
 from puckbench.jobs.process import main as job
 from puckbench.report.reference_results import plain_rows, read_reference, write_reference

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from cloud_files.clouds import read_cloud, write_cloud
+from cloud_files.meshes import read_mesh, write_mesh
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
-from puckbench.files.clouds import read_cloud, write_cloud
-from puckbench.files.meshes import read_mesh, write_mesh
 from puckbench.library import compare, open_codec, prepare
-from tests.puckbench.files.test_cloud_formats import write_las
+from tests.cloud_files.test_cloud_formats import write_las
 
 UTM = np.array([500_000.0, 5_000_000.0, 120.0])
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import puckbench
+from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
 from puckbench.cli.answers import text_of
 from puckbench.codecs import learned
 from puckbench.codecs.registry import codec_of, open_codec
-from puckbench.files.clouds import read_cloud, write_cloud
 from puckbench.jobs import process
 from puckbench.jobs.encode import Encode
 from tests.support.bag_files import ros2_bag

@@ -10,8 +10,8 @@ import laspy
 import numpy as np
 import pytest
 
+from cloud_files.ply import read_ply
 from puckbench.cli import main
-from puckbench.files.ply import read_ply
 from tests.puckbench.cli.test_round_trips import _coded, _done
 from tests.support.las_files import geo_keys, las_bytes
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud
 from puckbench.cli import main
-from puckbench.files.clouds import read_cloud
 
 STEP = 0.25
 POINTS = np.random.default_rng(3).integers(0, 4000, (400, 3)) * STEP

@@ -10,11 +10,11 @@ import laspy
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
-from puckbench.files.clouds import read_cloud, write_cloud
 from puckbench.geometry.matching import match_points
-from tests.puckbench.files.test_cloud_formats import UTM, write_las
+from tests.cloud_files.test_cloud_formats import UTM, write_las
 from tests.support.las_files import geo_keys, las_bytes
 
 OF_FOOT = 0.3048
@@ -102,7 +102,7 @@ def test_other_clouds_keep_their_attributes_in_a_ply(site: Path, suffix: str) ->
         cloud = PointCloud(UTM - UTM[0], colours=colours, fields=fields)
         write_cloud(original, cloud, describe=False)
     else:
-        from puckbench.files.pcd import write_pcd
+        from cloud_files.pcd import write_pcd
 
         axes = dict(zip("xyz", (UTM - UTM[0]).T, strict=True))
         write_pcd(original, {**axes, "intensity": values})

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from cloud_files.meshes import write_mesh
 from pointkit.lidar.sensors import sensor_names
 from puckbench.cli import main
-from puckbench.files.meshes import write_mesh
 from puckbench.recordings.export import FORMATS
 from tests.support.sensor_scenes import room
 from virtual_lidar import error_model_names, read_scan

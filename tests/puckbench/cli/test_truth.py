@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
-from puckbench.files.clouds import write_cloud
 from virtual_lidar.scan_table import read_scan
 
 FLOOR = "OFF\n4 1 0\n-100 -100 0\n100 -100 0\n100 100 0\n-100 100 0\n4 0 1 2 3\n"

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject, scaled_mesh
 from puckbench.cli import main
 from puckbench.datasets.registry import open_scene_set
-from puckbench.files.clouds import read_cloud
 from puckbench.planning.user_files import UserRun
 
 GRID = np.random.default_rng(2).integers(0, 4000, (1500, 3))

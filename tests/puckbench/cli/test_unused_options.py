@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
-from puckbench.files.clouds import write_cloud
 from tests.support.cloud_bags import cloud_bag
 
 CAPTURE = Path(__file__).parents[2] / "data" / "capture" / "single.pcap"

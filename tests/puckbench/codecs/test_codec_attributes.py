@@ -8,11 +8,11 @@ import laspy
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns
 from puckbench.codecs.registry import open_codec
-from puckbench.files.clouds import read_cloud, write_cloud
 from puckbench.geometry.attributes import attributes_of
 from puckbench.jobs.curve_files import read_curve, read_rows
 from puckbench.jobs.decode import Decode

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import write_cloud
 from gpcc import syntax
 from gpcc.bits import BitReader
 from gpcc.container import unwrap
@@ -13,7 +14,6 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, write_firings
 from puckbench.cli import main
 from puckbench.codecs.registry import open_codec
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs.encode_curve import to_code
 from tests.support.returns import EXAMPLES, homemade, recorded
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
+from cloud_files.clouds import write_cloud
 from pcc_networks import catalogue
 from pcc_networks.weights_file import read_weights, write_weights
 from pointkit.errors import InputError
@@ -16,7 +17,6 @@ from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, codecs, entry, has_weights, open_codec
-from puckbench.files.clouds import write_cloud
 from puckbench.planning.workflow import Workflow
 from tests.support.learned_codecs import RATES, changes, save_tiny, shell
 

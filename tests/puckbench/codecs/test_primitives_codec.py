@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cloud_files.meshes import read_mesh
 from pointkit.errors import InputError
 from primitive_codec.decoder import decode_surface
 from primitive_codec.manhattan_frame import rotation_matrix
@@ -21,7 +22,6 @@ from primitive_codec.voxel_mode import VoxelSearch
 from puckbench.cli import main
 from puckbench.codecs.primitives import Primitives
 from puckbench.codecs.registry import open_codec
-from puckbench.files.meshes import read_mesh
 
 SIZE = np.array([1023.0, 700.0, 500.0])
 NOISE = 2.5

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cholesky import solve
 from pointkit.geometry.cloud import Floats, PointCloud
@@ -16,7 +17,6 @@ from pointkit.lidar.returns import Beams, Returns, returns_file, write_firings
 from pointkit.lidar.turns import Layout, Turn
 from puck.smoothing import _eliminate, smoothed_distances, smoothed_ranges
 from puckbench.codecs.registry import open_codec
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs.evaluate import Evaluate, Originals
 from puckbench.metrics.sensor_metrics import range_errors
 from tests.support.processors import printed_on_processors

@@ -15,6 +15,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cloud_files.clouds import write_cloud
+from cloud_files.meshes import write_mesh
 from pointkit.errors import InputError
 from pointkit.files import write_json
 from pointkit.geometry.cloud import PointCloud
@@ -22,8 +24,6 @@ from pointkit.lidar.sensors import load_sensor
 from pointkit.tables import write_table
 from puckbench.cli import main
 from puckbench.figures.drawing import save_figure
-from puckbench.files.clouds import write_cloud
-from puckbench.files.meshes import write_mesh
 from puckbench.recordings.export import FORMATS, export
 from tests.support.sensor_scenes import ROOM, room
 from virtual_lidar import ScanTable, open_error_model, open_sweep, scan, write_scan

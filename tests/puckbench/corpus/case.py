@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import tests.puckbench.corpus
+from tests.puckbench import corpus
 
 Reader = Literal["cloud", "mesh", "returns", "turns"]
 
@@ -76,6 +76,6 @@ def cloud_case(
 
 def cases() -> Iterator[Case]:
     """Yield the ``CASES`` of all modules of the corpus."""
-    for module in sorted(module.name for module in pkgutil.iter_modules(tests.puckbench.corpus.__path__)):
+    for module in sorted(module.name for module in pkgutil.iter_modules(corpus.__path__)):
         if not module.startswith("test_") and module not in ("case", "__main__"):
             yield from importlib.import_module(f"tests.puckbench.corpus.{module}").CASES

@@ -19,12 +19,12 @@ CASES = list(cases())
 def _read(case: Case, path: Path) -> tuple[Any, Any]:
     """Points of a file, and its further columns."""
     if case.reader == "cloud":
-        from puckbench.files.clouds import read_cloud
+        from cloud_files.clouds import read_cloud
 
         cloud = read_cloud(path, **case.options)
         return cloud.xyz, cloud.fields
     if case.reader == "mesh":
-        from puckbench.files.meshes import read_mesh
+        from cloud_files.meshes import read_mesh
 
         mesh = read_mesh(path, **case.options)
         return mesh.vertices, {"area": mesh.areas().sum()}

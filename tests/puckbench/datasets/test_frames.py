@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.errors import InputError
 from puckbench.datasets.kitti import Kitti
 from puckbench.datasets.voxelised8i import Voxelised8i
-from puckbench.files.clouds import read_cloud, write_cloud
 from puckbench.jobs.preparation import prepare
 from tests.support.files import put
 

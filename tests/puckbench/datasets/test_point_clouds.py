@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.errors import InputError
 from pointkit.files import read_json
 from pointkit.geometry.cloud import PointCloud
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.user_files import scene_names
-from puckbench.files.clouds import read_cloud, write_cloud
 from puckbench.geometry.scaling import origin_shift
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.scene import WriteScene

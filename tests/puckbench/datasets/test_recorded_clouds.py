@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from puckbench.cli import main
 from puckbench.datasets.recordings import RecordingSet
 from puckbench.datasets.registry import open_scene_set
-from puckbench.files.clouds import read_cloud
 from tests.support.cloud_bags import FORMATS, Rows, cloud_bag
 
 KIND = np.dtype(

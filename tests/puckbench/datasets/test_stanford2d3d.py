@@ -179,7 +179,7 @@ def test_one_area_is_read_once_for_all_its_rooms(
 ) -> None:
     scenes = rooms(root)
     scenes.load("area_1_office_1")
-    monkeypatch.setattr("puckbench.files.meshes.obj.read_bytes", lambda path: b"not read again")
+    monkeypatch.setattr("cloud_files.meshes.obj.read_bytes", lambda path: b"not read again")
     scenes.load("area_1_hallway_1")
     with pytest.raises(InputError, match="faces need materials"):
         scenes.load("area_5a_hallway_1")

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud
 from puckbench.cli import main
 from puckbench.datasets.point_clouds import PointClouds
-from puckbench.files.clouds import read_cloud
 from tests.puckbench.corpus.las import POINTS, STEPS, US_FOOT, wkt
 from tests.support.las_files import las_bytes
 

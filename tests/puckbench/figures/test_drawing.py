@@ -15,6 +15,7 @@ from matplotlib.patches import PathPatch
 from PIL import Image
 
 import puckbench
+from cloud_files.clouds import write_cloud
 from jenco2022.figures.example_clouds import round_length
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
@@ -25,7 +26,6 @@ from puckbench.figures.panels import add_rows_legend, label_rates, log_limits
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.files.clouds import write_cloud
 from puckbench.metrics.timing import unranked_codecs
 from tests.support.figures_lookalike import (
     CD_MEDIANS,

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cloud_files.meshes import write_mesh
 from pointkit.models import parsed
-from puckbench.files.meshes import write_mesh
 from puckbench.jobs.curve_files import read_rows
 from puckbench.jobs.drive import VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import puckbench
+from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs import fork_server
 
 OWN = """

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs.process import main
 
 OWN = """

@@ -10,10 +10,10 @@ import open3d as o3d
 import pytest
 from scipy.spatial.distance import cdist
 
+from cloud_files.clouds import write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
-from puckbench.files.clouds import write_cloud
 from puckbench.metrics import density as measured_density
 from puckbench.metrics.colour import colour_distortion, joint_quality, luminance_distance, yuv
 from puckbench.metrics.density import density, density_in_metres

@@ -20,7 +20,7 @@ from puckbench.planning.study_run import study_configuration
 from puckbench.planning.user_files import UserRun, write_configuration
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
-from tests.puckbench.files.test_cloud_formats import write_las
+from tests.cloud_files.test_cloud_formats import write_las
 from tests.support.bag_files import sqlite_bag
 from tests.support.cloud_bags import cloud_bag
 from tests.support.spinning import pcap, rows, spin

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cloud_files.pcd import parse_pcd
 from pointkit.errors import InputError
 from pointkit.lidar.sensors import load_sensor
 from pointkit.lidar.times import TimeUnit, seconds_of, unit_of
-from puckbench.files.pcd import parse_pcd
 from puckbench.recordings.export import export
 from puckbench.recordings.reading import read_recording
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cloud_files.poses import poses_of, read_kitti_calibration, read_poses, tum_bytes
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Beams, Returns
 from pointkit.lidar.turns import Layout, Turn
-from puckbench.files.poses import poses_of, read_kitti_calibration, read_poses, tum_bytes
 from puckbench.recordings.drives import Drive, firing_shares, read_drive, turn_of, write_drive
 
 

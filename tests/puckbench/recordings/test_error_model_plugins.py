@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.meshes import write_mesh
 from pointkit.errors import InputError
 from pointkit.registry import Registry, trust
 from puckbench.cli import main
-from puckbench.files.meshes import write_mesh
 from puckbench.planning.fingerprints import code_version
 from tests.support.sensor_scenes import room
 from virtual_lidar import error_model_names, open_error_model, read_scan

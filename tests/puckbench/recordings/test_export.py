@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.lidar.recorded_returns import write_returns
 from pointkit.lidar.sensors import load_sensor
 from puck.recordings.packet_turns import returns_of_packets
 from puckbench.cli import main
-from puckbench.files.clouds import read_cloud
 from puckbench.recordings.export import FORMATS, export, read_source
 from puckbench.recordings.reading import read_packets, read_recording
 from tests.support.sensor_scenes import ROOM, room
@@ -57,7 +57,7 @@ def test_ply_has_the_measured_points_and_every_attribute(table: ScanTable, tmp_p
 
 
 def test_ply_is_a_cloud_for_the_codecs(table: ScanTable, tmp_path: Path) -> None:
-    from puckbench.files.clouds import read_cloud
+    from cloud_files.clouds import read_cloud
 
     export(tmp_path / "a.ply", table, clean=True)
     assert np.array_equal(read_cloud(tmp_path / "a.ply").xyz, table.xyz)

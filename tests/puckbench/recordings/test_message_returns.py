@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.lidar.recorded_returns import RecordedReturns, read_returns
 from pointkit.lidar.sensors import load_sensor
 from puckbench.cli import main
-from puckbench.files.clouds import read_cloud
 from puckbench.recordings.reading import read_recording
 from tests.support.cloud_bags import FORMATS, Rows, cloud_bag
 from tests.support.cloud_turns import RANKS, SINCE_S, bag, turns

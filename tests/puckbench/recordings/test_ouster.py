@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import puckbench
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.lidar.recorded_returns import read_returns
 from puck.recordings.ouster import read_sensor
 from puckbench.cli import main
 from puckbench.datasets.recordings import Recordings
-from puckbench.files.clouds import read_cloud
 from puckbench.recordings.reading import read_recording, read_turns
 from tests.support.bench import ROOT
 from tests.support.ouster import (

@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
+from cloud_files.meshes import write_mesh
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Labels, Mesh, SceneObject
 from pointkit.lidar.sensors import load_sensor
 from puckbench.cli import main
-from puckbench.files.meshes import write_mesh
 from tests.support.sensor_scenes import box, joined, quad, room
 from virtual_lidar import ScanJob, ScanTable, Sweep, open_error_model, open_sweep
 from virtual_lidar.placement import _floor, _grid, check_free, check_untouched, seen_around

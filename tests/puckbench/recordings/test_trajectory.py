@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from cloud_files.meshes import write_mesh
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
 from pointkit.lidar.sensors import load_sensor
 from puckbench.cli import main
-from puckbench.files.meshes import write_mesh
 from tests.support.sensor_scenes import joined, moved, quad, room, wall
 from virtual_lidar import (
     COLUMNS,

@@ -13,11 +13,11 @@ import pandas as pd
 import pytest
 import yaml
 
+from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
 from puckbench.codecs.base import Cost
 from puckbench.codecs.registry import open_codec
-from puckbench.files.clouds import write_cloud
 from tests.support.bench import BOX, CONFIG, ROOT, Bench
 from tests.support.pages import blocks, commands, page, write_files
 

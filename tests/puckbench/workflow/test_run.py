@@ -11,9 +11,9 @@ from pathlib import Path
 import pandas as pd
 import trimesh
 
+from cloud_files.clouds import read_cloud
 from puckbench.cli import main
-from puckbench.files.clouds import read_cloud
-from tests.puckbench.files.test_cloud_formats import COLOURS, INTENSITY, UTM, write_las
+from tests.cloud_files.test_cloud_formats import COLOURS, INTENSITY, UTM, write_las
 from tests.support.bench import ROOT
 from tests.support.reference_lookalike import kept
 

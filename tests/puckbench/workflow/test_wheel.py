@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.geometry.cloud import PointCloud
-from puckbench.files.clouds import read_cloud, write_cloud
 from tests.support.bench import ROOT
 
 TREES = ("src", "workflow", "config", "envs", "docs")

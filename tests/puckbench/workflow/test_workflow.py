@@ -21,10 +21,10 @@ import pandas as pd
 import pytest
 import yaml
 
+from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
-from puckbench.files.clouds import read_cloud
 from puckbench.jobs.curve_files import read_curve
 from puckbench.metrics.table_registry import SENSOR, table_entries
 from puckbench.planning.workflow import Workflow

@@ -14,13 +14,13 @@ import yaml
 from snakemake.cli import get_argument_parser, parse_config
 from snakemake.utils import update_config
 
+from cloud_files.clouds import read_cloud
+from cloud_files.meshes import read_mesh
 from pointkit.lidar.returns import read_firings
 from puckbench.cli import _parser, main
-from puckbench.files.clouds import read_cloud
-from puckbench.files.meshes import read_mesh
 from puckbench.planning.config import checked
 from puckbench.planning.workflow import Workflow
-from tests.puckbench.files.test_cloud_formats import write_las
+from tests.cloud_files.test_cloud_formats import write_las
 from tests.puckbench.recordings.test_message_returns import turn
 from tests.puckbench.recordings.test_ouster import recorded
 from tests.support.bench import BOX
@@ -134,8 +134,7 @@ def with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 CONFIGURATIONS = {
     f"{name}, {number}": block
     for name in PAGES
-    if name
-    != "CONTRIBUTING.md"  # run by test_contributing.py
+    if name != "CONTRIBUTING.md"  # run by test_contributing.py
     for number, block in enumerate(blocks(name, "yaml"), 1)
 }
 

@@ -13,9 +13,9 @@ import pytest
 from benchmarks.clouds import scanned_room
 from PIL import Image
 
+from cloud_files.clouds import write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
-from puckbench.files.clouds import write_cloud
 from puckbench.jobs.preparation import prepare
 from tests.support.pages import ROOT
 from virtual_lidar.scenes.rooms import make_room

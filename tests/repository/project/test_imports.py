@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
-from puckbench.files.clouds import write_cloud
 
 ROOT = Path(__file__).parents[3]
 

@@ -8,10 +8,10 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.las import las_bytes, las_points
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.storage.steps import check_points_of, in_steps
-from puckbench.files.las import las_bytes, las_points
 
 MAGIC = b"LASF"
 _HEADER_BYTES = 227
@@ -57,7 +57,7 @@ def intensity_bytes(stream: bytes) -> int:
 def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
     """Decode a stream of `encode_laz`; return points (n, 3) in m, and intensities (n,).
 
-    Raises InputError if the stream is damaged or another program's (see `puckbench.files.las`).
+    Raises InputError if the stream is damaged or another program's (see `cloud_files.las`).
     """
     import lazrs
 

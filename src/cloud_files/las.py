@@ -1,0 +1,163 @@
+"""LAS and LAZ files (ASPRS), read and written by laspy and lazrs.
+
+Written files contain the laser number as user data, the frame as point source id, and the timestamp
+as GPS time.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import date
+from importlib.metadata import version
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cloud_files.las_header import check_las_header
+from cloud_files.las_units import METRE, Units, has_system, las_units, unit_name
+from pointkit.damage import PARSER_FAULTS, reading
+from pointkit.errors import InputError, naming
+from pointkit.files import write_bytes
+from pointkit.isolated import ParsedFile, parse_isolated
+
+_LOG = logging.getLogger(__name__)
+_STEP_M = 1e-4
+_DATE = date(2000, 1, 1)
+"""Fixed creation date, so that equal points give equal files."""
+_AXES = ("x", "y", "z")
+_COLUMN_NAMES = {
+    "intensity": "reflectivity",
+    "user_data": "laser_id",
+    "point_source_id": "turn",
+    "gps_time": "timestamp",
+}
+
+
+def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write a LAS or LAZ file with coordinates in steps of 0.1 mm."""
+    write_bytes(path, las_bytes(_las_data(columns), path.suffix.lower() == ".laz"))
+
+
+def las_bytes(las: Any, is_compressed: bool) -> bytes:
+    """Return laspy's `LasData` as the bytes of a LAS or LAZ file."""
+    import laspy
+
+    content = BytesIO()
+    las.write(content, do_compress=is_compressed, laz_backend=laspy.LazBackend.Lazrs)
+    return content.getvalue()
+
+
+def read_las(path: Path) -> dict[str, NDArray[Any]]:
+    """Read the columns, with coordinates in metres, of a file that `write_las` wrote."""
+    columns = parse_isolated(parse_las, path, "LAS file").columns
+    names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
+    return {names[name]: part for name, part in columns.items() if name in names}
+
+
+def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
+    """Read the columns ``x``, ``y``, ``z``, and all other dimensions that are not 0 everywhere.
+
+    With `convert`, coordinates are converted to metres from the unit of the file's coordinate
+    reference system; degrees raise InputError.
+    """
+    columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
+    return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
+
+
+@contextmanager
+def reading_las(path: Path) -> Iterator[None]:
+    import laspy
+    from lazrs import LazrsError
+
+    check_las_header(path)
+    with naming(path), reading("LAS file", laspy.LaspyException, LazrsError, *PARSER_FAULTS):
+        yield
+
+
+def parse_las(path: Path, convert: bool = True) -> ParsedFile:
+    import laspy
+
+    with reading_las(path):
+        with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
+            metres = _metres_per_unit(reader.header, path) if convert else None
+            points = reader.read_points(-1)
+        names = [
+            name for name in points.point_format.dimension_names if name not in ("X", "Y", "Z")
+        ]
+        columns = {
+            f"{name}_" if name in _AXES else name: np.asarray(
+                points.array[name] if name in _AXES else points[name]
+            )
+            for name in names
+        }
+        return ParsedFile({**_coordinates(points, metres), **columns})
+
+
+def units_of(header: Any) -> Units | None:
+    """Return the units of a laspy header's coordinates, or None if their system is not readable."""
+    from pyproj.exceptions import CRSError
+
+    try:
+        return las_units(header)
+    except CRSError:
+        return None
+
+
+def _metres_per_unit(header: Any, path: Path) -> tuple[float, float, float] | None:
+    if (units := units_of(header)) is None:
+        _LOG.warning("%s: its coordinate reference system is not readable: metres assumed", path)
+        return None
+    if units.is_unknown and has_system(header):
+        _LOG.warning("%s: its coordinate reference system states no unit: metres assumed", path)
+    if units.is_degrees:
+        raise InputError(f"{path}: its coordinates are degrees: project it first (pdal, las2las)")
+    horizontal, vertical = units.horizontal or METRE, units.vertical or METRE
+    if horizontal == vertical == METRE:
+        return None
+    text = unit_name(horizontal)
+    if vertical != horizontal:
+        text += f" and its heights in {unit_name(vertical)}"
+    _LOG.warning("%s: its coordinates are in %s: converted to metres", path, text)
+    return horizontal, horizontal, vertical
+
+
+def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDArray[np.float64]]:
+    axes = {axis: np.asarray(points[axis], dtype=np.float64) for axis in _AXES}
+    if metres is None:
+        return axes
+    return {axis: axes[axis] * length for axis, length in zip(_AXES, metres, strict=True)}
+
+
+def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
+    """Make laspy's `LasData` (LAS 1.2) with points ``offset + step * steps`` (n, 3), in m."""
+    import laspy
+
+    header = laspy.LasHeader(point_format=point_format, version="1.2")
+    header.scales, header.offsets = np.full(3, step), offset
+    header.creation_date = _DATE
+    las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(steps), header=header))
+    las.X, las.Y, las.Z = steps.astype(np.int32).T
+    return las
+
+
+def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
+    xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
+    offset = np.floor(xyz.min(axis=0))
+    counts = np.rint((xyz - offset) / _STEP_M)
+    if counts.max() > np.iinfo(np.int32).max:
+        raise InputError("the points lie too far apart for LAS (more than 214 km)")
+    las = las_points(counts, _STEP_M, offset, point_format=1)
+    las.header.system_identifier = "EXPORT"
+    las.header.generating_software = f"puckbench {version('cloud_files')}"
+    las.return_number[:] = las.number_of_returns[:] = 1
+    unknown = np.zeros(len(xyz))
+    las.intensity = np.clip(np.rint(columns.get("reflectivity", unknown)), 0, 0xFFFF)
+    las.user_data = columns.get("laser_id", unknown)
+    las.point_source_id = np.clip(columns.get("turn", columns.get("frame", unknown)), 0, 0xFFFF)
+    las.gps_time = columns.get("timestamp", unknown)
+    return las

@@ -1,4 +1,0 @@
-from puckbench.files.meshes.reading import SUFFIXES, read_mesh, read_mesh_report, warn_of_skipped
-from puckbench.files.meshes.writing import write_mesh
-
-__all__ = ["SUFFIXES", "read_mesh", "read_mesh_report", "warn_of_skipped", "write_mesh"]
