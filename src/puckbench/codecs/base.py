@@ -39,6 +39,13 @@ from puckbench.geometry.attributes import Attributes, attributes_of, check_attri
 if TYPE_CHECKING:
     from pointkit.lidar.returns import Returns
 
+CODE = (
+    "puckbench.codecs.facts",
+    "puckbench.codecs.shift",
+    "puckbench.codecs.unit",
+    "puckbench.geometry.attributes",
+)
+
 __all__ = [
     "Availability",
     "Codec",

@@ -30,6 +30,8 @@ from puckbench.codecs.registry import CODECS
 from puckbench.codecs.shift import moved, shifted, unshifted
 from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
+CODE = ("puckbench.codecs.most_points",)
+
 _HEADER = struct.Struct("<5sBBBBHI")
 """Magic, major and minor version, encoder type, encoder method, flags, number of points."""
 _POINT_CLOUD = 0

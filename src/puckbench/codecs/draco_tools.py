@@ -16,6 +16,8 @@ from puckbench.codecs.draco import DRACO_RATES
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.registry import CODECS
 
+CODE = ("puckbench.codecs.draco", "puckbench.codecs.external")
+
 
 class DracoToolOptions(Model):
     compression_level: int = Field(

@@ -14,8 +14,11 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Availability, Codec, Cost, SharedWork
+from puckbench.core.code import CLOUD_FILES
 from puckbench.core.programs import run_program
 from puckbench.geometry.attributes import Attributes
+
+CODE = (*CLOUD_FILES, "puckbench.core.launch", "puckbench.core.programs")
 
 _MEMORY_BYTES, _MEMORY_PER_BYTE = 2**31, 400
 _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4

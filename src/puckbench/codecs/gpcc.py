@@ -35,6 +35,8 @@ from puckbench.geometry.attributes import COLOUR, REFLECTANCE, Attributes, cloud
 if TYPE_CHECKING:
     from gpcc.predictive_coder import PredictiveOptions
 
+CODE = ("gpcc.*", "pointkit.lidar.sensors")
+
 EIGHTHS: Mapping[str, Parameters] = {
     f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
 }

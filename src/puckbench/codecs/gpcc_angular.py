@@ -10,6 +10,8 @@ from puckbench.codecs.base import Pace, Parameters
 from puckbench.codecs.gpcc import CoderOptions, SensorCodec
 from puckbench.codecs.registry import CODECS
 
+CODE = ("puckbench.codecs.gpcc",)
+
 _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 
 

@@ -14,6 +14,8 @@ from puckbench.codecs.registry import CODECS
 from puckbench.geometry.attributes import Attributes
 from puckbench.geometry.jet_smoothing import LEAST_NEIGHBOURS, smooth_by_jets
 
+CODE = ("puckbench.codecs.gpcc", "puckbench.geometry.jet_smoothing")
+
 
 class DenoisedOptions(CoderOptions):
     neighbours: int = Field(

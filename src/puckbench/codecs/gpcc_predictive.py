@@ -13,6 +13,8 @@ from puckbench.codecs.registry import CODECS
 if TYPE_CHECKING:
     from gpcc.predictive_coder import PredictiveOptions
 
+CODE = ("puckbench.codecs.gpcc",)
+
 _LEAST_QP = 58
 
 

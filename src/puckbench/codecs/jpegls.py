@@ -15,6 +15,8 @@ from puckbench.codecs.range_image import RangeImageCodec
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.storage.range_images import Image
 
+CODE = ("puckbench.codecs.range_image",)
+
 _MOST_NEAR = 255
 _END = b"\xff\xd9"
 """End marker of JPEG-LS; CharLS 2.4 takes seconds to reject streams without it."""

@@ -8,6 +8,8 @@ from puckbench.codecs.range_image import RangeImageCodec, RangeImageOptions
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.storage.range_images import Image
 
+CODE = ("puckbench.codecs.range_image",)
+
 _BOX = b"jxlc"
 
 

@@ -14,6 +14,14 @@ from puckbench.codecs.storage.laz import MAGIC, decode_laz, encode_laz, intensit
 from puckbench.codecs.storage.steps import MOST_STEPS
 from puckbench.geometry.attributes import REFLECTANCE, Attributes, cloud_with
 
+CODE = (
+    "cloud_files.las",
+    "cloud_files.las_header",
+    "cloud_files.las_units",
+    "puckbench.codecs.storage",
+    "puckbench.codecs.most_points",
+)
+
 
 class LazOptions(Model):
     intensities: bool = Field(

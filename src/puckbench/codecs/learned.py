@@ -24,6 +24,8 @@ from pointkit.models import Model
 from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
 from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
+CODE = ("puckbench.codecs.base",)
+
 _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
 _INSTALL = "pip install 'puckbench[learned]', or make learned where its Makefile is"
 _DIGITS = 16

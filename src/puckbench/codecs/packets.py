@@ -16,6 +16,14 @@ from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec
 from puckbench.codecs.storage.packets import check_whole_packets, decode_packets, encode_packets
 
+CODE = (
+    "puck",
+    "puck.recordings",
+    "pointkit.lidar.sensors",
+    "puckbench.codecs.returns_codec",
+    "puckbench.codecs.storage",
+)
+
 _MEMORY_BYTES = 1 << 28
 """Maximum memory for LZMA's decompression; preset 9 has a dictionary of 64 MiB."""
 

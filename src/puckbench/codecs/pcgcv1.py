@@ -25,6 +25,14 @@ from puckbench.codecs.registry import CODECS
 if TYPE_CHECKING:
     from pcc_networks.pcgcv1.weights import Pcgcv1Weights
 
+CODE = (
+    "gpcc.*",
+    "pcc_networks",
+    "pcc_networks.pcgcv1",
+    "pcc_networks.sparse",
+    "puckbench.codecs.learned",
+)
+
 
 class Pcgcv1Options(PublishedOptions):
     min_points: int = Field(

@@ -25,6 +25,14 @@ if TYPE_CHECKING:
     from pcc_networks.pcgcv2.stream import CodingTools
     from pcc_networks.pcgcv2.weights import Pcgcv2Weights
 
+CODE = (
+    "gpcc.*",
+    "pcc_networks",
+    "pcc_networks.pcgcv2",
+    "pcc_networks.sparse",
+    "puckbench.codecs.learned",
+)
+
 
 @CODECS.register("pcgcv2")
 class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):

@@ -18,6 +18,8 @@ from puckbench.codecs.registry import CODECS
 if TYPE_CHECKING:
     from primitive_codec.mode_decision import SurfaceCache
 
+CODE = ("gpcc.*", "primitive_codec.*")
+
 _SURFACE_PARAMETERS = (
     *("min_leaf_size", "column_size", "max_leaf_size"),
     *("lmbda", "plane_step", "max_bpp"),

@@ -22,6 +22,8 @@ from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
 from puckbench.geometry.attributes import REFLECTANCE
 
+CODE = ("puck.*", "pointkit.lidar.sensors", "puckbench.codecs.returns_codec")
+
 
 class PuckOptions(Model):
     effort: Literal["fast", "normal", "thorough"] = Field(

@@ -11,6 +11,8 @@ from puckbench.codecs.base import Pace, lengths
 from puckbench.codecs.puck import Puck, PuckOptions
 from puckbench.codecs.registry import CODECS
 
+CODE = ("puckbench.codecs.puck",)
+
 _MAGIC = b"SMOOTH"
 
 

@@ -18,6 +18,14 @@ from puckbench.codecs.storage.range_images import (
 )
 from puckbench.geometry.attributes import REFLECTANCE
 
+CODE = (
+    "puck",
+    "pointkit.lidar.sensors",
+    "puckbench.codecs.most_points",
+    "puckbench.codecs.returns_codec",
+    "puckbench.codecs.storage",
+)
+
 
 class RangeImageOptions(Model):
     reflectivities: bool = Field(

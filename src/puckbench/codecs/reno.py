@@ -22,6 +22,8 @@ from puckbench.codecs.registry import CODECS
 if TYPE_CHECKING:
     from pcc_networks.reno.weights import RenoWeights
 
+CODE = ("pcc_networks", "pcc_networks.reno", "pcc_networks.sparse", "puckbench.codecs.learned")
+
 PUBLISHED_WEIGHTS = "data/reno_weights"
 """Folder to which `puckbench data reno_weights` writes the weights of RENO's authors."""
 _MM = 0.001

@@ -22,6 +22,14 @@ from puckbench.codecs.registry import CODECS
 if TYPE_CHECKING:
     from pcc_networks.octree_net.weights import OctreeNetWeights
 
+CODE = (
+    "puckbench.codecs.gpcc",
+    "pcc_networks",
+    "pcc_networks.octree_net",
+    "pcc_networks.sparse",
+    "puckbench.codecs.learned",
+)
+
 
 class OctreeNetOptions(LearnedOptions, UnitOptions):
     weights: str = Field(

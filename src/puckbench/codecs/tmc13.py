@@ -12,6 +12,8 @@ from puckbench.codecs.external import ExternalCodec, folder, read_points, write_
 from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
 from puckbench.codecs.registry import CODECS
 
+CODE = ("puckbench.codecs.external", "puckbench.codecs.gpcc")
+
 PROFILES: dict[str, tuple[str, ...]] = {
     "minimal": (
         "--planarEnabled=0",

@@ -13,6 +13,8 @@ from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Labels, Mesh, SceneObject, check_mesh
 from puckbench.datasets.base import freeform_labels
 
+CODE = ("cloud_files.meshes.obj",)
+
 UNKNOWN = "unknown"
 
 # Materials are called class_instance_roomtype_room_area; an exporter may append ".001".

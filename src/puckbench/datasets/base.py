@@ -17,6 +17,8 @@ from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from pointkit.models import Model
 from puckbench.datasets.scene import Scene
 
+CODE = ("puckbench.datasets.scene",)
+
 T = TypeVar("T")
 
 

@@ -7,6 +7,8 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from virtual_lidar.scenes.calibration import CALIBRATIONS, calibration_origin, make_calibration
 
+CODE = ("virtual_lidar.scenes.*",)
+
 
 @LOADERS.register("calibration")
 class CalibrationScenes(GeneratedSet):

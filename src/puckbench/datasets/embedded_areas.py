@@ -6,6 +6,8 @@ from puckbench.datasets.base import GeneratedSet, look_up, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 
+CODE = ("virtual_lidar.scenes.*",)
+
 
 @LOADERS.register("embedded_areas")
 class EmbeddedAreas(GeneratedSet):

@@ -9,6 +9,8 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from virtual_lidar.scenes.objects import CLASSES, MEMBERS, make_object
 
+CODE = ("virtual_lidar.scenes.*",)
+
 
 @LOADERS.register("embedded_objects")
 class EmbeddedObjects(GeneratedSet):

@@ -8,6 +8,8 @@ from puckbench.datasets.base import GeneratedSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 
+CODE = ("virtual_lidar.scenes.*",)
+
 
 @LOADERS.register("embedded_rooms")
 class EmbeddedRooms(GeneratedSet):

@@ -12,6 +12,8 @@ from puckbench.datasets.front3d_house import HouseRoom, build_room, read_rooms
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 
+CODE = ("puckbench.datasets.front3d_house",)
+
 _HOUSES = 6813
 _EXPECTED = (
     "expected 3D-FRONT's houses (<id>.json), available from Alibaba on request, "

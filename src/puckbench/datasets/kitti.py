@@ -34,6 +34,13 @@ from puckbench.datasets.scene import Scene, safe_name
 if TYPE_CHECKING:
     from puck.recordings.rings import RecoveredReturns
 
+CODE = (
+    "cloud_files.float32_frames",
+    "cloud_files.poses",
+    "puckbench.datasets.frames",
+    "puck.recordings.rings",
+)
+
 _LAYOUTS = (  # object benchmark, odometry, the same as unpacked, raw drives
     "*/velodyne",
     "sequences/*/velodyne",

@@ -12,6 +12,12 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
 
+CODE = (
+    "puckbench.datasets.captured_rooms",
+    "puckbench.datasets.user_files",
+    "puckbench.datasets.units",
+)
+
 
 @LOADERS.register("mesh_files")
 class MeshFiles(FileSet):

@@ -29,6 +29,8 @@ from puckbench.datasets.scene import Scene, safe_name
 if TYPE_CHECKING:
     from puck.recordings.rings import RecoveredReturns
 
+CODE = ("cloud_files.float32_frames", "puckbench.datasets.frames", "puck.recordings.rings")
+
 _SUFFIX = ".pcd.bin"
 _NUMBERS, _RINGS = 5, 32
 

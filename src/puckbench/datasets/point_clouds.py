@@ -12,6 +12,8 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
 
+CODE = ("puckbench.datasets.user_files", "puckbench.datasets.units")
+
 
 @LOADERS.register("point_clouds")
 class PointClouds(FileSet):

@@ -11,6 +11,8 @@ from puckbench.datasets.recordings import BAG_SUFFIXES, RecordingSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 
+CODE = ("puckbench.datasets.recordings",)
+
 
 @LOADERS.register("recorded_clouds")
 class RecordedClouds(RecordingSet):

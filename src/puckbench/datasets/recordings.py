@@ -23,6 +23,13 @@ if TYPE_CHECKING:
     from pointkit.lidar.returns import Returns
     from puckbench.recordings.reading import RecordedTurns
 
+CODE = (
+    *("puckbench.datasets.user_files", "puckbench.datasets.units", "puckbench.recordings"),
+    *("puck.records", "puck.recordings", "pointkit.lidar.sensors", "cloud_files.las"),
+    *("cloud_files.las_header", "cloud_files.las_units", "cloud_files.pcd", "cloud_files.text"),
+    "cloud_files.text_numbers",
+)
+
 COMPRESSED = ".puck"
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 CAPTURE_SUFFIXES = (".pcap", ".pcapng", *BAG_SUFFIXES)

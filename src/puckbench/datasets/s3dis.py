@@ -16,6 +16,8 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.datasets.xyzrgb import read_xyzrgb
 
+CODE = ("puckbench.datasets.xyzrgb",)
+
 _ROOMS = {"Area_1": 44, "Area_2": 40, "Area_3": 23, "Area_4": 49, "Area_5": 68, "Area_6": 48}
 _NUMBER = re.compile(r"_\d+$")
 

@@ -23,6 +23,11 @@ from puckbench.datasets.scanner_positions import (
 )
 from puckbench.datasets.scene import Scene
 
+CODE = (
+    *("puckbench.datasets.area_mesh", "puckbench.datasets.s3dis"),
+    "puckbench.datasets.scanner_positions",
+)
+
 AREAS = ("area_1", "area_2", "area_3", "area_4", "area_5a", "area_5b", "area_6")
 
 _LICENCE = "terms of Stanford's 2D-3D-S, not redistributable"

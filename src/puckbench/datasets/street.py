@@ -9,6 +9,8 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from virtual_lidar.scenes.street.layout import free_way, make_street, street_origin
 
+CODE = ("virtual_lidar.scenes.*",)
+
 
 @LOADERS.register("street")
 class Street(GeneratedSet):

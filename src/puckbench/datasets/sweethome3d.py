@@ -21,6 +21,8 @@ from puckbench.datasets.base import DataSet, freeform_labels, look_up, select_na
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 
+CODE = ("cloud_files.meshes.obj",)
+
 INSTALLED = "/usr/share/sweethome3d/furniture"
 _INSIDE = ("", "furniture", "usr/share/sweethome3d/furniture")
 _PROPERTIES = "PluginFurnitureCatalog.properties"

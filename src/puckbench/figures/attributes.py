@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("puckbench.metrics.tables.attribute_bits",)
+
 _PSNR = {"reflectance": "reflectance_psnr", "colour": "y_psnr"}
 _BAR_IN, _CURVES_IN, _AROUND_IN = 0.16, 1.7, 1.3
 _GEOMETRY = "#bdbdbd"

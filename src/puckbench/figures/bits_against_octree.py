@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from pointkit.geometry.cloud import Floats
     from puckbench.figures.style import Range
 
+CODE = ("puckbench.metrics.tables.against_octree",)
+
 _ERRORS_MM = np.geomspace(0.5, 50, 61)
 _MARK_EVERY = 10
 _LIMITS_MM = (0.4, 60.0)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("puckbench.metrics.tables.noise_bits",)
+
 _PANELS = {"grid_1_mm": "lossless, or 1 mm", "at_5_mm": "D1 error of 5 mm"}
 _MARKERS = "osD^vP"
 _JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}

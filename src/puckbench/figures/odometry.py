@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("puckbench.metrics.tables.odometry_differences",)
+
 _PANEL_IN, _AROUND_IN = 1.75, 0.75
 _COLUMNS = ("dataset", "cloud", "codec", "rate", "times")
 _TIMES = {KEPT: "own times", AZIMUTH: "times from azimuths", NONE: "no times"}

@@ -4,7 +4,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pointkit.errors import InputError
+from puckbench.core.code import SENSOR
 from puckbench.jobs.registry import JOBS, Job
+
+CODE = (*SENSOR, "virtual_lidar.calibration.*", "virtual_lidar.errors.calibrated")
 
 
 @JOBS.register("calibrate")

@@ -12,6 +12,8 @@ from puckbench.codecs.registry import codec_of, is_codec, open_codec
 from puckbench.jobs.curve_files import Coded
 from puckbench.jobs.registry import Job
 
+CODE = ("cloud_files.archives", "puckbench.codecs.base", "puckbench.jobs.curve_files")
+
 
 class CodecJob(Job):
     """A job that uses a codec; `changes` is the codec's entry in the configuration."""

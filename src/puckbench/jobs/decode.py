@@ -17,12 +17,22 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.point_columns import WIDE_COLOURS
 from puckbench.codecs.facts import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
+from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
 from puckbench.geometry.matching import Match, farthest, match_points
 from puckbench.jobs.curve_files import Coded, read_coded
 from puckbench.jobs.decoding import Decoding
 from puckbench.jobs.like import MOST_UNLIKE, Model, check_place, read_models
 from puckbench.jobs.registry import JOBS
+
+CODE = (
+    *CLOUD_FILES,
+    *CODEC,
+    "puckbench.jobs.decoding",
+    "puckbench.jobs.like",
+    "cloud_files.las_rewriting",
+    "cloud_files.las",
+)
 
 LAS = (".las", ".laz")
 _log = logging.getLogger(__name__)

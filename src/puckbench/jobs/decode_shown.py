@@ -6,9 +6,12 @@ from typing import Any
 from cloud_files.archives import write_archive
 from cloud_files.clouds import cloud_bytes
 from pointkit.errors import naming
+from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.jobs.curve_files import read_curve
 from puckbench.jobs.decoding import Decoding
 from puckbench.jobs.registry import JOBS
+
+CODE = (*CLOUD_FILES, *CODEC, "puckbench.jobs.decoding")
 
 
 @JOBS.register("decode_shown")

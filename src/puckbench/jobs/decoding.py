@@ -7,9 +7,12 @@ import numpy as np
 from pointkit.errors import noting
 from pointkit.geometry.cloud import PointCloud, check_points
 from pointkit.measurement import measured
+from puckbench.core.code import CODEC
 from puckbench.core.environment import run_environment
 from puckbench.jobs.codec_jobs import TimedJob
 from puckbench.jobs.curve_files import REMARK, Coded
+
+CODE = CODEC
 
 
 class Decoded(NamedTuple):

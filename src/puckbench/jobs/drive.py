@@ -12,6 +12,7 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import clock_steps
+from puckbench.core.code import MESH_FILES, SENSOR
 from puckbench.core.progress import Progress
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
@@ -19,6 +20,12 @@ from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.scan import Scanning
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
 from virtual_lidar.sweep import Sweep
+
+CODE = (
+    *(*MESH_FILES, *SENSOR, "cloud_files.poses", "puckbench.datasets.scene"),
+    *("puckbench.geometry.extent", "puckbench.jobs.scan", "puckbench.metrics.tasks.odometry"),
+    "puckbench.recordings",
+)
 
 _TURN_S = 0.1
 """Assumed time (s) between turns of a data set without times."""

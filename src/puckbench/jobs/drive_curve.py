@@ -16,6 +16,7 @@ from pointkit.measurement import Cost, measured
 from puckbench import __version__
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
+from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import run_environment
 from puckbench.core.progress import Progress
 from puckbench.geometry.digest import cloud_digest
@@ -25,6 +26,11 @@ from puckbench.jobs.registry import JOBS
 from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import task_results
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
+
+CODE = (
+    *(*CLOUD_FILES, *CODEC, "cloud_files.poses", "puckbench.geometry.digest"),
+    "puckbench.recordings",
+)
 
 _UNDECODED_RATES = {KEPT: "times", AZIMUTH: "azimuth times", NONE: "no times"}
 

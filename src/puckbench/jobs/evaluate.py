@@ -13,6 +13,7 @@ from pointkit.errors import naming
 from pointkit.files import write_json
 from pointkit.lidar.returns import with_returns
 from puckbench import __version__
+from puckbench.core.code import CODEC, MESH_FILES
 from puckbench.core.progress import Progress
 from puckbench.jobs.curve_files import REMARK, read_coded, read_curve, write_rows
 from puckbench.jobs.decoding import Decoded, Decoding
@@ -26,6 +27,11 @@ from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_met
 if TYPE_CHECKING:
     from pointkit.geometry.cloud import PointCloud
     from pointkit.lidar.returns import Returns
+
+CODE = (
+    *(*MESH_FILES, *CODEC, "puckbench.jobs.decoding", "puckbench.jobs.surfaces"),
+    *("puckbench.metrics.cloud_metrics", "puckbench.metrics.truth", "puckbench.geometry.sampling"),
+)
 
 _FEW_POINTS = 0.01
 """Ratio of decoded to input points below which a row has a remark."""

@@ -4,7 +4,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from puckbench.core.code import CLOUD_FILES, FIGURES
 from puckbench.jobs.registry import JOBS, Job
+
+CODE = (*CLOUD_FILES, *FIGURES)
 
 
 @JOBS.register("figure")

@@ -3,9 +3,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
+from puckbench.core.code import TABLES
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.table_files import write_result
 from puckbench.jobs.tables.results import PLAN_TABLES, ROWS, table_of
+
+CODE = (*TABLES, "puckbench.jobs.curve_files", "puckbench.jobs.tables", "cloud_files.archives")
 
 
 class OfNames(Job):

@@ -12,7 +12,10 @@ from cloud_files.clouds import SUFFIXES, checked_cloud, read_cloud, read_uncheck
 from cloud_files.content import plain_suffix
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud, bounds
+from puckbench.core.code import CLOUD_FILES
 from puckbench.geometry.matching import share_beyond
+
+CODE = (*CLOUD_FILES, "puckbench.geometry.matching")
 
 MOST_UNLIKE = 0.5
 """Largest allowed share of decoded points that match no original point."""

@@ -10,6 +10,12 @@ from puckbench.geometry.digest import cloud_digest
 from puckbench.geometry.scaling import GRID, Scaling, cube_scaling, grid_scaling, origin_shift
 from puckbench.metrics.default_peak import PEAK_M
 
+CODE = (
+    *("puckbench.geometry.crop", "puckbench.geometry.digest", "puckbench.geometry.normals"),
+    *("puckbench.geometry.scaling", "puckbench.metrics.default_peak", "puckbench.metrics.density"),
+    *("puckbench.metrics.diameter", "puckbench.metrics.elongation"),
+)
+
 
 @dataclass(frozen=True)
 class MeasuredPoints:

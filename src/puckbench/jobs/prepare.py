@@ -12,11 +12,14 @@ from pointkit.errors import InputError
 from pointkit.files import read_object
 from pointkit.geometry.cloud import Floats, PointCloud, UncheckedCloud, bounds
 from pointkit.models import Model, parsed
+from puckbench.core.code import CLOUD_FILES
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
     from puckbench.jobs.preparation import MeasuredPoints
+
+CODE = (*CLOUD_FILES, "puckbench.geometry.extent", "puckbench.jobs.preparation", "virtual_lidar")
 
 Box = tuple[float, float, float, float, float, float]
 Corner = tuple[float, float, float]

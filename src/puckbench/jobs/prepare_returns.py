@@ -15,6 +15,8 @@ from puckbench.jobs.prepare import names_and_groups
 from puckbench.jobs.registry import JOBS, Job
 from virtual_lidar.scan_table import ScanTable
 
+CODE = ("puckbench.jobs.prepare", "puckbench.metrics.sensor_metrics")
+
 
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):

@@ -12,9 +12,15 @@ from pointkit.files import write_json
 from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Labels, Mesh
 from puckbench import __version__
+from puckbench.core.code import CODEC, MESH_FILES
 from puckbench.jobs.codec_jobs import CodecJob
 from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
 from puckbench.jobs.registry import JOBS
+
+CODE = (
+    *(*MESH_FILES, *CODEC, "puckbench.geometry.closest", "puckbench.metrics.recovery"),
+    "puckbench.metrics.primitive_differences",
+)
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 """Entries of a stream's record that a row contains."""

@@ -4,7 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from pointkit.errors import InputError
+from puckbench.core.code import TABLES
 from puckbench.jobs.registry import JOBS, Job
+
+CODE = (*TABLES, "puckbench.jobs.cost")
 
 _AFTERWARDS = {"report", "reference"}
 """Jobs that the duration of a run does not include."""

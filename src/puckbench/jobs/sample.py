@@ -8,9 +8,12 @@ from pydantic import Field, PositiveFloat
 
 from cloud_files.clouds import write_cloud
 from pointkit.seeding import generator
+from puckbench.core.code import MESH_FILES
 from puckbench.geometry.sampling import sample_surface
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
+
+CODE = (*MESH_FILES, "puckbench.geometry.sampling", "puckbench.jobs.surfaces")
 
 
 @JOBS.register("sample")

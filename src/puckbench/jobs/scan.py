@@ -14,6 +14,7 @@ from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.models import Model, parsed
 from pointkit.seeding import generator
+from puckbench.core.code import MESH_FILES, SENSOR
 from puckbench.core.progress import Progress
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.jobs.registry import JOBS, Job
@@ -28,6 +29,8 @@ from virtual_lidar import (
     write_scan,
     write_scan_portions,
 )
+
+CODE = (*MESH_FILES, *SENSOR, "puckbench.geometry.extent", "puckbench.jobs.surfaces")
 
 _RAYS_IN_MEMORY = 4_000_000
 """Maximum number of rays of a scan that is written at once (about 600 MB), not in portions."""

@@ -10,9 +10,12 @@ from pydantic import Field
 from cloud_files.clouds import write_cloud
 from cloud_files.descriptions import write_description
 from cloud_files.meshes import write_mesh
+from puckbench.core.code import MESH_FILES
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
 from puckbench.jobs.registry import JOBS, Job
+
+CODE = (*MESH_FILES, "puckbench.datasets.base")
 
 
 @JOBS.register("scene")

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pointkit.errors import InputError
+from puckbench.core.code import TABLES
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.metrics.table_registry import TableEntry, table_entry
 
 if TYPE_CHECKING:
     import pandas as pd
+
+CODE = TABLES
 
 _DIGITS = 6
 """Significant digits of a table's numbers; no measurement has more."""

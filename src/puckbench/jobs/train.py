@@ -16,11 +16,17 @@ from pointkit.errors import InputError
 from pointkit.files import sha256, write_json
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.registry import entry, open_codec, open_training
+from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.jobs.codec_jobs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
     from pcc_networks.training.loop import BaseTrainer
+
+CODE = (
+    *(*CLOUD_FILES, *CODEC, "puckbench.jobs.training_log", "puckbench.jobs.validation"),
+    *("puckbench.metrics.geometry", "puckbench.metrics.lossless", "puckbench.metrics.psnr"),
+)
 
 
 @JOBS.register("train")

@@ -10,6 +10,21 @@ from puckbench.geometry.attributes import COLOUR, REFLECTANCE, attributes_of
 if TYPE_CHECKING:
     from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud
 
+CODE = (
+    "puckbench.geometry.attributes",
+    "puckbench.geometry.rendering",
+    "puckbench.metrics.colour",
+    "puckbench.metrics.geometry",
+    "puckbench.metrics.lossless",
+    "puckbench.metrics.paired_values",
+    "puckbench.metrics.psnr",
+    "puckbench.metrics.reflectance",
+    "puckbench.metrics.sensor_metrics",
+    "puckbench.metrics.ssim",
+    "puckbench.metrics.units",
+    "puckbench.metrics.views",
+)
+
 
 def geometry_metrics(
     reference: PointCloud | ReferenceCloud,

@@ -20,6 +20,12 @@ from puckbench.geometry.neighbours import Neighbours, SearchablePoints
 from puckbench.metrics.diameter import diameter
 from puckbench.metrics.lossless import rounding
 
+CODE = (
+    "puckbench.geometry.neighbours",
+    "puckbench.geometry.box_search",
+    "puckbench.metrics.diameter",
+)
+
 _QUANTILE = 0.99
 
 

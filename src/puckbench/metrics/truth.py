@@ -18,6 +18,8 @@ from puckbench.metrics.geometry import (
 )
 from puckbench.metrics.units import distortion_in_metres
 
+CODE = ("puckbench.geometry.closest", "puckbench.metrics.coordinate_frames")
+
 
 class Truth:
     """The true surface of a cloud, with search indices.

@@ -121,8 +121,17 @@ def loader_modules(loader: str, files: Iterable[str | Path]) -> list[str]:
 
 
 def reader_modules(files: Iterable[str | Path]) -> list[str]:
-    """Return the modules that read the formats of files; of all formats if one has no suffix."""
+    """Return the code that reads the formats of files; of all formats if one has no suffix."""
     readers = {**clouds.READERS, **meshes.READERS, **recordings.READERS}
     suffixes = {plain_suffix(Path(file)) for file in files} - {".ply", *recordings.CAPTURE_SUFFIXES}
     used = suffixes if suffixes <= readers.keys() else readers.keys()
-    return sorted({readers[suffix].partition(":")[0] for suffix in used})
+    modules = {readers[suffix].partition(":")[0] for suffix in used}
+    return sorted({name for module in modules for name in _PARTS.get(module, (module,))})
+
+
+_PARTS = {
+    "cloud_files.las": ("cloud_files.las", "cloud_files.las_header", "cloud_files.las_units"),
+    "cloud_files.text": ("cloud_files.text", "cloud_files.text_numbers"),
+    "puck.recording": ("puck.*",),
+}
+"""Code of readers that is in several modules."""

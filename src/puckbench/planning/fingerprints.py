@@ -1,67 +1,163 @@
 """Fingerprints of code: a job runs again when the code that makes its output changes.
 
-The fingerprint covers the job's module, its plug-ins and all imports, without comments, docstrings
-and help texts. The command line and the registries are excluded, so that a new plug-in does not
-repeat other jobs. YAML files with the name of a module, or in the folder of a package's
-``__init__.py``, are included.
+The code of a job is what its module and its plug-ins name in their constant ``CODE``
+(`puckbench.core.code`), and pointkit. Comments, docstrings and help texts do not count. With a file
+of Python, the YAML file beside it that has its name counts, too, and with a package's folder the
+YAML files in it.
+
+The code of a user's file is all that lies beside it, in its package or in its folder and the
+folders in it, the modules that it has imported from elsewhere, but for installed packages, and all
+engines. The code of a module of another installed package is that package, and all engines.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import importlib
 import importlib.util
+import sys
+import sysconfig
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from puckbench.core.imports import is_for_types, module_file, reached_files, top_folder
+from cloud_files.meshes import reading as meshes
+from pointkit.registry import Registry, value_module
+from pointkit.sources import package_files, package_folder
+from puckbench.core.packages import ENGINES, package_folders
+from puckbench.figures.registry import FIGURES
+from puckbench.metrics.table_registry import TABLES
+from virtual_lidar.errors import ERROR_MODELS
+
+ALWAYS = ("pointkit.*",)
+"""Code of all jobs."""
+_PLUGINS: dict[str, Registry[Any]] = {
+    "puckbench.figures": FIGURES,
+    "puckbench.metrics.tables": TABLES,
+    "virtual_lidar.errors": ERROR_MODELS,
+}
+"""Rooms with plug-ins, which count only where a job names them."""
+_READERS = {"cloud_files.meshes": meshes.READERS}
+"""Rooms with readers of formats, which count only where a job reads such files."""
 
 
 @cache
-def code_version(*modules: str) -> str:
-    """Return the fingerprint (16 hexadecimal digits) of modules and all their imports.
+def code_version(*names: str) -> str:
+    """Return the fingerprint (16 hexadecimal digits) of code.
 
-    A module is a dotted name or the path of a Python file.
+    A name is that of a module, a room or a package (`puckbench.core.code`), or the path of a user's
+    file.
     """
-    files = sorted((str(file.relative_to(top_folder(file))), file) for file in covered(*modules))
+    files = sorted((_short(file), file) for file in covered(*names))
     lines = "\n".join(f"{name} {_code_digest(file)}" for name, file in files)
     return hashlib.sha256(lines.encode()).hexdigest()[:16]
 
 
-def covered(*modules: str) -> set[Path]:
-    return reached_files(*_source_files(modules), is_left_out=_is_left_out)
+@cache
+def covered(*names: str) -> frozenset[Path]:
+    """Return the files of Python and YAML of the code that has these names."""
+    files: set[Path] = set()
+    seen: set[str] = set()
+    queue = [*ALWAYS, *names]
+    while queue:
+        name = queue.pop()
+        if name not in seen:
+            seen.add(name)
+            more, inner = _files_and_names(name)
+            files |= more
+            queue += inner
+    return frozenset(files)
 
 
-def _source_files(modules: tuple[str, ...]) -> Iterator[Path]:
-    for name in modules:
-        if name.endswith(".py"):
-            yield Path(name).absolute()
-        elif file := module_file(name):
-            yield file
-        elif (spec := importlib.util.find_spec(name)) and str(spec.origin).endswith(".py"):
-            yield Path(str(spec.origin))
+def _files_and_names(name: str) -> tuple[set[Path], tuple[str, ...]]:
+    """Return the files of a name, and the names that its ``CODE`` adds."""
+    engines = tuple(f"{engine}.*" for engine in ENGINES)
+    if name.endswith(".py"):
+        return _files_of_user(Path(name)), engines
+    top, _, inner = name.removesuffix(".*").partition(".")
+    folder = _ours().get(top)
+    if folder is None:
+        spec = importlib.util.find_spec(name)
+        return set(package_files(package_folder(Path(str(spec and spec.origin))))), engines
+    place = folder.joinpath(*filter(None, inner.split(".")))
+    if name.endswith(".*"):
+        return {*place.rglob("*.py"), *_data_below(place)}, ()
+    if place.is_dir():
+        left_out = {place / f"{module.rpartition('.')[2]}.py" for module in _plugins_in(name)}
+        return {*place.glob("*.py"), *place.glob("*.yaml")} - left_out, ()
+    file = place.with_suffix(".py")
+    data = {file.with_suffix(".yaml")} if file.with_suffix(".yaml").is_file() else set()
+    code = getattr(importlib.import_module(name), "CODE", None)
+    if code is None and top not in ("puckbench", *ENGINES):
+        return {*folder.rglob("*.py"), *_data_below(folder)}, engines
+    return {file, *data}, code or ()
 
 
-def _is_left_out(file: Path) -> bool:
-    package, *inner = file.relative_to(top_folder(file)).parts
-    return package == "puckbench" and (inner[0] == "cli" or inner[-1].endswith("registry.py"))
+@cache
+def _ours() -> dict[str, Path]:
+    return package_folders()
+
+
+def _data_below(folder: Path) -> Iterator[Path]:
+    """Yield the YAML files that have the name of a Python file beside them."""
+    return (file for file in folder.rglob("*.yaml") if file.with_suffix(".py").is_file())
+
+
+@cache
+def _plugins_in(room: str) -> set[str]:
+    registry = _PLUGINS.get(room)
+    modules = {registry.module_of(name) for name in registry.names()} if registry else set()
+    return modules | {place.partition(":")[0] for place in _READERS.get(room, {}).values()}
+
+
+def _files_of_user(file: Path) -> set[Path]:
+    """Return a user's file, the files beside it, and those of the modules that it has imported."""
+    folder = package_folder(file)
+    beside = set(package_files(folder)) | set(file.parent.glob("*/*.py"))
+    queue, modules = [_imported(file)], dict[str, ModuleType]()
+    while queue:
+        for value in vars(queue.pop()).values():
+            name = value.__name__ if isinstance(value, ModuleType) else value_module(value)
+            module = sys.modules.get(name)
+            if module and name not in modules and _is_of_user(getattr(module, "__file__", None)):
+                modules[name] = module
+                queue.append(module)
+    return {file, *beside, *(Path(str(module.__file__)) for module in modules.values())}
+
+
+def _imported(file: Path) -> ModuleType:
+    """Return the module of a user's file, which its plug-in's registry has imported."""
+    found = (module for module in [*sys.modules.values()] if _file_of(module) == file)
+    return next(found, ModuleType(file.stem))
+
+
+def _file_of(module: ModuleType) -> Path | None:
+    file = getattr(module, "__file__", None)
+    return Path(file) if file else None
+
+
+def _is_of_user(file: str | None) -> bool:
+    installed = {*map(Path, sysconfig.get_paths().values()), *_ours().values()}
+    return file is not None and not any(Path(file).is_relative_to(each) for each in installed)
+
+
+def _short(file: Path) -> str:
+    """Return a file's path from the folder of its package."""
+    folder = package_folder(file)
+    return f"{folder.name}/{file.relative_to(folder).as_posix()}"
 
 
 @cache
 def _code_digest(file: Path) -> str:
-    words: list[str] = []
-    _add_words(ast.parse(file.read_bytes()), words)
-    data = b"".join(each.read_bytes() for each in data_files(file))
-    return hashlib.sha256(" ".join(words).encode() + data).hexdigest()
-
-
-def data_files(module: Path) -> list[Path]:
-    """Return the YAML files that belong to a module or package."""
-    if module.name == "__init__.py":
-        return sorted(module.parent.glob("*.yaml"))
-    return [each for each in [module.with_suffix(".yaml")] if each.is_file()]
+    content = file.read_bytes()
+    if file.suffix == ".py":
+        words: list[str] = []
+        _add_words(ast.parse(content), words)
+        content = " ".join(words).encode()
+    return hashlib.sha256(content).hexdigest()
 
 
 def _add_words(value: Any, words: list[str]) -> None:
@@ -81,7 +177,7 @@ def _add_words(value: Any, words: list[str]) -> None:
     elif isinstance(value, list):
         words.append("[")
         for inner in value:
-            for each in inner.orelse if is_for_types(inner) else [inner]:
+            for each in inner.orelse if _is_for_types(inner) else [inner]:
                 if not _is_text(each):
                     _add_words(each, words)
         words.append("]")
@@ -91,3 +187,8 @@ def _add_words(value: Any, words: list[str]) -> None:
 
 def _is_text(node: object) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _is_for_types(node: object) -> bool:
+    """Return whether a statement is ``if TYPE_CHECKING``, whose ``else`` is what runs."""
+    return isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"

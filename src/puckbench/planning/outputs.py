@@ -282,7 +282,7 @@ class OutputJobs:
         places = (*contents.own_figures, *contents.own_tables)
         record = Report(contents=contents.as_json(), code=places)
         also = f"{assets_version()} {self._codec_styles} {digest}"
-        return planned(record, "puckbench.report.build", also=also)
+        return planned(record, also=also)
 
     # ---- reference results
 

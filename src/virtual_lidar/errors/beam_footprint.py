@@ -13,6 +13,8 @@ from virtual_lidar.errors.model import Draws, Hits
 from virtual_lidar.errors.registry import ERROR_MODELS
 from virtual_lidar.sweep import Rays
 
+CODE = ("virtual_lidar.errors.vlp16",)
+
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 Echo = Literal["first", "strongest", "last", "mean"]
 

@@ -9,6 +9,8 @@ from virtual_lidar.errors.noise import Distribution, standard_noise
 from virtual_lidar.errors.registry import ERROR_MODELS
 from virtual_lidar.errors.vlp16 import Vlp16
 
+CODE = ("virtual_lidar.errors.vlp16",)
+
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):

@@ -6,6 +6,8 @@ from virtual_lidar.errors.calibrated import Calibrated
 from virtual_lidar.errors.registry import ERROR_MODELS
 from virtual_lidar.errors.vlp16 import Vlp16
 
+CODE = ("virtual_lidar.errors.vlp16", "virtual_lidar.errors.calibrated")
+
 
 @ERROR_MODELS.register("vlp16_table51")
 class Vlp16Table51(Vlp16):

@@ -11,6 +11,8 @@ from virtual_lidar.errors.model import Draws
 from virtual_lidar.errors.registry import ERROR_MODELS
 from virtual_lidar.sweep import Rays
 
+CODE = ("virtual_lidar.errors.vlp16",)
+
 
 @ERROR_MODELS.register("vlp16_divergence")
 class Vlp16Divergence(BeamOfWidth):

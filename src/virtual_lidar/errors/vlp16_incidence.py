@@ -8,6 +8,8 @@ from virtual_lidar.errors.model import Hits
 from virtual_lidar.errors.registry import ERROR_MODELS
 from virtual_lidar.errors.vlp16 import Vlp16
 
+CODE = ("virtual_lidar.errors.vlp16",)
+
 
 @ERROR_MODELS.register("vlp16_incidence")
 class Vlp16Incidence(Vlp16):

@@ -16,6 +16,8 @@ from puckbench.metrics.table_registry import TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("puckbench.jobs.gathered_tables",)
+
 METRIC_KEYS = ("dataset", "cloud", "codec", "rate")
 CLOUD_KEYS = ("dataset", "cloud")
 RECOVERY_KEYS = (*METRIC_KEYS, "kind")

@@ -3,6 +3,8 @@ from __future__ import annotations
 from pointkit.geometry.cloud import PointCloud
 from puckbench.metrics.metric_registry import METRICS
 
+CODE = ("puckbench.metrics.density",)
+
 
 @METRICS.register("density")
 def decoded_density(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:

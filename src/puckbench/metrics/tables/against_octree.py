@@ -12,6 +12,8 @@ from puckbench.metrics.tables.storage import rounding_mm
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("puckbench.metrics.tables.storage",)
+
 OCTREE = "gpcc"
 """G-PCC's octree coder without knowledge of the sensor, the anchor of papers on LiDAR
 compression."""

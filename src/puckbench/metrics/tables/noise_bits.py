@@ -13,6 +13,8 @@ from puckbench.metrics.tables.storage import ERROR_MM
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("puckbench.metrics.tables.against_octree",)
+
 _GRID_MM = 1.0
 BITS = ("grid_1_mm", "at_5_mm")
 """Columns of bits per return: lossless or on a 1 mm grid, and at equal error."""

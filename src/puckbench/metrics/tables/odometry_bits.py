@@ -12,6 +12,8 @@ from puckbench.metrics.tables.odometry_differences import odometry_differences
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("puckbench.metrics.tables.odometry_differences",)
+
 NONE_SUFFICES = "no rate suffices"
 _KEYS = ["dataset", "odometry", "codec", "times"]
 _OF_RATE = ("bits", "rate", "value", "difference", "low", "high")

@@ -15,6 +15,8 @@ from puckbench.recordings.drives import KEPT
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("puckbench.metrics.tasks.odometry",)
+
 ALL = "all"
 """Value of ``dataset`` for the trajectories of all data sets with the same measure."""
 RELATIVE_MARGIN = 0.1

@@ -24,6 +24,8 @@ from puckbench.metrics.timing import ranked_rows
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("puckbench.metrics.tables.rate_deltas",)
+
 _NOISE_MM = 1.5
 """RMS error (D2) above which scans have errors other than the rounding of ranges."""
 _MM = {

@@ -24,8 +24,11 @@ import numpy as np
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
+from puckbench.core.code import CLOUD_FILES
 from puckbench.metrics.task_registry import TASKS
 from puckbench.recordings.drives import Drive, shares_of
+
+CODE = (*CLOUD_FILES, "cloud_files.poses", "puckbench.recordings")
 
 LENGTHS_M = (10, 20, 50)
 KITTI_LENGTHS_M = tuple(range(100, 900, 100))

@@ -18,6 +18,8 @@ from puckbench.metrics.task_registry import TASKS
 from puckbench.metrics.tasks.odometry import check_installed
 from puckbench.recordings.drives import Drive
 
+CODE = ("puckbench.metrics.tasks.odometry",)
+
 _APART_M = (1, 2, 5)
 _TOLERANCE = 0.3
 """Largest relative deviation of a pair's distance from the nominal one."""
