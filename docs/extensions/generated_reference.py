@@ -181,7 +181,7 @@ def sensors() -> str:
 
     names = sorted(
         path.name.removesuffix(".yaml")
-        for path in files("virtual_lidar").joinpath("sensors").iterdir()
+        for path in files("pointkit.lidar").joinpath("sensors").iterdir()
         if path.name.endswith(".yaml")
     )
     shown = {name: load_sensor(name) for name in names}

@@ -5,12 +5,12 @@ A plug-in is one file with one class or function, registered where it is defined
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-A registry's own plug-ins are the modules of one package, such as ``puckbench.figures``. A package
-that declares the entry point ``NAME = "package"`` in the group ``puckbench.plugins`` adds those of
-its folder with the same name (``package.figures``). To list plug-ins, a registry imports all these
-modules, which therefore import heavy packages inside functions only. To find the plug-in ``a_b``,
-it first imports the module ``a_b`` or, if missing, ``a``. A package may also declare single
-plug-ins as entry points in the group ``puckbench.<kind>s``.
+A package's plug-ins of a kind are in ``package/<folder>/`` or ``package/*/<folder>/``. A registry
+lists those of its own package, and of all packages that declare the entry point ``NAME =
+"package"`` in the group ``puckbench.plugins``: it imports all modules there, which therefore import
+heavy packages inside functions only. To find the plug-in ``a_b``, it first imports the module
+``a_b`` or, if missing, ``a``. A package may also declare single plug-ins as entry points in the
+group ``puckbench.<kind>s``.
 
 A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to the user's class or function. As
 loading a place runs code, `load` accepts only places passed to `trust`: those named on the command
@@ -23,6 +23,7 @@ import hashlib
 import importlib
 import importlib.util
 import pkgutil
+import re
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import chdir
@@ -58,15 +59,23 @@ class Registry(Generic[T]):
     ----------
     kind
         Singular noun for messages ("error model").
+    folder
+        Name of the folders whose modules register plug-ins ("figures").
     package
-        Package whose modules register plug-ins ("puckbench.figures").
+        The registry's own package.
     make
         Creates a plug-in from name, class or function, and the keyword arguments of `register`.
     """
 
-    def __init__(self, kind: str, package: str, make: Callable[..., T] | None = None) -> None:
+    def __init__(
+        self,
+        kind: str,
+        folder: str,
+        package: str = "puckbench",
+        make: Callable[..., T] | None = None,
+    ) -> None:
         self.kind = kind
-        self._package = package
+        self._folders = (folder, package)
         self._make = make
         self._plugins: dict[tuple[str, str], T] = {}
         """Plug-ins by module and registered name."""
@@ -80,7 +89,7 @@ class Registry(Generic[T]):
 
         def registered(target: Target) -> Target:
             module = target.__module__
-            if module.partition(".")[0] in _packages(self._package):
+            if module.partition(".")[0] in _packages(self._folders[1]):
                 self._modules.setdefault(name, module)
             if self._modules.get(name, module) != module:
                 fault = f"{module} registers the name of {self._modules[name]}: rename it"
@@ -97,7 +106,7 @@ class Registry(Generic[T]):
 
     @cached_property
     def _ours(self) -> list[str]:
-        for module in _modules(self._package):
+        for module in _modules(*self._folders):
             importlib.import_module(module)
         return sorted(self._modules, key=lambda name: self._modules[name])
 
@@ -108,7 +117,7 @@ class Registry(Generic[T]):
         return name in self._modules
 
     def _import_nearest(self, name: str) -> None:
-        modules = {module.rpartition(".")[2]: module for module in _modules(self._package)}
+        modules = {module.rpartition(".")[2]: module for module in _modules(*self._folders)}
         beginnings = [stem for stem in modules if f"{name}_".startswith(f"{stem}_")]
         if beginnings:
             importlib.import_module(modules[max(beginnings, key=len)])
@@ -175,20 +184,22 @@ class Registry(Generic[T]):
 
 
 @cache
-def _packages(package: str) -> dict[str, str]:
-    """Return the packages that hold plug-ins of a kind, by their top-level packages."""
-    top, folder = package.partition(".")[0], package.rpartition(".")[2]
-    others = {point.value: f"{point.value}.{folder}" for point in entry_points(group=_PLUGINS)}
-    return {**others, top: package}
+def _packages(package: str) -> list[str]:
+    """Return a registry's own package and those that declare plug-ins."""
+    return [package, *(point.value for point in entry_points(group=_PLUGINS))]
 
 
 @cache
-def _modules(package: str) -> list[str]:
+def _modules(folder: str, package: str) -> list[str]:
     modules = []
-    for name in sorted(_packages(package).values()):
-        if spec := importlib.util.find_spec(name):
-            found = pkgutil.iter_modules(spec.submodule_search_locations)
-            modules += [name, *(f"{name}.{module.name}" for module in found)]
+    for top in _packages(package):
+        spec = importlib.util.find_spec(top)
+        root = Path(spec.origin).parent if spec and spec.origin else Path()
+        for path in sorted([root / folder, *root.glob(f"*/{folder}/")]):
+            if (path / "__init__.py").is_file():
+                name = ".".join((top, *path.relative_to(root).parts))
+                found = pkgutil.iter_modules([str(path)])
+                modules += [name, *(f"{name}.{module.name}" for module in found)]
     return modules
 
 
@@ -231,9 +242,8 @@ def _imported(name: str) -> ModuleType:
         sys.path.append(str(top))  # for good: the module may import others when it codes
     is_in_package = top != path.parent
     inner = ".".join(path.relative_to(top).with_suffix("").parts)
-    module = importlib.import_module(inner) if is_in_package else _imported_file(path)
-    _check_visible(module, top)
-    return module
+    _check_visible(path, top)
+    return importlib.import_module(inner) if is_in_package else _imported_file(path)
 
 
 def _imported_file(path: Path) -> ModuleType:
@@ -258,17 +268,14 @@ def _imported_file(path: Path) -> ModuleType:
     return module
 
 
-def _check_visible(module: ModuleType, top: Path) -> None:
-    """Raise ImportError if a module got another one in place of that beside it, in `top`."""
-    for value in vars(module).values():
-        owner = value.__name__ if isinstance(value, ModuleType) else value_module(value)
-        first = owner.partition(".")[0]
-        file = getattr(sys.modules.get(first), "__file__", None)
-        if not file or Path(file).is_relative_to(top):
-            continue
-        for own in (top / f"{first}.py", top / first / "__init__.py"):
-            if own.is_file():
-                raise ImportError(f"{own} is hidden by {file}: rename it")
+def _check_visible(path: Path, top: Path) -> None:
+    """Raise ImportError if a module elsewhere hides one in `top` that a file imports."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    for name in re.findall(r"^\s*(?:from|import)\s+(\w+)", text, re.M):
+        for own in (top / f"{name}.py", top / name / "__init__.py"):
+            spec = importlib.util.find_spec(name) if own.is_file() else None
+            if spec and spec.origin and not Path(spec.origin).is_relative_to(top):
+                raise ImportError(f"{own} is hidden by {spec.origin}: rename it")
 
 
 def value_module(value: object) -> str:

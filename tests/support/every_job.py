@@ -19,7 +19,7 @@ from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
 from tests.support import bench
 
-SOURCES = Path(str(sys.modules["puckbench"].__file__)).parent
+SOURCES = Path(str(sys.modules["puckbench"].__file__)).parents[1]
 _SPIN = {"preset": "spin", "azimuth_step_deg": 2.0}
 
 CONFIG: dict[str, Any] = {

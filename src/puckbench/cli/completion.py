@@ -43,7 +43,7 @@ class _CompletedParser(argparse.ArgumentParser):
 
 def _names(place: str) -> list[str]:
     module, _, name = place.partition(":")
-    source = getattr(import_module(f"puckbench.{module}"), name)
+    source = getattr(import_module(module), name)
     if isinstance(source, Registry):
         return source.names()
     return list(source() if callable(source) else source)
@@ -52,19 +52,19 @@ def _names(place: str) -> list[str]:
 _FILES = {"files", "start", "weights"}
 """Names of arguments whose values may be files although their type is not `Path`."""
 
-_CODECS, _ERROR_MODELS = "codecs.registry:codecs", "lidar.errors:ERROR_MODELS"
-_LOADERS = "datasets.registry:LOADERS"
+_CODECS, _ERROR_MODELS = "puckbench.codecs.registry:codecs", "virtual_lidar.errors:ERROR_MODELS"
+_LOADERS = "puckbench.datasets.registry:LOADERS"
 _NAMES = {
     "check": _LOADERS,
     "codec": _CODECS,
     "codecs": _CODECS,
     "errors": _ERROR_MODELS,
-    "figure": "figures.registry:FIGURES",
+    "figure": "puckbench.figures.registry:FIGURES",
     "loader": _LOADERS,
     "model": _ERROR_MODELS,
-    "names": "datasets.sources:SOURCES",
-    "sensor": "lidar.sensor:sensor_names",
-    "study": "report.reference_results:shipped_studies",
-    "table": "metrics.table_registry:TABLES",
+    "names": "puckbench.datasets.sources:SOURCES",
+    "sensor": "pointkit.lidar.sensor:sensor_names",
+    "study": "puckbench.report.reference_results:shipped_studies",
+    "table": "puckbench.metrics.table_registry:TABLES",
 }
 """Source (``module:object``) of the names that an argument can take, by argument."""

@@ -57,7 +57,7 @@ class Command:
     help: str
 
 
-COMMANDS: Registry[Command] = Registry("command", "puckbench.commands", make=Command)
+COMMANDS: Registry[Command] = Registry("command", "commands", make=Command)
 """Commands of other packages; every help text imports their modules."""
 
 

@@ -31,7 +31,7 @@ Entry = Mapping[str, Any]
 LOOKS = ("title", "use", "colour", "marker", "line", "rank")
 """Class attributes for lists and figures, which an entry may change."""
 
-CODECS: Registry[type[Codec]] = Registry("codec", "puckbench.codecs")
+CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
 """Registry of codec classes; a class is registered by ``@CODECS.register("name")`` above it."""
 
 

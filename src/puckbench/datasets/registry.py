@@ -8,7 +8,7 @@ from pointkit.models import parsed
 from pointkit.registry import Registry
 from puckbench.datasets.base import DataSet
 
-LOADERS: Registry[type[DataSet]] = Registry("loader", "puckbench.datasets")
+LOADERS: Registry[type[DataSet]] = Registry("loader", "datasets")
 """Classes that read or generate data sets, by the configuration's `loader`."""
 
 

@@ -75,7 +75,7 @@ class FigureEntry:
         return caption_of(self.draw)
 
 
-FIGURES: Registry[FigureEntry] = Registry("figure", "puckbench.figures", make=FigureEntry)
+FIGURES: Registry[FigureEntry] = Registry("figure", "figures", make=FigureEntry)
 
 
 def figure_entry(name: str) -> FigureEntry:

@@ -33,4 +33,4 @@ class Job(Model):
         """Read the inputs, write either all outputs or none, and return the values to print."""
 
 
-JOBS: Registry[type[Job]] = Registry("job", "puckbench.jobs")
+JOBS: Registry[type[Job]] = Registry("job", "jobs")

@@ -33,9 +33,7 @@ def _registered(
     return metric
 
 
-METRICS: Registry[Metric] = Registry(
-    "metric", "puckbench.metrics.further_metrics", make=_registered
-)
+METRICS: Registry[Metric] = Registry("metric", "further_metrics", make=_registered)
 
 
 def metric_columns() -> dict[str, str]:

@@ -88,7 +88,7 @@ class TableEntry:
         return caption_of(self.make)
 
 
-TABLES: Registry[TableEntry] = Registry("table", "puckbench.metrics.tables", make=TableEntry)
+TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
 
 
 def table_entry(name: str) -> TableEntry:

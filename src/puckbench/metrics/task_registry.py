@@ -37,7 +37,7 @@ class Task:
         return tuple(name for name in self.needs if find_spec(name) is None)
 
 
-TASKS: Registry[Task] = Registry("task", "puckbench.metrics.tasks", make=Task)
+TASKS: Registry[Task] = Registry("task", "tasks", make=Task)
 
 
 def task_results(

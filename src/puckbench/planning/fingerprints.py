@@ -101,9 +101,9 @@ def _ours() -> dict[str, Path]:
     return package_folders()
 
 
-def _data_below(folder: Path) -> Iterator[Path]:
+def _data_below(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
     """Yield the YAML files that have the name of a Python file beside them."""
-    return (file for file in folder.rglob("*.yaml") if file.with_suffix(".py").is_file())
+    return (file for file in folder.glob(f"{pattern}.yaml") if file.with_suffix(".py").is_file())
 
 
 @cache
@@ -116,7 +116,7 @@ def _plugins_in(room: str) -> set[str]:
 def _files_of_user(file: Path) -> set[Path]:
     """Return a user's file, the files beside it, and those of the modules that it has imported."""
     folder = package_folder(file)
-    beside = set(package_files(folder)) | set(file.parent.glob("*/*.py"))
+    beside = {*package_files(folder), *file.parent.glob("*/*.py"), *_data_below(file.parent, "*")}
     queue, modules = [_imported(file)], dict[str, ModuleType]()
     while queue:
         for value in vars(queue.pop()).values():
@@ -145,9 +145,10 @@ def _is_of_user(file: str | None) -> bool:
 
 
 def _short(file: Path) -> str:
-    """Return a file's path from the folder of its package."""
+    """Return a file's path from the folder that contains its package; without one, its name."""
     folder = package_folder(file)
-    return f"{folder.name}/{file.relative_to(folder).as_posix()}"
+    top = folder.parent if (folder / "__init__.py").exists() else folder
+    return file.relative_to(top).as_posix()
 
 
 @cache

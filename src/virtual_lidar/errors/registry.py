@@ -9,7 +9,7 @@ from pointkit.registry import Registry
 from virtual_lidar.errors.model import ErrorModel
 from virtual_lidar.errors.receiver import Received, Receiver
 
-ERROR_MODELS: Registry[type[ErrorModel]] = Registry("error model", "virtual_lidar.errors")
+ERROR_MODELS: Registry[type[ErrorModel]] = Registry("error model", "errors", "virtual_lidar")
 
 
 def error_model_names() -> list[str]:

@@ -148,7 +148,7 @@ def test_long_compilation_is_told_once(
 
 TIMED = """
 import time
-from puckbench.core import compiling
+from pointkit import compiling
 
 clock = time.monotonic
 compiling.time.monotonic = lambda: 10 * clock()

@@ -55,20 +55,20 @@ def test_planning_imports_nothing_heavy(module: str) -> None:
 
 
 REGISTRIES = [
-    "codecs.registry import CODECS",
-    "datasets.registry import LOADERS",
-    "figures.registry import FIGURES",
-    "jobs.registry import JOBS",
-    "lidar.errors import ERROR_MODELS",
-    "metrics.metric_registry import METRICS",
-    "metrics.table_registry import TABLES",
+    "puckbench.codecs.registry import CODECS",
+    "puckbench.datasets.registry import LOADERS",
+    "puckbench.figures.registry import FIGURES",
+    "puckbench.jobs.registry import JOBS",
+    "virtual_lidar.errors import ERROR_MODELS",
+    "puckbench.metrics.metric_registry import METRICS",
+    "puckbench.metrics.table_registry import TABLES",
 ]
 
 
 @pytest.mark.parametrize("registry", REGISTRIES)
 def test_listing_plugins_imports_nothing_heavy(registry: str) -> None:
     name = registry.rpartition(" ")[2]
-    program = f"import sys; from puckbench.{registry}; assert {name}.names(); print(*sys.modules)"
+    program = f"import sys; from {registry}; assert {name}.names(); print(*sys.modules)"
     loaded = _lines(sys.executable, "-c", program)[-1].split()
     assert HEAVY & set(loaded) == set()
 

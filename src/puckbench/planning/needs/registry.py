@@ -20,7 +20,7 @@ from puckbench.planning.plan import Plan
 Options = dict[str, Any]
 Need = Callable[[Plan], Options | None]
 
-NEEDS: Registry[Need] = Registry("need", "puckbench.planning.needs")
+NEEDS: Registry[Need] = Registry("need", "needs")
 
 
 def met_needs(plan: Plan) -> dict[str, Options]:
