@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 CODE = (
     *(*CLOUD_FILES, *CODEC, "puckbench.jobs.training_log", "puckbench.jobs.validation"),
+    "pcc_networks.training",
     *("puckbench.metrics.geometry", "puckbench.metrics.lossless", "puckbench.metrics.psnr"),
 )
 

@@ -36,7 +36,7 @@ class TrainingJobs:
             options=training.settings,
             start=training.start,
             validate_every=training.validate_every,
-            code=code_version(module),
+            code=code_version(module, "pcc_networks.training"),
         )
         codec = module_of(place_of(training.codec, training.entry))
         start = self.plan.digest_of(self.given_start(name))
