@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from primitive_codec.mesh_reconstruction import decode_mesh as decode_mesh
     from primitive_codec.mode_decision import SurfaceCache as SurfaceCache
     from primitive_codec.mode_decision import encode as encode
+    from primitive_codec.settings import RATES as RATES
     from primitive_codec.settings import PrimitiveSettings as PrimitiveSettings
 
 __getattr__, __dir__, __all__ = lazy(
@@ -22,5 +23,5 @@ __getattr__, __dir__, __all__ = lazy(
     decoder=("DecodedSurface", "decode", "decode_surface"),
     mesh_reconstruction=("decode_mesh",),
     mode_decision=("SurfaceCache", "encode"),
-    settings=("PrimitiveSettings",),
+    settings=("RATES", "PrimitiveSettings"),
 )

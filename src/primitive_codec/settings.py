@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from pydantic import Field
 
 from pointkit.models import Model
@@ -67,3 +69,31 @@ class PrimitiveSettings(Model):
         length_names = ("min_leaf_size", "column_size", "plane_step")
         scaled = {name: factor * getattr(self, name) for name in length_names}
         return self.model_copy(update={**scaled, "lmbda": factor**2 * self.lmbda})
+
+
+_SURFACE_PARAMETERS = (
+    *("min_leaf_size", "column_size", "max_leaf_size"),
+    *("lmbda", "plane_step", "max_bpp"),
+)
+_SURFACES: dict[str, dict[str, float]] = {
+    name: dict(zip(_SURFACE_PARAMETERS, row, strict=True))
+    for name, row in {
+        "r1": (64, 32, 256, 3000, 12, 0.1),
+        "r2": (32, 16, 256, 600, 8, 0.2),
+        "r3": (16, 8, 256, 70, 4.5, 0.4),
+        "r4": (8, 4, 128, 8, 3, 0.7),
+        "r5": (4, 2, 64, 0.7, 1, 1.2),
+    }.items()
+}
+RATES: Mapping[str, Mapping[str, float]] = {
+    **_SURFACES,
+    **{
+        f"r{5 + k}": {**_SURFACES["r5"], "refinement": k / 3, "max_voxel_size": 4}
+        for k in (1, 2, 3)
+    },
+}
+"""Arguments of `PrimitiveSettings` for eight rates, from `r1` (fewest bits) to `r8`.
+
+Rates `r1` to `r5` code a surface alone, with finer and finer leaves. Rates `r6` to `r8` add voxels
+to the surface of `r5`, so that the decoded points also follow points that lie on no surface.
+"""

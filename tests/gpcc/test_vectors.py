@@ -9,11 +9,12 @@ import pytest
 
 from gpcc.coder import PROFILES, decode_geometry, encode_geometry
 from gpcc.conformance import FOLDER
+from gpcc.container import unwrap
+from gpcc.grid import quantise
 from gpcc.options import SPINNING
 from gpcc.sensor import SensorDescription
 from pointkit.errors import InputError
 from pointkit.files import read_json
-from puckbench.codecs.registry import open_codec
 from tests.support.small_turn import SENSOR, small_turn
 from tests.support.stream_damage import damaged
 
@@ -27,7 +28,7 @@ LEFT_OUT = {
 
 
 def _decoded(name: str) -> np.ndarray:
-    return open_codec("gpcc").decode((FOLDER / f"{name}.bin").read_bytes())
+    return decode_geometry((FOLDER / f"{name}.bin").read_bytes()).positions()
 
 
 @pytest.mark.parametrize("name", sorted(MANIFEST.keys() - LEFT_OUT.keys()))
@@ -75,7 +76,7 @@ DECODER_ONLY = {
     *(name for name in MANIFEST if name.startswith("spin")),
 }
 PREDICTIVE = {name for name, about in MANIFEST.items() if "--geomTreeType=1" in about["options"]}
-"""See test_gpcc_predictive.py."""
+"""See test_predictive.py."""
 
 
 @pytest.mark.parametrize(
@@ -117,12 +118,12 @@ def test_a_coarse_turn_splits_later_along_z() -> None:
     assert mine == (FOLDER / "spin_coarse.bin").read_bytes()
 
 
-def test_codec_and_tmc13_agree_from_real_coordinates_on() -> None:
+def test_quantising_and_coding_gives_the_bytes_of_tmc13_from_real_coordinates_on() -> None:
     """The points of this vector are whole numbers, many of them negative."""
-    about, points = MANIFEST["away_minimal"], _decoded("away_minimal")
-    raw = {"raw": True, "profile": about["profile"]}
-    codec = open_codec("gpcc", {"rates": {"r": {"scale": about["scale"]}}, "options": raw})
-    assert codec.encode(points, "r") == (FOLDER / "away_minimal.bin").read_bytes()
+    about, scale = MANIFEST["away_minimal"], MANIFEST["away_minimal"]["scale"]
+    positions, origin = quantise(_decoded("away_minimal"), scale=scale)
+    stream = encode_geometry(positions, PROFILES[about["profile"]], scale, origin)
+    assert stream == (FOLDER / "away_minimal.bin").read_bytes()
 
 
 def test_damaged_streams_end_in_points_or_one_clean_error() -> None:
@@ -135,6 +136,7 @@ def test_damaged_streams_end_in_points_or_one_clean_error() -> None:
 
 def _outcome(stream: bytes) -> str:
     try:
-        return "finite points" if np.isfinite(open_codec("gpcc").decode(stream)).all() else "\n"
+        points = decode_geometry(unwrap(stream).stream).positions()
+        return "finite points" if np.isfinite(points).all() else "\n"
     except InputError as error:
         return str(error)

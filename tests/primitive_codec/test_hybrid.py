@@ -9,13 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pointkit.errors import InputError
-from pointkit.geometry.cloud import Floats
+from pointkit.measurement import NO_COST
 from primitive_codec import hybrid_mode, mode_decision, voxel_mode
 from primitive_codec.decoder import decode
 from primitive_codec.distortion import Distortion, NearestOffsets
-from primitive_codec.mode_decision import _refined_budget
+from primitive_codec.mesh_reconstruction import decode_mesh
+from primitive_codec.mode_decision import SurfaceCache, _refined_budget, encode
 from primitive_codec.preparation import prepare
-from primitive_codec.settings import PrimitiveSettings
+from primitive_codec.settings import RATES, PrimitiveSettings
 from primitive_codec.stream import (
     CLASSES,
     HybridHeader,
@@ -25,9 +26,6 @@ from primitive_codec.stream import (
     unpack,
 )
 from primitive_codec.surface_mode import CodedSurface, SurfaceMode, encode_surface
-from puckbench.codecs.base import Cost, Parameters
-from puckbench.codecs.primitives import Primitives
-from puckbench.codecs.registry import open_codec
 
 NO_FACTORS = np.zeros(CLASSES, np.int8)
 _NOTHING = NearestOffsets(np.zeros((1, 3)), np.zeros((1, 3)))
@@ -130,8 +128,7 @@ def _mean_square(xyz: np.ndarray) -> float:
 
 
 def test_a_hybrid_has_the_mesh_of_its_surface() -> None:
-    codec = open_codec("primitives")
-    result, expected = codec.decode_mesh(_hybrid()), codec.decode_mesh(_surface().stream)
+    result, expected = decode_mesh(_hybrid()), decode_mesh(_surface().stream)
     assert np.array_equal(result.vertices, expected.vertices)
 
 
@@ -244,34 +241,27 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return searches
 
 
+def _encoded(points: np.ndarray, rate: str, cache: SurfaceCache | None = None) -> bytes:
+    return encode(points, PrimitiveSettings(**RATES[rate]), cache)
+
+
 def test_rates_that_differ_in_refinement_share_the_surface(searches: list[int]) -> None:
-    codec, points = open_codec("primitives"), _floor(2.0)
-    shared, streams, saved = codec.shared_work(), {}, {}
-    assert shared is not None
+    points, cache, streams, saved = _floor(2.0), SurfaceCache(), {}, {}
     for rate in ("r5", "r6", "r8", "r5", "r4"):
-        streams[rate] = codec.encode(points, rate, shared)
-        saved[rate] = shared.saved
+        streams[rate] = _encoded(points, rate, cache)
+        saved[rate] = cache.saved
     assert len(searches) == 3  # r5, again r5, and r4
-    assert streams == {rate: codec.encode(points, rate) for rate in streams}
-    assert saved["r5"] == saved["r4"] == Cost(0, 0)
+    assert streams == {rate: _encoded(points, rate) for rate in streams}
+    assert saved["r5"] == saved["r4"] == NO_COST
     assert min(saved["r6"]) > 0
-    assert codec.encode(points[::2], "r4", shared) == codec.encode(points[::2], "r4")
-    assert codec.encode(points[::2], "r8", shared) == codec.encode(points[::2], "r8")
-    assert shared.saved == Cost(0, 0)  # another cloud, another surface
+    assert _encoded(points[::2], "r4", cache) == _encoded(points[::2], "r4")
+    assert _encoded(points[::2], "r8", cache) == _encoded(points[::2], "r8")
+    assert cache.saved == NO_COST  # another cloud, another surface
 
 
-def test_without_shared_work_no_call_depends_on_earlier_ones(searches: list[int]) -> None:
-    codec, points, here = open_codec("primitives"), _floor(2.0), Cost(0.5, 1.0)
-    first = codec.encode(points, "r6")
-    codec.encode(points[::2], "r6")
-    assert codec.encode(points, "r6") == first
+def test_without_a_cache_no_call_depends_on_earlier_ones(searches: list[int]) -> None:
+    points = _floor(2.0)
+    first = _encoded(points, "r6")
+    _encoded(points[::2], "r6")
+    assert _encoded(points, "r6") == first
     assert len(searches) == 3
-    assert codec.cost(here) == here
-
-
-def test_a_derived_class_with_its_own_coding_shares_nothing() -> None:
-    class Reversed(Primitives):
-        def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-            return super()._encode(points[::-1].copy(), parameters)
-
-    assert Reversed("reversed").shared_work() is None

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from primitive_codec.decoder import read_patches
+from primitive_codec.mode_decision import encode
 from primitive_codec.octree import moments_of
 from primitive_codec.octree_arrays import Leaves
 from primitive_codec.plane_coding import _extended, dequantise_plane, quantise_plane
@@ -16,7 +17,7 @@ from primitive_codec.region_merging import (
     region_moments,
 )
 from primitive_codec.segmentation import segment_leaves
-from puckbench.codecs.registry import open_codec
+from primitive_codec.settings import RATES, PrimitiveSettings
 
 _RIGHT = float(np.cos(np.radians(45)))
 _SHAPE = np.array([16, 16, 16])
@@ -151,7 +152,7 @@ def test_one_plane_serves_a_noisy_wall() -> None:
     across = rng.random((60_000, 2)) * [1000, 700]
     height = across @ [0.21, -0.13] + rng.normal(0, 1.3, len(across))
     points = np.column_stack([across, height])
-    patches = read_patches(open_codec("primitives").encode(points, "r5"))
+    patches = read_patches(encode(points, PrimitiveSettings(**RATES["r5"])))
     leaves, planes = patches.octree.leaves.counts
     assert planes <= 3 < leaves
     assert len(set(segment_leaves(patches))) == 1

@@ -118,7 +118,7 @@ def test_a_plane_has_no_hypotheses() -> None:
 _ENCODE = """
 import hashlib
 import numpy as np
-from puckbench.codecs.registry import open_codec
+from primitive_codec import RATES, PrimitiveSettings, decode, encode
 rng = np.random.default_rng(0)
 turn, up = 6.3 * rng.random(4000), rng.random(4000)
 tube = np.column_stack([150 * np.cos(turn) + 3, 150 * np.sin(turn), 600 * up])
@@ -129,10 +129,10 @@ wall = np.column_stack([900 * rng.random(4000), np.zeros(4000), 600 * rng.random
 wall = (wall[:, :, None] * lean.T[None]).sum(axis=1)
 cloud = np.concatenate([tube, ball + [400, 0, 300], wall + [0, 250, 0]])
 cloud = np.round(cloud + rng.normal(0, 1, cloud.shape), 3)
-codec, digest = open_codec("primitives"), hashlib.sha256(cloud.tobytes())
+digest = hashlib.sha256(cloud.tobytes())
 for rate in ("r2", "r4", "r7"):
-    stream = codec.encode(cloud, rate)
-    digest.update(stream + codec.decode(stream).tobytes())
+    stream = encode(cloud, PrimitiveSettings(**RATES[rate]))
+    digest.update(stream + decode(stream).tobytes())
 print(digest.hexdigest())
 """
 

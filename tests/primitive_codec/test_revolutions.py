@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 from pointkit.coding.binary_coder import written
 from pointkit.errors import InputError
-from primitive_codec.decoder import decode_surface
+from primitive_codec.decoder import decode, decode_surface
 from primitive_codec.entropy import reader, writer
+from primitive_codec.mesh_reconstruction import decode_mesh
+from primitive_codec.mode_decision import encode
 from primitive_codec.preparation import prepare
 from primitive_codec.revolution import (
     CONE,
@@ -28,7 +30,7 @@ from primitive_codec.revolution import (
     unpack_parameters,
 )
 from primitive_codec.revolution_occupancy import RevolutionCosts, fit_revolutions
-from primitive_codec.settings import PrimitiveSettings
+from primitive_codec.settings import RATES, PrimitiveSettings
 from primitive_codec.shape_detection import detect_revolutions
 from primitive_codec.stream import (
     REVOLUTION_BYTES,
@@ -38,9 +40,8 @@ from primitive_codec.stream import (
     unpack,
 )
 from primitive_codec.surface_mode import SurfaceMode, encode_surface, revolution_candidates
-from puckbench.codecs.primitives import Primitives
-from puckbench.codecs.registry import open_codec
 
+R3 = PrimitiveSettings(**RATES["r3"])
 AXIS = np.array([0.36, 0.48, 0.8])
 CYLINDER = RevolutionSurface(CONE, np.array([40.0, 50.0, 30.0]), AXIS, 12.0, 0.0, -20, 40)
 FRUSTUM = CYLINDER._replace(angle=0.3)
@@ -190,12 +191,6 @@ def test_no_surfaces_of_revolution_are_detected_on_a_box() -> None:
     assert detect_revolutions(xyz, np.eye(3)[side // 2], 30.0, 3.0) == []
 
 
-def _codec() -> Primitives:
-    codec = open_codec("primitives")
-    assert isinstance(codec, Primitives)
-    return codec
-
-
 @cache
 def _round_stream() -> bytes:
     cloud = prepare(
@@ -207,21 +202,21 @@ def _round_stream() -> bytes:
 
 
 def test_streams_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    codec, (xyz, _) = _codec(), _solids(noise=1.0)
+    xyz, _ = _solids(noise=1.0)
     streams = set()
     for threads in ("1", "2", "5"):
         monkeypatch.setenv("OMP_NUM_THREADS", threads)
-        streams.add(codec.encode(xyz, "r3"))
+        streams.add(encode(xyz, R3))
     assert len(streams) == 1
 
 
 def test_round_solids_are_coded_as_surfaces_of_revolution() -> None:
-    codec, (xyz, _) = _codec(), _solids(noise=1.0)
-    stream = codec.encode(xyz, "r3")
+    xyz, _ = _solids(noise=1.0)
+    stream = encode(xyz, R3)
     header, _ = unpack(stream)
     assert isinstance(header, SurfaceHeader)
     assert len(header.revolutions) // REVOLUTION_BYTES >= 3
-    mesh = codec.decode_mesh(stream)
+    mesh = decode_mesh(stream)
     assert mesh.labels is not None
     kinds = {primitive.kind for primitive in mesh.labels.primitives}
     assert {"cylinder", "sphere", "cone"} <= kinds
@@ -236,7 +231,6 @@ def test_round_solids_are_coded_as_surfaces_of_revolution() -> None:
 @settings(max_examples=60)
 @given(data=st.data())
 def test_damage_of_surfaces_of_revolution_ends_in_an_error_or_points(data: st.DataObject) -> None:
-    codec = _codec()
     header, bits = unpack(_round_stream())
     assert isinstance(header, SurfaceHeader)
     assert header.revolutions
@@ -246,7 +240,7 @@ def test_damage_of_surfaces_of_revolution_ends_in_an_error_or_points(data: st.Da
             part[data.draw(st.integers(0, len(part) - 1))] = data.draw(st.integers(0, 255))
     changed = header._replace(revolutions=bytes(rounds))
     try:
-        decoded = codec.decode(pack_surface(changed, bytes(damaged)))
+        decoded = decode(pack_surface(changed, bytes(damaged)))
     except InputError:
         return
     assert np.isfinite(decoded).all()

@@ -11,7 +11,7 @@ from pydantic import Field
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
 from pointkit.models import Model, parsed
-from primitive_codec.settings import PrimitiveSettings
+from primitive_codec.settings import RATES, PrimitiveSettings
 from puckbench.codecs.base import Codec, Pace, Parameters
 from puckbench.codecs.registry import CODECS
 
@@ -19,21 +19,6 @@ if TYPE_CHECKING:
     from primitive_codec.mode_decision import SurfaceCache
 
 CODE = ("gpcc.*", "primitive_codec.*")
-
-_SURFACE_PARAMETERS = (
-    *("min_leaf_size", "column_size", "max_leaf_size"),
-    *("lmbda", "plane_step", "max_bpp"),
-)
-_RATES = {
-    "r1": (64, 32, 256, 3000, 12, 0.1),
-    "r2": (32, 16, 256, 600, 8, 0.2),
-    "r3": (16, 8, 256, 70, 4.5, 0.4),
-    "r4": (8, 4, 128, 8, 3, 0.7),
-    "r5": (4, 2, 64, 0.7, 1, 1.2),
-}
-_SURFACES: dict[str, dict[str, float]] = {
-    name: dict(zip(_SURFACE_PARAMETERS, row, strict=True)) for name, row in _RATES.items()
-}
 
 
 class PrimitivesOptions(Model):
@@ -59,13 +44,7 @@ class Primitives(Codec):
     marker = "P"
     rank = 40
     pace = Pace(0.7, 10.0, encoding=0.9)
-    rates: Mapping[str, Parameters] = {
-        **_SURFACES,
-        **{
-            f"r{5 + k}": {**_SURFACES["r5"], "refinement": k / 3, "max_voxel_size": 4}
-            for k in (1, 2, 3)
-        },
-    }
+    rates: Mapping[str, Parameters] = RATES
     Options: type[PrimitivesOptions] = PrimitivesOptions
     options: PrimitivesOptions
     magic = b"PBPR"
@@ -82,7 +61,7 @@ class Primitives(Codec):
         points = np.concatenate([column, floor]) + rng.normal(0, 0.001, (2000, 3))
         self._decode(encode(points, PrimitiveSettings(**self._MOST)))
 
-    _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
+    _MOST: ClassVar[Parameters] = {**RATES["r3"], "refinement": 1, "max_voxel_size": 16}
 
     def shared_work(self) -> SurfaceCache | None:
         """Return a cache of the fitted surface, which all rates of a cloud share.

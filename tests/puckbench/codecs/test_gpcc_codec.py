@@ -6,8 +6,10 @@ import pytest
 
 from gpcc import syntax
 from gpcc.bits import BitReader
+from gpcc.conformance import FOLDER
 from gpcc.container import MAGIC, unwrap
 from pointkit.errors import InputError
+from pointkit.files import read_json
 from puckbench.codecs.registry import codec_class, open_codec
 
 SCALES = {"r": {"scale": 1.0}, "half": {"scale": 0.5}, "odd": {"scale": 0.7}, "fine": {"scale": 4}}
@@ -136,3 +138,12 @@ def test_without_a_sensor_options_are_those_of_papers_on_lidar(rate: str, direct
     assert gps.geom_planar_mode_enabled_flag
     assert gps.qtbt_enabled_flag
     assert not gps.geom_angular_mode_enabled_flag
+
+
+def test_codec_and_tmc13_agree_from_real_coordinates_on() -> None:
+    """The points of this conformance stream are whole numbers, many of them negative."""
+    about = read_json(FOLDER / "manifest.json")["away_minimal"]
+    stream = (FOLDER / "away_minimal.bin").read_bytes()
+    raw = {"raw": True, "profile": about["profile"]}
+    codec = open_codec("gpcc", {"rates": {"r": {"scale": about["scale"]}}, "options": raw})
+    assert codec.encode(open_codec("gpcc").decode(stream), "r") == stream

@@ -1,25 +1,16 @@
-"""The primitives codec on a room whose true surface is known, noisy and clean."""
+"""The adapter of the primitives codec: frames, rates, shared work and the command line."""
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from cloud_files.meshes import read_mesh
 from pointkit.errors import InputError
-from primitive_codec.decoder import decode_surface
-from primitive_codec.manhattan_frame import rotation_matrix
-from primitive_codec.noise import estimate_noise
-from primitive_codec.preparation import prepare
-from primitive_codec.settings import PrimitiveSettings
-from primitive_codec.smoothing import downsample, smooth_samples
-from primitive_codec.stream import VoxelHeader, pack_surface, pack_voxels, unpack
-from primitive_codec.surface_mode import SurfaceMode, encode_surface
-from primitive_codec.voxel_mode import VoxelSearch
+from pointkit.geometry.cloud import Floats
+from primitive_codec import RATES, PrimitiveSettings, encode
 from puckbench.cli import main
+from puckbench.codecs.base import Cost, Parameters
 from puckbench.codecs.primitives import Primitives
 from puckbench.codecs.registry import open_codec
 
@@ -49,51 +40,11 @@ def _codec() -> Primitives:
     return codec
 
 
-@cache
-def _small_stream(rate: str) -> bytes:
-    """A stream of voxels for r8, else of surfaces."""
-    if rate == "r8":
-        return VoxelSearch(_room(3000)).encode_to_budget(1300, max_voxel_size=4).stream
-    coded = encode_surface(
-        prepare(_room(3000), PrimitiveSettings(min_leaf_size=32, column_size=16, lmbda=600)),
-        SurfaceMode(),
-    )
-    assert coded is not None
-    return coded.stream
-
-
-@pytest.mark.parametrize("rate", ["r3", "r5"])
-def test_decoded_points_are_nearer_to_the_truth_than_the_noisy_ones(rate: str) -> None:
-    points = _room()
-    codec = _codec()
-    stream = codec.encode(points, rate)
-    decoded = codec.decode(stream)
-    assert np.mean(_to_truth(decoded) ** 2) < 0.3 * np.mean(_to_truth(points) ** 2)
-    assert 8 * len(stream) / len(points) < 0.5
-
-
-@pytest.mark.parametrize("rate", ["r3", "r5"])
-def test_the_whole_surface_comes_back(rate: str) -> None:
-    from scipy.spatial import cKDTree
-
-    points, codec = _room(), _codec()
-    decoded = codec.decode(codec.encode(points, rate))
-    farthest = np.quantile(cKDTree(decoded).query(points)[0], 0.99)
-    assert farthest < 24
-
-
 def test_coordinates_in_metres_far_from_the_origin_come_back() -> None:
     points, codec = _room(), _codec()
     to_grid = points * 0.006 + [4000.0, -250.0, 30.0]
     decoded = (codec.decode(codec.encode(to_grid, "r4")) - [4000.0, -250.0, 30.0]) / 0.006
     assert np.mean(_to_truth(decoded) ** 2) < 0.3 * NOISE**2
-
-
-def test_decoded_normals_are_those_of_the_sides() -> None:
-    decoded = decode_surface(_codec().encode(_room(), "r4"))
-    assert np.allclose(np.linalg.norm(decoded.normals, axis=1), 1)
-    inner = np.sort(np.minimum(decoded.xyz, SIZE - decoded.xyz), axis=1)[:, 1] > 40
-    assert np.quantile(np.abs(decoded.normals[inner]).max(axis=1), 0.05) > 0.999
 
 
 @pytest.mark.parametrize("away", [0.0, 5e6], ids=["near", "far"])
@@ -114,98 +65,10 @@ def test_the_mesh_is_where_the_points_are_and_labelled_with_planes(away: float) 
     assert mesh.areas().sum() == pytest.approx(2 * (1023 * 700 + 1023 * 500 + 700 * 500), rel=0.05)
 
 
-def test_the_sides_of_a_box_are_six_segments() -> None:
-    mesh = _codec().decode_mesh(_codec().encode(_room(), "r4"))
-    assert mesh.labels is not None
-    areas = np.bincount(mesh.labels.object_id, mesh.areas())
-    largest = np.sort(areas)[::-1]
-    sides = np.repeat([1023 * 700, 1023 * 500, 700 * 500], 2)
-    assert largest[:6] == pytest.approx(sides, rel=0.15)
-    assert largest[6:].sum() < 0.05 * areas.sum()
-
-
-def test_voxels_have_no_mesh() -> None:
-    codec = _codec()
-    with pytest.raises(InputError, match="voxels, not planes"):
-        codec.decode_mesh(VoxelSearch(_room(1000)).encode_to_budget(400).stream)
-
-
-def test_the_highest_rate_reproduces_small_clouds_too() -> None:
-    points, codec = _room(1000), _codec()
-    decoded = codec.decode(codec.encode(points, "r8"))
-    away = np.linalg.norm(points[:, None] - decoded[None], axis=2).min(axis=1)
-    assert away.max() < 4
-
-
-def test_a_rotated_room_takes_no_more_bits() -> None:
-    points, codec = _room(20_000), _codec()
-    turned = points @ rotation_matrix((1500, -4000, 7000)).T
-    bits, bits_turned = (len(codec.encode(xyz, "r3")) for xyz in (points, turned))
-    assert bits_turned < 1.15 * bits
-
-
-def test_flat_rooms_need_few_planes() -> None:
-    mesh = _codec().decode_mesh(_codec().encode(_room(), "r3"))
-    assert mesh.labels is not None
-    assert len(mesh.labels.primitives) < 60
-
-
-@pytest.mark.parametrize("noise", [0.0, 1.0, 2.5])
-def test_the_noise_is_found(noise: float) -> None:
-    # Cells whose faces lie in the surface cut the noise in half: the room is moved off them.
-    assert estimate_noise(_room(200_000, noise) + 10, 40.0) == pytest.approx(
-        noise, rel=0.15, abs=0.01
-    )
-
-
-def test_smoothing_moves_samples_onto_the_surface() -> None:
-    rng = np.random.default_rng(6)
-    points = np.column_stack([rng.random((40_000, 2)) * 200, 50 + rng.normal(0, 2, 40_000)])
-    samples = downsample(points, 6.0)
-    xyz, normals = smooth_samples(samples, 6.0, 25.0, 12.0)
-    assert np.std(xyz[:, 2] - 50) < 0.25 * np.std(samples.xyz[:, 2] - 50)
-    assert np.quantile(np.abs(normals[:, 2]), 0.05) > 0.98
-
-
-def test_smoothing_keeps_an_edge() -> None:
-    # One pass, whose neighbours are those of both walls, leaves 6.2 squared units there.
-    rng = np.random.default_rng(0)
-    along, across = rng.random((2, 40_000)) * 200
-    noise, level = rng.normal(0, 1.3, len(along)), np.arange(len(along)) % 2 == 0
-    floor, wall = (along, across, noise), (noise, across, along)
-    points = np.where(level[:, None], np.stack(floor, axis=1), np.stack(wall, axis=1)) + 300
-    xyz = smooth_samples(downsample(points, 4.0), 4.0, 25.0, 8.5)[0] - 300
-    near = np.maximum(xyz[:, 0], xyz[:, 2]) < 15
-    assert np.count_nonzero(near) > 500
-    assert np.mean(np.minimum(xyz[near, 0] ** 2, xyz[near, 2] ** 2)) < 0.5
-
-
 def test_unknown_parameters_of_a_rate_are_refused() -> None:
     codec = open_codec("primitives", {"rates": {"r1": {"leafs": 3}}})
     with pytest.raises(InputError, match="unknown option 'leafs'"):
         codec.encode(_room(100), "r1")
-
-
-@settings(max_examples=120)
-@given(data=st.data(), rate=st.sampled_from(["r2", "r8"]))
-def test_damage_behind_a_right_check_ends_in_an_error_or_points(
-    data: st.DataObject, rate: str
-) -> None:
-    codec = _codec()
-    header, bits = unpack(_small_stream(rate))
-    damaged = bytearray(bits[: data.draw(st.integers(0, len(bits)))])
-    for _ in range(data.draw(st.integers(0, 4))):
-        if damaged:
-            damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
-    if isinstance(header, VoxelHeader):
-        stream = pack_voxels(header.grid, header.displacements, bytes(damaged))
-    else:
-        stream = pack_surface(header, bytes(damaged))
-    try:
-        decoded = codec.decode(stream)
-    except InputError:
-        return
-    assert np.isfinite(decoded).all()
 
 
 def test_the_command_line_writes_the_mesh(tmp_path: Path) -> None:
@@ -221,3 +84,26 @@ def test_a_codec_of_points_has_no_mesh(tmp_path: Path, capsys: pytest.CaptureFix
     (tmp_path / "a.bin").write_bytes(open_codec("draco").encode(_room(100), "r4"))
     assert main(["decode", str(tmp_path / "a.bin"), str(tmp_path / "a.ply"), "--as-mesh"]) == 2
     assert "a.bin: codec draco: codes points, not surfaces" in capsys.readouterr().err
+
+
+def test_streams_are_those_of_the_package() -> None:
+    points = _room(3000)
+    assert _codec().encode(points, "r2") == encode(points, PrimitiveSettings(**RATES["r2"]))
+
+
+def test_rates_share_the_surface_and_cost_what_they_would_alone() -> None:
+    codec, points, here = _codec(), _room(3000), Cost(0.5, 1.0)
+    shared = codec.shared_work()
+    assert shared is not None
+    for rate, is_shared in (("r5", False), ("r7", True)):
+        assert codec.encode(points, rate, shared) == codec.encode(points, rate)
+        assert (shared.saved > Cost(0, 0)) == is_shared
+    assert codec.cost(here) == here
+
+
+def test_a_derived_class_with_its_own_coding_shares_nothing() -> None:
+    class Reversed(Primitives):
+        def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+            return super()._encode(points[::-1].copy(), parameters)
+
+    assert Reversed("reversed").shared_work() is None

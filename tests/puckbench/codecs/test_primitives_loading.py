@@ -10,7 +10,8 @@ from numba.core.dispatcher import Dispatcher
 from puckbench.codecs.registry import open_codec
 
 def compiled():
-    modules = [m for name, m in sys.modules.items() if name.startswith("puckbench.")]
+    ours = ("gpcc.", "pointkit.", "primitive_codec.")
+    modules = [m for name, m in sys.modules.items() if name.startswith(ours)]
     loops = {id(f): f for m in modules for f in vars(m).values() if isinstance(f, Dispatcher)}
     return {f.__qualname__: len(f.signatures) for f in loops.values() if f.signatures}
 
