@@ -13,7 +13,6 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from gpcc.compiled import entry, integer, kernel
-from gpcc.tables import ADAPTATION
 from pointkit.compiling import INLINED, inlined
 
 Bytes = NDArray[np.uint8]
@@ -25,8 +24,32 @@ PADDING = 8
 """Maximum number of bytes read beyond a stream's end."""
 _LONGEST_PREFIX = 30
 
-_FALLS = ADAPTATION.astype(np.int64)
-_RISES = ADAPTATION[::-1].astype(np.int64)
+# Decrease of an adaptive probability p of a zero after a one, indexed by p >> 8; after a zero, p
+# increases by the entry at 255 - (p >> 8).
+ADAPTATION = np.array(
+    [
+        *(0, 2, 5, 8, 11, 15, 20, 24, 29, 35, 41, 47, 53, 60, 67, 74),
+        *(82, 89, 97, 106, 114, 123, 132, 141, 150, 160, 170, 180, 190, 201, 211, 222),
+        *(233, 244, 256, 267, 279, 291, 303, 315, 327, 340, 353, 366, 379, 392, 405, 419),
+        *(433, 447, 461, 475, 489, 504, 518, 533, 548, 563, 578, 593, 609, 624, 640, 656),
+        *(672, 688, 705, 721, 738, 754, 771, 788, 805, 822, 840, 857, 875, 892, 910, 928),
+        *(946, 964, 983, 1001, 1020, 1038, 1057, 1076, 1095, 1114, 1133, 1153, 1172, 1192),
+        *(1211, 1231, 1251, 1271, 1291, 1311, 1332, 1352, 1373, 1393, 1414, 1435, 1456, 1477),
+        *(1498, 1520, 1541, 1562, 1584, 1606, 1628, 1649, 1671, 1694, 1716, 1738, 1760, 1783),
+        *(1806, 1828, 1851, 1874, 1897, 1920, 1935, 1942, 1949, 1955, 1961, 1968, 1974, 1980),
+        *(1985, 1991, 1996, 2001, 2006, 2011, 2016, 2021, 2025, 2029, 2033, 2037, 2040, 2044),
+        *(2047, 2050, 2053, 2056, 2058, 2061, 2063, 2065, 2066, 2068, 2069, 2070, 2071, 2072),
+        *(2072, 2072, 2072, 2072, 2072, 2071, 2070, 2069, 2068, 2066, 2065, 2063, 2060, 2058),
+        *(2055, 2052, 2049, 2045, 2042, 2038, 2033, 2029, 2024, 2019, 2013, 2008, 2002, 1996),
+        *(1989, 1982, 1975, 1968, 1960, 1952, 1943, 1934, 1925, 1916, 1906, 1896, 1885, 1874),
+        *(1863, 1851, 1839, 1827, 1814, 1800, 1786, 1772, 1757, 1742, 1727, 1710, 1694, 1676),
+        *(1659, 1640, 1622, 1602, 1582, 1561, 1540, 1518, 1495, 1471, 1447, 1422, 1396, 1369),
+        *(1341, 1312, 1282, 1251, 1219, 1186, 1151, 1114, 1077, 1037, 995, 952, 906, 857),
+        *(805, 750, 690, 625, 553, 471, 376, 255),
+    ],
+    dtype=np.int64,
+)
+_RISES = ADAPTATION[::-1].copy()
 # Number of doublings that raise a range above 0x4000; no range is below 63.
 _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], dtype=np.int64)
 
@@ -140,7 +163,7 @@ def _encode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, St
     if bit:
         low += split
         span -= split
-        probability -= _FALLS[probability >> 8]
+        probability -= ADAPTATION[probability >> 8]
     else:
         span = split
         probability += _RISES[probability >> 8]
@@ -159,7 +182,7 @@ def _decode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, St
         bit = 1
         code -= split << ahead
         span -= split
-        probability -= _FALLS[probability >> 8]
+        probability -= ADAPTATION[probability >> 8]
     else:
         bit = 0
         span = split

@@ -30,14 +30,17 @@ class SyntaxElements(ABC):
     def u(self, record: Any, name: str, n: int) -> None:
         setattr(record, name, self.bits(n, int(getattr(record, name))))
 
-    def flag(self, record: Any, name: str) -> None:
-        self.u(record, name, 1)
+    def flag(self, record: Any, *names: str) -> None:
+        for name in names:
+            self.u(record, name, 1)
 
-    def ue(self, record: Any, name: str) -> None:
-        setattr(record, name, self.exp_golomb(int(getattr(record, name))))
+    def ue(self, record: Any, *names: str) -> None:
+        for name in names:
+            setattr(record, name, self.exp_golomb(int(getattr(record, name))))
 
-    def se(self, record: Any, name: str) -> None:
-        setattr(record, name, self.signed(int(getattr(record, name))))
+    def se(self, record: Any, *names: str) -> None:
+        for name in names:
+            setattr(record, name, self.signed(int(getattr(record, name))))
 
     def u3(self, record: Any, name: str, n: int) -> None:
         setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pointkit import compiling
 
@@ -39,3 +40,9 @@ def kernel(function: Function) -> Function:
 def part(function: Function) -> Function:
     """Compile a function inline in its only caller."""
     return compiling.compiled(function, inline="always", **_INTERNAL)
+
+
+@compiling.inlined
+def row(rows: NDArray[Any], i: int) -> tuple[int, int, int]:
+    """Return the first three numbers of row `i` of an array of integers, as 64-bit integers."""
+    return integer(rows[i, 0]), integer(rows[i, 1]), integer(rows[i, 2])

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpcc.compiled import entry, integer
+from gpcc.compiled import entry, integer, row
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import Ints
 
@@ -73,11 +73,7 @@ def build(trees: KdTrees, root: int, first: int, end: int, box: Numbers, share: 
     stack[0, 0], stack[0, 1], stack[0, 2] = root, first, end
     while depth:
         depth -= 1
-        node, first, end = (
-            integer(stack[depth, 0]),
-            integer(stack[depth, 1]),
-            integer(stack[depth, 2]),
-        )
+        node, first, end = row(stack, depth)
         if end - first <= _LEAF or depth + 2 > len(stack):
             nodes[node, 0], nodes[node, 1], nodes[node, 2] = -1, first, end
             continue
@@ -198,18 +194,15 @@ def search(trees: KdTrees, root: int, box: Numbers, at: Place, held: int) -> int
 def search_rows(trees: KdTrees, first: int, end: int, at: Place, held: int) -> int:
     nearest, distances, last = trees.nearest, trees.distances, len(trees.distances) - 1
     for k in range(first, end):
-        row = integer(trees.rows[k])
-        x, y, z = (
-            at[0] - trees.points[row, 0],
-            at[1] - trees.points[row, 1],
-            at[2] - trees.points[row, 2],
-        )
+        i = integer(trees.rows[k])
+        x, y = at[0] - trees.points[i, 0], at[1] - trees.points[i, 1]
+        z = at[2] - trees.points[i, 2]
         distance = x * x + y * y + z * z
         if distance < distances[last]:
             place = min(held, last)
             while place > 0 and distances[place - 1] > distance:
                 distances[place], nearest[place] = distances[place - 1], nearest[place - 1]
                 place -= 1
-            distances[place], nearest[place] = distance, row
+            distances[place], nearest[place] = distance, i
             held = min(held + 1, last + 1)
     return held

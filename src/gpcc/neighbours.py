@@ -7,6 +7,7 @@ cube count as empty. Without an atlas, only siblings are known. In TMC13:
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -41,42 +42,26 @@ def _grid_cell(x: int, y: int, z: int) -> int:
 
 
 # A node and its 26 neighbours lie in a 4 x 4 x 4 grid of bits around the node's parent.
+_CHILD_CELL = np.array([_grid_cell(*place) for place in np.ndindex(2, 2, 2)], dtype=np.int64)
 _GRID_OF_OCCUPANCY = np.array(
-    [
-        sum((o >> k & 1) << _grid_cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8))
-        for o in range(256)
-    ],
+    [sum((o >> k & 1) << int(cell) for k, cell in enumerate(_CHILD_CELL)) for o in range(256)],
     dtype=np.int64,
 )
-_CHILD_CELL = np.array([_grid_cell(k >> 2, k >> 1 & 1, k & 1) for k in range(8)], dtype=np.int64)
-_AROUND = sum(
-    1 << _grid_cell(x, y, z)
-    for x in range(3)
-    for y in range(3)
-    for z in range(3)
-    if (x, y, z) != (1, 1, 1)
-)
+_AROUND = sum(1 << _grid_cell(*place) for place in np.ndindex(3, 3, 3)) - (1 << _grid_cell(1, 1, 1))
 # The seven neighbours of a node that touch child k.
 _TOUCHING = np.array(
     [
-        sum(
-            1 << _grid_cell(x, y, z)
-            for x in (1, 2 * (k >> 2))
-            for y in (1, 2 * (k >> 1 & 1))
-            for z in (1, 2 * (k & 1))
-            if (x, y, z) != (1, 1, 1)
-        )
-        for k in range(8)
+        sum(1 << _grid_cell(*place) for place in product((1, 2 * x), (1, 2 * y), (1, 2 * z)))
+        - (1 << _grid_cell(1, 1, 1))
+        for x, y, z in np.ndindex(2, 2, 2)
     ],
     dtype=np.int64,
 )
-
-
 _LOWER_CELLS = (0x00000033, 0x00030003, 0x00110011)
 _ALL_CELLS = 0x00330033
 
 
-def _grid_placement(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]:
+def _grid_placement(axes: int, offsets: tuple[int, ...]) -> tuple[int, int]:
     cut, shift = _ALL_CELLS, 0
     for axis, offset in enumerate(offsets):
         split = axes >> (2 - axis) & 1
@@ -86,18 +71,11 @@ def _grid_placement(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]
     return cut, shift
 
 
-_GRID_PLACING = np.array(
-    [
-        [
-            [[_grid_placement(a, (x, y, z)) for z in (-1, 0, 1)] for y in (-1, 0, 1)]
-            for x in (-1, 0, 1)
-        ]
-        for a in range(8)
-    ],
-    dtype=np.int64,
-)
-_GRID_CUT = np.ascontiguousarray(_GRID_PLACING[..., 0])
-_GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
+_GRID_CUT, _GRID_SHIFT = np.moveaxis(
+    [[_grid_placement(a, offsets) for offsets in product((-1, 0, 1), repeat=3)] for a in range(8)],
+    2,
+    0,
+).reshape(2, 8, 3, 3, 3)
 
 
 class OccupancyAtlas(NamedTuple):
@@ -164,7 +142,7 @@ def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int)
     """Return six masks of a parent's children, one byte each.
 
     Byte k masks the children with an occupied neighbour in the direction of bit k of a
-    neighbour pattern (see `tables`).
+    neighbour pattern (see `contexts`).
     """
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0

@@ -9,15 +9,16 @@ from typing import Any, NamedTuple
 
 from gpcc.arithmetic import Bytes, code_bit, code_bypass, load, save, step
 from gpcc.compiled import integer, kernel
-from gpcc.contexts import CTX_OCCUPANCY, CTX_SINGLE_CHILD
-from gpcc.tables import (
+from gpcc.contexts import (
     ADJACENCY_REDUCED,
     CODED_CHILD,
     CTX_MAP_BASE,
     CTX_MAP_DELTA,
     CTX_MAP_SIZE,
-    POPCOUNT,
+    CTX_OCCUPANCY,
+    CTX_SINGLE_CHILD,
 )
+from pointkit.coding.integers import bit_count
 from pointkit.compiling import inlined
 
 
@@ -65,7 +66,7 @@ def code_occupancy(
     if masks.mask_planar_x and masks.mask_planar_y and masks.mask_planar_z:
         return 1 << _known_child(masks)
     if neighbourhood.neigh_pattern == 0:
-        single = integer(POPCOUNT[occupancy] == 1)
+        single = integer(bit_count(occupancy) == 1)
         if masks.planar_possible == 7 and code_bit(coder, CTX_SINGLE_CHILD, single):
             return _code_single_child(coder, masks, occupancy)
         pair = _pair_of_children(masks)
@@ -159,7 +160,7 @@ def _code_bits(
     # Without neighbours, a single child is coded otherwise; here, at least two are occupied.
     most_zeros = 6 if no_neighbour else 7
     state = load(coder)
-    coded, coded_before, zeros, zero_count = 0, 0, masked, POPCOUNT[masked]
+    coded, coded_before, zeros, zero_count = 0, 0, masked, bit_count(masked)
     for i in range(8):
         child = CODED_CHILD[neighbourhood.neigh_pattern, i]
         if masked >> child & 1:
@@ -194,6 +195,6 @@ def _completes_plane(masks: PlanarMasks, zeros: int, child: int, no_neighbour: b
         upper = (0xF0, 0xCC, 0xAA)[axis]
         half = upper if child >> (2 - axis) & 1 else upper ^ 0xFF
         most = 3 - integer(no_neighbour and mask != 0)
-        if POPCOUNT[zeros & half] >= most:
+        if bit_count(zeros & half) >= most:
             return True
     return False

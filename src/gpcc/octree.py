@@ -43,7 +43,7 @@ from gpcc.planar import (
     planar_mask,
     update_planar_rates,
 )
-from gpcc.tables import POPCOUNT
+from pointkit.coding.integers import bit_count
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import Ints, first_child_code
 
@@ -211,7 +211,7 @@ def _code_children(
             if angular is not None:
                 nodes.laser[kept] = laser
             counters[2] += 1
-            counters[3] += POPCOUNT[occupancy]
+            counters[3] += bit_count(occupancy)
         index += 1
         if _is_damaged(coder, angular):
             return EXHAUSTED
@@ -307,9 +307,9 @@ def _idcm_eligible_children(
 ) -> int:
     if level.idcm_mode == 0:
         return 0
-    parent = 8 if level.root else POPCOUNT[sibling_occupancy]
+    parent = 8 if level.root else bit_count(sibling_occupancy)
     size = max(level.node_size_log2[0], level.node_size_log2[1], level.node_size_log2[2])
-    if not is_idcm_eligible(level.idcm_mode, size, neigh_pattern, parent, POPCOUNT[occupancy]):
+    if not is_idcm_eligible(level.idcm_mode, size, neigh_pattern, parent, bit_count(occupancy)):
         return 0
     mask, enabled = 0, counters[4]
     for child in range(8):

@@ -8,82 +8,64 @@ from pydantic import Field
 
 from pointkit.models import Model
 
+_Log2 = Annotated[int, Field(ge=0, le=21)]
 _PlanarThreshold = Annotated[int, Field(ge=0, le=127)]
 
 
 class GpccOptions(Model):
-    neighbour_avail_boundary_log2: int = Field(
-        default=8,
-        ge=0,
-        le=8,
+    """Coding tools of the octree encoder, which are the options of TMC13 of the same names."""
+
+    neighbour_avail_boundary_log2: Annotated[int, Field(ge=0, le=8)] = Field(
+        8,
         description="log2 of the side, in nodes, of the cube in which neighbours are available; "
         "below 2 only siblings are, and the next two options have no effect",
     )
     adjacent_child_contextualization: bool = Field(
-        default=True, description="use contexts from the children of neighbours coded before"
+        True, description="use contexts from the children of neighbours coded before"
     )
-    intra_pred_max_node_size_log2: int = Field(
-        default=0,
-        ge=0,
-        le=21,
-        description="nodes with a smaller log2 of their side are predicted from neighbours",
+    intra_pred_max_node_size_log2: _Log2 = Field(
+        0, description="nodes with a smaller log2 of their side are predicted from neighbours"
     )
-    planar: bool = Field(default=False, description="use the planar coding mode")
+    planar: bool = Field(False, description="use the planar coding mode")
     planar_thresholds: tuple[_PlanarThreshold, _PlanarThreshold, _PlanarThreshold] = Field(
-        default=(77, 99, 113),
+        (77, 99, 113),
         description="lowest rates of planar nodes along the most, second and least planar axis at "
         "which the mode is used, of 127",
     )
     qtbt: bool = Field(
-        default=False, description="split a box instead of a cube (quadtree and binary tree)"
+        False, description="split a box instead of a cube (quadtree and binary tree)"
     )
-    max_num_qtbt_before_ot: int = Field(
-        default=4,
-        ge=0,
-        le=63,
-        description="number of first levels that split only the longest sides",
+    max_num_qtbt_before_ot: Annotated[int, Field(ge=0, le=63)] = Field(
+        4, description="number of first levels that split only the longest sides"
     )
-    min_qtbt_size_log2: int = Field(
-        default=0,
-        ge=0,
-        le=21,
-        description="log2 of the shortest side at which nodes split only their longest sides",
+    min_qtbt_size_log2: _Log2 = Field(
+        0, description="log2 of the shortest side at which nodes split only their longest sides"
     )
-    angular_max_node_min_dim_log2_to_split_z: int = Field(
-        default=8,
-        ge=0,
-        le=21,
+    angular_max_node_min_dim_log2_to_split_z: _Log2 = Field(
+        8,
         description="with a sensor: log2 of the largest height of nodes whose split along z is "
         "deferred",
     )
-    angular_max_diff_to_split_z: int = Field(
-        default=1,
-        ge=0,
-        le=21,
-        description="with a sensor: log2 of the smallest ratio of height to width of these nodes",
+    angular_max_diff_to_split_z: _Log2 = Field(
+        1, description="with a sensor: log2 of the smallest ratio of height to width of these nodes"
     )
     planar_buffer: bool = Field(
-        default=True, description="with a sensor: use contexts from planes coded before"
+        True, description="with a sensor: use contexts from planes coded before"
     )
-    inferred_direct_coding_mode: int = Field(
-        default=0,
-        ge=0,
-        le=3,
+    inferred_direct_coding_mode: Annotated[int, Field(ge=0, le=3)] = Field(
+        0,
         description="nodes whose points may be coded directly: 0 none, 1 isolated, 2 without "
         "neighbours, 3 any",
     )
-    planar_mode_idcm_use: int = Field(
-        default=0,
-        ge=0,
-        le=32,
-        description="share of isolated nodes, in 32nds, that mode 1 may code directly",
+    planar_mode_idcm_use: Annotated[int, Field(ge=0, le=32)] = Field(
+        0, description="share of isolated nodes, in 32nds, that mode 1 may code directly"
     )
     joint_two_point_idcm: bool = Field(
-        default=True, description="code common leading bits of two direct points once"
+        True, description="code common leading bits of two direct points once"
     )
-    merge_duplicates: bool = Field(default=True, description="keep one of several equal points")
-    slice_max_points: int = Field(
-        default=1_100_000, ge=1, le=1 << 24, description="maximum number of points in a slice"
+    merge_duplicates: bool = Field(True, description="keep one of several equal points")
+    slice_max_points: Annotated[int, Field(ge=1, le=1 << 24)] = Field(
+        1_100_000, description="maximum number of points in a slice"
     )
 
 

@@ -21,7 +21,7 @@ from gpcc.contexts import (
     CTX_PLANE_LAST_INDEX_Z,
 )
 from gpcc.neighbours import AFTER, BEFORE, UPPER
-from gpcc.tables import POPCOUNT
+from pointkit.coding.integers import bit_count
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import compact_bits
 
@@ -74,7 +74,7 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
     for axis in range(3):
         planar_mode = (occupancy & UPPER[axis] == 0) or (occupancy & ~UPPER[axis] & 0xFF == 0)
         rates[axis] = (255 * rates[axis] + (2048 if planar_mode else 0) + 128) >> 8
-    rates[3] = (255 * rates[3] + 1024 * POPCOUNT[occupancy]) >> 8
+    rates[3] = (255 * rates[3] + 1024 * bit_count(occupancy)) >> 8
 
 
 @inlined

@@ -11,9 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from gpcc.azimuth_order import azimuth_order
-from gpcc.compiled import entry, integer, kernel
-from gpcc.kd_tree import Int32s
-from gpcc.prediction_search import Search, add_position, empty_search, nearest
+from gpcc.compiled import entry, integer, kernel, row
+from gpcc.kd_tree import Int32s, KdTrees, build, empty_trees, search, search_rows
 from gpcc.spherical import Sphere, spherical
 from pointkit.geometry.morton import Ints, morton_codes
 
@@ -22,6 +21,10 @@ Order = Literal["given", "morton", "azimuth", "radius"]
 MOST_CHILDREN = 3
 ROOT, DUPLICATE = -1, -2
 """Values in place of a parent: root of a tree, and duplicate of the previous point."""
+NEIGHBOURS = 3
+_LEAF_LOG2 = 3
+"""Up to 2^3 positions are searched without a tree."""
+_FAR = (1 << 62) - 1
 
 
 class PredictionTree(NamedTuple):
@@ -90,12 +93,8 @@ def _chain(
     """
     ox, oy, oz = around.origin
     while node < end:
-        position = spherical(
-            around,
-            integer(points[node, 0]) - ox,
-            integer(points[node, 1]) - oy,
-            integer(points[node, 2]) - oz,
-        )
+        x, y, z = row(points, node)
+        position = spherical(around, x - ox, y - oy, z - oz)
         _find_copies(points, tree, node, end)
         for k in range(node, node + 1 + tree.copies[node]):
             for axis in range(3):
@@ -120,37 +119,37 @@ def nearest_tree(points: Int32s, most: int) -> PredictionTree:
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         end = min(start + most, len(points))
-        _grow(points, tree, empty_search(3 * (end - start)), start, end)
+        _grow(points, tree, empty_forest(3 * (end - start)), start, end)
     return tree
 
 
 @entry
-def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: int) -> None:
+def _grow(points: Int32s, tree: PredictionTree, forest: Forest, node: int, end: int) -> None:
     while node < end:
         _find_copies(points, tree, node, end)
-        x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
-        for k in range(nearest(search, x, y, z)):
-            parent = integer(search.owners[search.trees.nearest[k]])
+        x, y, z = row(points, node)
+        for k in range(nearest(forest, x, y, z)):
+            parent = integer(forest.owners[forest.trees.nearest[k]])
             if tree.num_children[parent] < MOST_CHILDREN:
                 _hang(tree, node, parent)
                 break
-        _add_predictions(points, tree, search, node)
+        _add_predictions(points, tree, forest, node)
         node += 1 + tree.copies[node]
 
 
 @kernel
-def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node: int) -> None:
-    x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
-    add_position(search, node, x, y, z)
+def _add_predictions(points: Int32s, tree: PredictionTree, forest: Forest, node: int) -> None:
+    x, y, z = row(points, node)
+    add_position(forest, node, x, y, z)
     parent = integer(tree.parents[node])
     if parent < 0:
         return
-    a, b, c = integer(points[parent, 0]), integer(points[parent, 1]), integer(points[parent, 2])
-    add_position(search, node, 2 * x - a, 2 * y - b, 2 * z - c)
+    a, b, c = row(points, parent)
+    add_position(forest, node, 2 * x - a, 2 * y - b, 2 * z - c)
     before = integer(tree.parents[parent])
     if before >= 0:
         x, y, z = x + a - points[before, 0], y + b - points[before, 1], z + c - points[before, 2]
-        add_position(search, node, x, y, z)
+        add_position(forest, node, x, y, z)
 
 
 @kernel
@@ -172,3 +171,62 @@ def _hang(tree: PredictionTree, node: int, parent: int) -> None:
     tree.parents[node] = parent
     tree.children[parent, tree.num_children[parent]] = node
     tree.num_children[parent] += 1
+
+
+class Forest(NamedTuple):
+    """K-d trees whose sizes are powers of two, for a growing set of positions, as in TMC13.
+
+    A new position and all trees below the smallest unused size are merged into a tree of this size
+    (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k and the node
+    2^(k + 1).
+
+    owners: (n,) node that predicts each position.
+    boxes: (m, 6) bounding boxes of the trees.
+    """
+
+    trees: KdTrees
+    owners: Int32s
+    boxes: Ints
+    counters: Ints
+
+
+def empty_forest(most: int) -> Forest:
+    count = max(most, 1).bit_length()
+    positions = np.empty((most, 3), dtype=np.int32)
+    return Forest(
+        empty_trees(positions, 2 << count, 4 << count, NEIGHBOURS),
+        np.empty(most, dtype=np.int32),
+        np.empty((count, 6), dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+    )
+
+
+@kernel
+def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
+    row, rows, positions = forest.counters[0], forest.trees.rows, forest.trees.points
+    positions[row, 0], positions[row, 1], positions[row, 2] = x, y, z
+    forest.owners[row] = owner
+    tree = 0
+    while row >> tree & 1:
+        tree += 1
+    size = 1 << tree
+    for k in range(1, size):  # the rows of all smaller trees
+        rows[size + k - 1] = rows[k]
+    rows[2 * size - 1] = row
+    forest.counters[0] += 1
+    if tree > _LEAF_LOG2:
+        build(forest.trees, 2 * size, size, 2 * size, forest.boxes[tree], 1.0)
+
+
+@kernel
+def nearest(forest: Forest, x: int, y: int, z: int) -> int:
+    """Write the positions nearest to a point, at most 3, to `trees.nearest`; return the number."""
+    held, count, tree = 0, forest.counters[0], 0
+    forest.trees.distances[NEIGHBOURS - 1] = _FAR
+    while count >> tree:
+        if count >> tree & 1 and tree <= _LEAF_LOG2:
+            held = search_rows(forest.trees, 1 << tree, 2 << tree, (x, y, z), held)
+        elif count >> tree & 1:
+            held = search(forest.trees, 2 << tree, forest.boxes[tree], (x, y, z), held)
+        tree += 1
+    return held

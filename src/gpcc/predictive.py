@@ -2,15 +2,17 @@
 
 Points are nodes of trees, coded in depth-first order: predicted from up to three ancestors and
 corrected by a residual. Angular coding predicts in spherical coordinates; a second residual
-corrects x, y, z. In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
+corrects x, y, z. An encoder chooses the mode of prediction with the lowest estimated cost; costs
+have single precision, as in TMC13, so that its choices are the same. In TMC13: `PredGeomEncoder`,
+`PredGeomDecoder`.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpcc.arithmetic import (
     HALF,
@@ -21,14 +23,15 @@ from gpcc.arithmetic import (
     code_exp_golomb,
     code_exp_golomb_in_contexts,
 )
-from gpcc.compiled import integer, kernel
+from gpcc.compiled import entry, integer, kernel, row
 from gpcc.fixed_point import int32
-from gpcc.spherical import Sphere
+from gpcc.kd_tree import Int32s
+from gpcc.spherical import Sphere, halved_away
 from gpcc.syntax import Three
 from pointkit.coding.intrinsics import leading_zeros
 from pointkit.compiling import inlined
 
-NONE, DELTA, LINEAR2, LINEAR3 = 0, 1, 2, 3
+NONE, _DELTA, LINEAR2, LINEAR3 = range(4)
 """Prediction by no ancestor, the parent, a line through two ancestors, a parallelogram of three."""
 
 # Indices into probabilities; a comment states the number of contexts if there are several.
@@ -54,6 +57,10 @@ CTX_NUM_BITS = integer(65)  # 5 x 3 axes x 31
 # Each axis has contexts for 5-bit numbers. TMC13's header allows 6 or 7 bits, whose last bits use
 # the contexts that follow.
 _COUNT = 65 + 5 * 3 * 31 + (1 << 7)
+
+_COSTS = (-np.log2(np.maximum(np.arange(129), 1) / 128.0)).astype(np.float32)
+_MOST_COST = np.float32(np.finfo(np.float32).max)
+_RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 MOST_QP = 223
 """Maximum quantisation parameter (QP), with a step size of 31 bits."""
@@ -201,7 +208,7 @@ def scaled(value: int, qp: int) -> int:
 
 
 @inlined
-def ancestors(parents: NDArray[np.int32], node: int) -> Three:
+def ancestors(parents: Int32s, node: int) -> Three:
     first = integer(parents[node])
     second = integer(parents[first]) if first >= 0 else -1
     third = integer(parents[second]) if second >= 0 else -1
@@ -209,7 +216,7 @@ def ancestors(parents: NDArray[np.int32], node: int) -> Three:
 
 
 @inlined
-def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Tools) -> Three:
+def predicted(positions: Int32s, before: Three, mode: int, tools: Tools) -> Three:
     """Return the position that a mode predicts from ancestors, which must exist."""
     a, b, c = before
     if mode == NONE:
@@ -218,17 +225,133 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
         if a < 0:
             return tools.min_radius, 0, 0
         return tools.min_radius, integer(positions[a, 1]), integer(positions[a, 2])
-    x, y, z = (integer(positions[a, 0]), integer(positions[a, 1]), integer(positions[a, 2]))
+    x, y, z = row(positions, a)
     if mode == LINEAR2:
-        return (
-            int32(2 * x - positions[b, 0]),
-            int32(2 * y - positions[b, 1]),
-            int32(2 * z - positions[b, 2]),
-        )
+        p, q, r = row(positions, b)
+        return int32(2 * x - p), int32(2 * y - q), int32(2 * z - r)
     if mode == LINEAR3:
-        return (
-            int32(x + positions[b, 0] - positions[c, 0]),
-            int32(y + positions[b, 1] - positions[c, 1]),
-            int32(z + positions[b, 2] - positions[c, 2]),
-        )
+        p, q, r = row(positions, b)
+        u, v, w = row(positions, c)
+        return int32(x + p - u), int32(y + q - v), int32(z + r - w)
     return x, y, z
+
+
+class Choice(NamedTuple):
+    mode: int
+    steps: int
+    residual: Three
+
+
+@entry
+def quantised(value: int, qp: int) -> int:
+    """Divide a residual by a QP's step size, and round."""
+    return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
+
+
+@inlined
+def quantised_residual(residual: Three, qp: int) -> Three:
+    return quantised(residual[0], qp), quantised(residual[1], qp), quantised(residual[2], qp)
+
+
+@inlined
+def decide(
+    coder: Any, tools: Tools, positions: Int32s, node: int, before: Three
+) -> tuple[bool, Choice]:
+    """Return whether a node's residual fits into a stream, and the mode with the lowest cost.
+
+    before: the node's ancestors.
+    """
+    best = _predict(tools, positions, node, before, NONE)
+    fits = _is_representable(tools, best.residual)
+    least = _cost(coder, tools, best) if fits else _MOST_COST
+    for mode in range(1, LINEAR3 + 1):
+        if before[mode - 1] < 0:
+            break
+        choice = _predict(tools, positions, node, before, mode)
+        if _is_representable(tools, choice.residual):
+            cost = _cost(coder, tools, choice)
+            if cost < least:
+                best, least, fits = choice, cost, True
+    return fits, best
+
+
+@inlined
+def _predict(tools: Tools, positions: Int32s, node: int, before: Three, mode: int) -> Choice:
+    a, b, c = predicted(positions, before, mode, tools)
+    first, second, third = row(positions, node)
+    if not tools.angular:
+        values = (first - a, second - b, third - c)
+        return Choice(mode, 0, quantised_residual(values, tools.slice_qp))
+    half = tools.azimuth_speed >> 1
+    turned = second - b
+    steps = (abs(turned) + half) // tools.azimuth_speed
+    if turned < 0:
+        steps = -steps
+    arc = second - int32(b + steps * tools.azimuth_speed)
+    if tools.azimuth_scaling:
+        arc = int32(halved_away((arc * first) << 3, tools.sphere.azimuth_log2))
+    return Choice(mode, steps, (first - a, arc, third - c))
+
+
+@inlined
+def _is_representable(tools: Tools, residual: Three) -> bool:
+    for axis in range(3):
+        bits = (1 << tools.resid_abs_log2_bits[axis]) - 1
+        if residual[axis] and (abs(residual[axis]) - 1) >> min(bits, 31):
+            return False
+    return True
+
+
+@inlined
+def _bit_cost(coder: Any, context: int, bit: int) -> Any:
+    zero = max(1, integer(coder.contexts[context]) >> 9)
+    return _COSTS[128 - zero if bit else zero]
+
+
+@inlined
+def _cost(coder: Any, tools: Tools, choice: Choice) -> Any:
+    mode, residual = choice.mode, choice.residual
+    bits = _bit_cost(coder, CTX_PRED_MODE, mode >> 1)
+    bits += _bit_cost(coder, CTX_PRED_MODE + 1 + (mode >> 1), mode & 1)
+    if tools.angular:
+        bits = _with_steps(coder, choice.steps, bits)
+    group = 0
+    for axis in range(3):
+        if axis == 2 and tools.angular and len(tools.sphere.theta) == 1:
+            break
+        value = residual[axis]
+        bits += _bit_cost(coder, CTX_RES_GT0 + axis, integer(value != 0))
+        if value == 0:
+            continue
+        if mode or axis:
+            bits += _bit_cost(coder, CTX_SIGN + axis, integer(value < 0))
+        length = 64 - leading_zeros(abs(value) - 1)
+        node, start = integer(1), CTX_NUM_BITS + 31 * (3 * group + axis) - 1
+        for k in range(tools.resid_abs_log2_bits[axis] - 1, -1, -1):
+            bit = length >> k & 1
+            bits += _bit_cost(coder, start + node, bit)
+            node = node << 1 | bit
+        if axis == 0 and not tools.angular:
+            group = min(4, (length + 1) >> 1)
+        bits += np.float32(max(0, length - 1))
+    return bits
+
+
+@inlined
+def _with_steps(coder: Any, steps: int, bits: Any) -> Any:
+    bits += _bit_cost(coder, CTX_PHI_GT, integer(steps != 0))
+    if steps == 0:
+        return bits
+    value = abs(steps) - 1
+    bits += _bit_cost(coder, CTX_PHI_GT + 1, integer(value > 0))
+    bits += _bit_cost(coder, CTX_SIGN_PHI, integer(steps < 0))
+    if value == 0:
+        return bits
+    low, rest = min(value - 1, 7), value - 8
+    node = integer(1)
+    for k in range(2, -1, -1):
+        bits += _bit_cost(coder, CTX_RESIDUAL_PHI + node - 1, low >> k & 1)
+        node = node << 1 | (low >> k & 1)
+    if rest >= 0:
+        bits = np.float32(np.float64(bits) + (1.0 + 2.0 * math.log2(rest + 1)))
+    return bits

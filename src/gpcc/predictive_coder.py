@@ -22,9 +22,8 @@ from gpcc.coder import (
     split_position,
     stream_of,
 )
-from gpcc.prediction_modes import quantised
 from gpcc.prediction_tree import Order, angular_tree, nearest_tree, ordered
-from gpcc.predictive import MOST_QP, Tools, initial_probabilities
+from gpcc.predictive import MOST_QP, Tools, initial_probabilities, quantised
 from gpcc.predictive_slices import encode_trees, tools_of
 from gpcc.sensor import SensorDescription
 from gpcc.slices import CodedSlice, data_unit, sensor_position

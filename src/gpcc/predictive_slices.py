@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gpcc.arithmetic import Probabilities, code_bit, consumed, encoder, enlarged, exhausted, finish
-from gpcc.compiled import entry, integer
+from gpcc.compiled import entry, integer, row
 from gpcc.fixed_point import int32
 from gpcc.kd_tree import Int32s
-from gpcc.prediction_modes import Choice, decide, quantised
 from gpcc.prediction_tree import ROOT, PredictionTree
 from gpcc.predictive import (
     CTX_END_OF_TREES,
     MOST_QP,
     NONE,
+    Choice,
     Tools,
     ancestors,
     code_num_children,
@@ -23,7 +23,9 @@ from gpcc.predictive import (
     code_qp_offset,
     code_residual,
     code_residual2,
+    decide,
     predicted,
+    quantised_residual,
     scaled,
 )
 from gpcc.slices import CodedSlice, sensor_position, slice_decoder
@@ -181,9 +183,7 @@ def _code_position(
     r = code_residual(coder, tools, mode, choice.residual)
     p = predicted(positions, before, mode, tools)
     if not tools.angular:
-        points[node, 0] = max(0, int32(p[0] + scaled(r[0], qp)))
-        points[node, 1] = max(0, int32(p[1] + scaled(r[1], qp)))
-        points[node, 2] = max(0, int32(p[2] + scaled(r[2], qp)))
+        _write_corrected(points, node, p, r, qp)
         return DONE
     radius, turned, laser = int32(p[0] + r[0]), r[1], p[2] + r[2]
     if tools.azimuth_scaling:
@@ -196,16 +196,17 @@ def _code_position(
     a, b, c = a + tools.sphere.origin[0], b + tools.sphere.origin[1], c + tools.sphere.origin[2]
     second = (integer(0), integer(0), integer(0))
     if tree is not None:
-        second = (
-            quantised(points[node, 0] - a, qp),
-            quantised(points[node, 1] - b, qp),
-            quantised(points[node, 2] - c, qp),
-        )
-    second = code_residual2(coder, second)
-    points[node, 0] = max(0, int32(a + scaled(second[0], qp)))
-    points[node, 1] = max(0, int32(b + scaled(second[1], qp)))
-    points[node, 2] = max(0, int32(c + scaled(second[2], qp)))
+        x, y, z = row(points, node)
+        second = quantised_residual((x - a, y - b, z - c), qp)
+    _write_corrected(points, node, (a, b, c), code_residual2(coder, second), qp)
     return DONE
+
+
+@inlined
+def _write_corrected(points: Int32s, node: int, p: Three, residual: Three, qp: int) -> None:
+    points[node, 0] = max(0, int32(p[0] + scaled(residual[0], qp)))
+    points[node, 1] = max(0, int32(p[1] + scaled(residual[1], qp)))
+    points[node, 2] = max(0, int32(p[2] + scaled(residual[2], qp)))
 
 
 def decode_trees(
@@ -238,11 +239,7 @@ def _tree_nodes(points: Int32s, positions: Int32s, parents: Int32s, order: Int32
 
 def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
     """Convert points (n, 3) from the coded axes to x, y, z, and add `origin`."""
-    result: Ints = (
-        points.astype(np.int64)[:, axes] if axes != (0, 1, 2) else points.astype(np.int64)
-    )
-    result += origin
-    return result
+    return points.astype(np.int64)[:, axes] + np.array(origin)
 
 
 def tools_of(

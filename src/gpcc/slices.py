@@ -37,7 +37,6 @@ from gpcc.syntax import (
     point_count,
     written,
 )
-from gpcc.tables import POPCOUNT
 from gpcc.tree import Tree, leaf_codes, leaf_starts, node_sizes_log2
 from pointkit.errors import InputError
 from pointkit.geometry.morton import MOST_BITS, Ints
@@ -183,7 +182,7 @@ def _decode_level(
     state: octree.SliceState,
     sensor: angular.Angular | None,
 ) -> octree.Nodes:
-    count = int(POPCOUNT[parents.occupancy].sum())
+    count = int(np.bitwise_count(parents.occupancy).sum())
     nodes = _empty_nodes(0 if level.last else count)
     kept = octree.code_level(coder, level, parents, nodes, None, state, sensor)
     if kept == octree.TOO_MANY_POINTS:

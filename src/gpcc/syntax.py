@@ -172,8 +172,7 @@ class GeometryHeader:
 def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> None:
     io.flag(sps, "main_profile_compatibility_flag")
     io.u(sps, "reserved_profile_compatibility_21bits", 21)
-    io.flag(sps, "slice_reordering_constraint_flag")
-    io.flag(sps, "unique_point_positions_constraint_flag")
+    io.flag(sps, "slice_reordering_constraint_flag", "unique_point_positions_constraint_flag")
     io.u(sps, "level_idc", 8)
     io.u(sps, "sps_seq_parameter_set_id", 4)
     io.u(sps, "frame_ctr_lsb_bits", 5)
@@ -185,11 +184,9 @@ def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> Non
     io.ue(sps, "seq_bbox_size_bits")
     if sps.seq_bbox_size_bits:
         io.u3(sps, "seq_bbox_size_minus1_xyz", sps.seq_bbox_size_bits)
-    io.ue(sps, "seq_unit_numerator_minus1")
-    io.ue(sps, "seq_unit_denominator_minus1")
+    io.ue(sps, "seq_unit_numerator_minus1", "seq_unit_denominator_minus1")
     io.flag(sps, "seq_unit_is_metres_flag")
-    io.ue(sps, "seq_global_scale_factor_log2")
-    io.ue(sps, "seq_global_scale_refinement_num_bits")
+    io.ue(sps, "seq_global_scale_factor_log2", "seq_global_scale_refinement_num_bits")
     io.u(sps, "seq_global_scale_refinement_factor", sps.seq_global_scale_refinement_num_bits)
     io.ue(sps, "num_attributes")
     if not io.writing:
@@ -199,15 +196,12 @@ def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> Non
             sps.attributes.append(AttributeDescription())
         _attribute_description(io, sps.attributes[index])
     io.u(sps, "geom_axis_order", 3)
-    io.flag(sps, "bypass_stream_enabled_flag")
-    io.flag(sps, "entropy_continuation_enabled_flag")
+    io.flag(sps, "bypass_stream_enabled_flag", "entropy_continuation_enabled_flag")
     io.flag(sps, "sps_extension_flag")
 
 
 def _attribute_description(io: SyntaxElements, attribute: AttributeDescription) -> None:
-    io.ue(attribute, "attr_components_minus1")
-    io.ue(attribute, "attr_instance_id")
-    io.ue(attribute, "attr_bitdepth_minus1")
+    io.ue(attribute, "attr_components_minus1", "attr_instance_id", "attr_bitdepth_minus1")
     if io.bits(1, attribute.attr_label is not None):
         attribute.attr_label = io.exp_golomb(attribute.attr_label or 0)
     else:
@@ -270,8 +264,7 @@ def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> Non
     io.flag(gps, "slice_geom_origin_scale_present")
     if not gps.slice_geom_origin_scale_present:
         io.ue(gps, "gps_geom_origin_log2_scale")
-    io.flag(gps, "geom_unique_points_flag")
-    io.flag(gps, "geom_tree_type")
+    io.flag(gps, "geom_unique_points_flag", "geom_tree_type")
     if gps.geom_tree_type == OCTREE:
         _octree_tools(io, gps)
     io.flag(gps, "geom_angular_mode_enabled_flag")
@@ -297,12 +290,9 @@ def _octree_tools(io: SyntaxElements, gps: GeometryParameterSet) -> None:
     if gps.neighbour_avail_boundary_log2_minus1:
         io.flag(gps, "adjacent_child_contextualization_enabled_flag")
         io.ue(gps, "intra_pred_max_node_size_log2")
-    io.flag(gps, "bitwise_occupancy_coding_flag")
-    io.flag(gps, "geom_planar_mode_enabled_flag")
+    io.flag(gps, "bitwise_occupancy_coding_flag", "geom_planar_mode_enabled_flag")
     if gps.geom_planar_mode_enabled_flag:
-        io.ue(gps, "geom_planar_threshold0")
-        io.ue(gps, "geom_planar_threshold1")
-        io.ue(gps, "geom_planar_threshold2")
+        io.ue(gps, "geom_planar_threshold0", "geom_planar_threshold1", "geom_planar_threshold2")
         if gps.inferred_direct_coding_mode == 1:
             io.u(gps, "geom_idcm_rate_minus1", 5)
 
@@ -313,8 +303,7 @@ def _angular_mode(io: SyntaxElements, gps: GeometryParameterSet) -> None:
         _angular_origin(io, gps, "gps_angular_origin")
     predictive = gps.geom_tree_type == PREDICTIVE
     if predictive:
-        io.ue(gps, "geom_angular_azimuth_scale_log2_minus11")
-        io.ue(gps, "geom_angular_azimuth_speed_minus1")
+        io.ue(gps, "geom_angular_azimuth_scale_log2_minus11", "geom_angular_azimuth_speed_minus1")
         io.ue(gps, "geom_angular_radius_inv_scale_log2")
     _laser_table(io, gps, turns=not predictive)
     if not predictive and gps.geom_planar_mode_enabled_flag:

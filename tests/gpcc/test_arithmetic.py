@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpcc.arithmetic import (
+    ADAPTATION,
     HALF,
     Encoder,
     code_bit,
@@ -22,7 +23,6 @@ from gpcc.arithmetic import (
     finish,
     restart,
 )
-from gpcc.tables import ADAPTATION
 
 MODELS = 3
 BYPASS = 3

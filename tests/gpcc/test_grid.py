@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gpcc.container import MAGIC, unwrap, wrap
-from gpcc.grid import InputGrid, input_coordinates, input_grid, quantise
+from gpcc.grid import MAGIC, InputGrid, input_coordinates, input_grid, quantise, unwrap, wrap
 from pointkit.errors import InputError
 
 COLUMN = np.array([[-2.5, 0, 0], [-0.6, 0, 0], [0.4, 0, 0], [0.5, 0, 0], [1.75, 0, 0]])

@@ -11,8 +11,7 @@ from gpcc.azimuth_order import azimuth_order
 from gpcc.bits import BitReader
 from gpcc.coder import decode_geometry
 from gpcc.conformance import FOLDER
-from gpcc.prediction_search import add_position, empty_search, nearest
-from gpcc.prediction_tree import nearest_tree
+from gpcc.prediction_tree import add_position, empty_forest, nearest, nearest_tree
 from gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 from gpcc.sensor import SensorDescription
 from gpcc.spherical import Sphere, cartesian, cosine, sine, spherical
@@ -150,7 +149,7 @@ def _nearest_by_turns(points: np.ndarray, search: Any, found: np.ndarray) -> Non
 def test_the_three_nearest_of_a_growing_set_are_found(spread: int) -> None:
     points = np.random.default_rng(2).integers(-spread, spread, (700, 3))
     result = np.full((len(points), 3), -1)
-    _nearest_by_turns(points, empty_search(len(points)), result)
+    _nearest_by_turns(points, empty_forest(len(points)), result)
     squared = ((points[:, None] - points[None]) ** 2).sum(axis=2)
     for i in range(3, len(points)):
         assert result[i].tolist() == np.sort(squared[i, :i])[:3].tolist()

@@ -9,8 +9,7 @@ import pytest
 
 from gpcc.coder import PROFILES, decode_geometry, encode_geometry
 from gpcc.conformance import FOLDER
-from gpcc.container import unwrap
-from gpcc.grid import quantise
+from gpcc.grid import quantise, unwrap
 from gpcc.options import SPINNING
 from gpcc.sensor import SensorDescription
 from pointkit.errors import InputError

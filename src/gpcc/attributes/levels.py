@@ -20,6 +20,7 @@ from gpcc.attributes.neighbour_search import (
     holds_near_point,
     nearest_neighbours,
     set_cell,
+    squared_distance,
 )
 from gpcc.attributes.quantisation import FRACTION_BITS
 from gpcc.attributes.syntax import (
@@ -29,7 +30,7 @@ from gpcc.attributes.syntax import (
     AttributeHeader,
     AttributeParameterSet,
 )
-from gpcc.compiled import entry, integer
+from gpcc.compiled import entry, integer, row
 from gpcc.fixed_point import int32
 from gpcc.kd_tree import Int32s
 from gpcc.spherical import halved_away
@@ -212,11 +213,8 @@ def _retain_centroids(
 
 @inlined
 def _node_corner(positions: Int32s, point: int, mask: int) -> tuple[int, int, int]:
-    return (
-        integer(positions[point, 0]) >> mask << mask,
-        integer(positions[point, 1]) >> mask << mask,
-        integer(positions[point, 2]) >> mask << mask,
-    )
+    x, y, z = row(positions, point)
+    return x >> mask << mask, y >> mask << mask, z >> mask << mask
 
 
 @entry
@@ -325,25 +323,13 @@ def _weight_triple(weights: Ints, i: int) -> None:
 def _blend(neighbours: Int32s, weights: Ints, i: int, positions: Int32s) -> None:
     """Move 1/16 of each neighbour's weight to the nearer, 5/16 to the farther of the two others."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
-    ab = _squared_distance(positions, a, b)
-    ac = _squared_distance(positions, a, c)
-    bc = _squared_distance(positions, b, c)
-    first = 1 if ab <= ac else 5
-    second = 5 if ab <= bc else 1
-    third = 1 if ac <= bc else 5
+    ab, ac = squared_distance(positions, a, b), squared_distance(positions, a, c)
+    bc = squared_distance(positions, b, c)
+    first, second, third = 1 if ab <= ac else 5, 5 if ab <= bc else 1, 1 if ac <= bc else 5
     w0, w1, w2 = weights[i, 0], weights[i, 1], weights[i, 2]
     weights[i, 0] = (w0 * 10 + w1 * (6 - second) + w2 * third) >> 4
     weights[i, 1] = (w0 * first + w1 * 10 + w2 * (6 - third)) >> 4
     weights[i, 2] = _ONE - weights[i, 0] - weights[i, 1]
-
-
-@inlined
-def _squared_distance(positions: Int32s, i: int, k: int) -> int:
-    total = integer(0)
-    for axis in range(3):
-        difference = integer(positions[i, axis]) - integer(positions[k, axis])
-        total += difference * difference
-    return total
 
 
 @inlined

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpcc.compiled import entry, integer
+from gpcc.compiled import entry, integer, row
 from gpcc.kd_tree import Int32s
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import X_BITS, Y_BITS, Z_BITS, Ints
@@ -125,11 +125,8 @@ MEMORY = _WorkingMemory()
 @inlined
 def neighbour_code(code: int, offset: int) -> int:
     """Return the Morton code of a cell at an offset of -1 to 1 along each axis, with wraparound."""
-    return (
-        _moved(code, offset, X_BITS, 4)
-        | _moved(code, offset, Y_BITS, 2)
-        | _moved(code, offset, Z_BITS, 1)
-    )
+    along_x, along_y = _moved(code, offset, X_BITS, 4), _moved(code, offset, Y_BITS, 2)
+    return along_x | along_y | _moved(code, offset, Z_BITS, 1)
 
 
 @inlined
@@ -168,13 +165,15 @@ def holds_near_point(
         if not atlas.cells[place, 1]:
             continue
         near = integer(indices[atlas.cells[place, 0]])
-        total = integer(0)
-        for axis in range(3):
-            difference = integer(positions[near, axis]) - integer(positions[point, axis])
-            total += difference * difference
-        if total <= radius2:
+        if squared_distance(positions, near, point) <= radius2:
             return True
     return False
+
+
+@inlined
+def squared_distance(positions: Int32s, i: int, k: int) -> int:
+    (a, b, c), (x, y, z) = row(positions, i), row(positions, k)
+    return (a - x) * (a - x) + (b - y) * (b - y) + (c - z) * (c - z)
 
 
 def boxes(positions: Int32s) -> Boxes:
@@ -199,11 +198,8 @@ def _box_distance(around: Int32s, k: int, x: int, y: int, z: int) -> int:
 
 @inlined
 def _distance(positions: Int32s, k: int, x: int, y: int, z: int) -> int:
-    return (
-        abs(integer(positions[k, 0]) - x)
-        + abs(integer(positions[k, 1]) - y)
-        + abs(integer(positions[k, 2]) - z)
-    )
+    a, b, c = row(positions, k)
+    return abs(a - x) + abs(b - y) + abs(c - z)
 
 
 class Query(NamedTuple):
@@ -242,18 +238,20 @@ def _rank(query: Query, k: int) -> int:
 
 
 @inlined
-def _index(query: Query, key: int) -> int:
-    """Return the index of a candidate of coarser levels from its key (see `_with`)."""
+def _with_index(query: Query, key: int) -> int:
+    """Replace the rank in the key (see `_with`) of a coarser candidate by the candidate's index."""
     rank = (key & _RANKS) - 2
     if key == _FAR:
-        return integer(-1)
+        return key
     if rank < 0:
-        return query.nearest if rank == -2 else query.second
-    if rank <= 2 * _NEAR_RANGE:
-        return query.centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
-    if rank <= query.coarser + _NEAR_RANGE:
-        return query.centre + rank - _NEAR_RANGE
-    return query.centre + query.coarser + _NEAR_RANGE - rank
+        index = query.nearest if rank == -2 else query.second
+    elif rank <= 2 * _NEAR_RANGE:
+        index = query.centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
+    elif rank <= query.coarser + _NEAR_RANGE:
+        index = query.centre + rank - _NEAR_RANGE
+    else:
+        index = query.centre + query.coarser + _NEAR_RANGE - rank
+    return key & ~_RANKS | index
 
 
 @inlined
@@ -482,17 +480,11 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
 
 
 @inlined
-def _place(level: Level, i: int) -> tuple[int, int, int]:
-    positions = level.same_level.positions
-    return integer(positions[i, 0]), integer(positions[i, 1]), integer(positions[i, 2])
-
-
-@inlined
 def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
     """Return distances and indices of the three nearest coarser points in near cells."""
-    x, y, z = _place(level, i)
-    a, b, c = integer(_FAR), integer(_FAR), integer(_FAR)
-    first, second, third = integer(-1), integer(-1), integer(-1)
+    x, y, z = row(level.same_level.positions, i)
+    a = b = c = integer(_FAR)
+    first = second = third = integer(-1)
     _enter_cell(level.near, level.codes[i])
     work = integer(0)
     for r in range(level.near.state[3]):
@@ -517,18 +509,12 @@ def _search_coarser(
 ) -> tuple[Best, int]:
     """Search coarser points in near cells, then around a centre in Morton order."""
     distances, indices, work = _search_near(level, i)
+    a, b, c = distances[0] << _RANK_BITS, distances[1] << _RANK_BITS, distances[2] << _RANK_BITS
     if indices[2] >= 0:
-        return (
-            distances[0] << _RANK_BITS | indices[0],
-            distances[1] << _RANK_BITS | indices[1],
-            distances[2] << _RANK_BITS | indices[2],
-        ), work
-    best = (
-        distances[0] << _RANK_BITS if indices[0] >= 0 else integer(_FAR),
-        distances[1] << _RANK_BITS | 1 if indices[1] >= 0 else integer(_FAR),
-        integer(_FAR),
-    )
-    x, y, z = _place(level, i)
+        return (a | indices[0], b | indices[1], c | indices[2]), work
+    far = integer(_FAR)
+    best = (a if indices[0] >= 0 else far, b | 1 if indices[1] >= 0 else far, far)
+    x, y, z = row(level.same_level.positions, i)
     count = len(level.coarser.positions)
     centre = following if indices[0] < 0 else indices[0]
     low, high = max(0, centre - options.inter_range), min(count - 1, centre + options.inter_range)
@@ -542,11 +528,8 @@ def _search_coarser(
         best = _search_span(best, query, level.coarser.positions, first, end)
         best, spent = _search_boxes(best, query, level.coarser)
         work += spent
-    return (
-        best[0] & ~_RANKS | _index(query, best[0]) if best[0] != _FAR else best[0],
-        best[1] & ~_RANKS | _index(query, best[1]) if best[1] != _FAR else best[1],
-        best[2] & ~_RANKS | _index(query, best[2]) if best[2] != _FAR else best[2],
-    ), work
+    a, b, c = best
+    return (_with_index(query, a), _with_index(query, b), _with_index(query, c)), work
 
 
 @inlined
@@ -554,7 +537,7 @@ def _search_same_level(
     best: Best, level: Level, options: SearchOptions, i: int, offset: int
 ) -> tuple[Best, int]:
     """Search points of the same level in ascending order from the index `i` + 1."""
-    x, y, z = _place(level, i)
+    x, y, z = row(level.same_level.positions, i)
     positions = level.same_level.positions
     last = len(positions) - 1
     near_end, high = min(last, i + 1 + _NEAR_RANGE), min(last, i + 1 + options.intra_range)
@@ -651,10 +634,8 @@ def _write_predictors(
         count = integer(0)
         while count < options.most and nearest[i, count] >= 0:
             index = integer(nearest[i, count])
-            if index < len(retained):
-                neighbour = integer(retained[index])
-            else:
-                neighbour = integer(order[start + index - len(retained)])
+            in_level = index - len(retained)
+            neighbour = integer(retained[index] if in_level < 0 else order[start + in_level])
             plain, biased = integer(0), integer(0)
             for axis in range(3):
                 difference = (integer(positions[point, axis]) >> options.mask_bits) - (

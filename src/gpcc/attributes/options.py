@@ -11,6 +11,8 @@ from pydantic import Field
 
 from pointkit.models import Model
 
+_Byte = Annotated[int, Field(ge=0, le=255)]
+_SearchRange = Annotated[int, Field(ge=-1, le=1_100_000)]
 _Factor = Annotated[int, Field(ge=1, le=256)]
 _Share = Annotated[int, Field(ge=0, le=256)]
 _Period = Annotated[int, Field(ge=2, le=1 << 24)]
@@ -18,103 +20,101 @@ _QpOffset = Annotated[int, Field(ge=-99, le=99)]
 
 
 class AttributeOptions(Model):
+    """Coding tools of an attribute, which are the options of TMC13 of the same names."""
+
     transform: Literal["raht", "predicting", "lifting"] = Field(
-        default="predicting", description="transform of the values"
+        "predicting", description="transform of the values"
     )
-    bitdepth: int = Field(default=8, ge=1, le=16, description="bits of each value")
+    bitdepth: int = Field(8, ge=1, le=16, description="bits of each value")
     attr_scale: int = Field(
-        default=1, ge=1, le=1 << 16, description="divisor of reflectances before coding"
+        1, ge=1, le=1 << 16, description="divisor of reflectances before coding"
     )
     attr_offset: int = Field(
-        default=0, ge=-0xFFFF, le=0xFFFF, description="subtracted from reflectances before scaling"
+        0, ge=-0xFFFF, le=0xFFFF, description="subtracted from reflectances before scaling"
     )
     colour_matrix: Literal["identity", "bt709", "ycgco"] = Field(
-        default="bt709", description="conversion of colours before coding; ycgco is reversible"
+        "bt709", description="conversion of colours before coding; ycgco is reversible"
     )
-    raht_prediction_enabled: bool = Field(default=True, description="predict coefficients of RAHT")
+    raht_prediction_enabled: bool = Field(True, description="predict coefficients of RAHT")
     raht_prediction_threshold0: int = Field(
-        default=2, ge=0, le=19, description="least number of a grandparent's neighbours"
+        2, ge=0, le=19, description="least number of a grandparent's neighbours"
     )
     raht_prediction_threshold1: int = Field(
-        default=6, ge=0, le=19, description="least number of a parent's neighbours"
+        6, ge=0, le=19, description="least number of a parent's neighbours"
     )
     number_of_nearest_neighbors_in_prediction: int = Field(
-        default=3, ge=1, le=3, description="maximum number of neighbours that predict a point"
+        3, ge=1, le=3, description="maximum number of neighbours that predict a point"
     )
-    adaptive_prediction_threshold: int = Field(
-        default=64,
-        ge=0,
-        le=255,
+    adaptive_prediction_threshold: _Byte = Field(
+        64,
         description="least difference between neighbours, in 8 bits, at which one of them may be "
         "the prediction",
     )
-    intra_lod_search_range: int = Field(
-        default=-1, ge=-1, le=1_100_000, description="points searched in the same level; -1: all"
+    intra_lod_search_range: _SearchRange = Field(
+        -1, description="points searched in the same level; -1: all"
     )
-    inter_lod_search_range: int = Field(
-        default=-1, ge=-1, le=1_100_000, description="points searched in coarser levels; -1: all"
+    inter_lod_search_range: _SearchRange = Field(
+        -1, description="points searched in coarser levels; -1: all"
     )
     lod_neigh_bias: tuple[_Factor, _Factor, _Factor] = Field(
-        default=(1, 1, 1), description="factors of distances along x, y and z"
+        (1, 1, 1), description="factors of distances along x, y and z"
     )
     lod_decimator: Literal["distance", "periodic", "centroid"] = Field(
-        default="distance", description="how points of coarser levels are selected"
+        "distance", description="how points of coarser levels are selected"
     )
     lod_sampling_period: tuple[_Period, ...] = Field(
-        default=(4,),
+        (4,),
         min_length=1,
         description="n for each level from the finest: one of n points is in coarser levels",
     )
     max_num_direct_predictors: int = Field(
-        default=3, ge=0, le=3, description="number of neighbours that may be the prediction"
+        3, ge=0, le=3, description="number of neighbours that may be the prediction"
     )
     direct_avg_predictor_disabled: bool = Field(
-        default=False, description="do not predict by the average where a neighbour may predict"
+        False, description="do not predict by the average where a neighbour may predict"
     )
     pred_weight_blending: bool = Field(
-        default=False, description="adapt weights to the distances between neighbours"
+        False, description="adapt weights to the distances between neighbours"
     )
-    level_of_detail_count: int = Field(
-        default=1, ge=0, le=255, description="maximum number of levels of detail, minus 1"
+    level_of_detail_count: _Byte = Field(
+        1, description="maximum number of levels of detail, minus 1"
     )
     dist2: int = Field(
-        default=0, ge=0, le=20, description="log2 of the distance of points in the finest level"
+        0, ge=0, le=20, description="log2 of the distance of points in the finest level"
     )
     dist2_percentile_estimate: float = Field(
-        default=0.85, ge=0, lt=1, description="share of points nearer to another than that distance"
+        0.85, ge=0, lt=1, description="share of points nearer to another than that distance"
     )
-    intra_lod_prediction_skip_layers: int = Field(
-        default=-1,
-        ge=-1,
-        le=255,
+    intra_lod_prediction_skip_layers: Annotated[int, Field(ge=-1, le=255)] = Field(
+        -1,
         description="number of finest levels whose points do not predict each other; -1: all",
     )
     inter_component_prediction: bool = Field(
-        default=False, description="predict components from the first (predicting transform)"
+        False, description="predict components from the first (predicting transform)"
     )
     last_component_prediction: bool = Field(
-        default=True, description="predict the third component from the second (lifting transform)"
+        True, description="predict the third component from the second (lifting transform)"
     )
     canonical_point_order: bool = Field(
-        default=False, description="with one level: keep the order of the geometry"
+        False, description="with one level: keep the order of the geometry"
     )
     spherical_coord: bool = Field(
-        default=False, description="with a sensor: distances in radius, azimuth and laser"
+        False, description="with a sensor: distances in radius, azimuth and laser"
     )
     qp: int = Field(
-        default=4, ge=4, le=51, description="quantisation parameter; 4 is lossless if predicting"
+        4, ge=4, le=51, description="quantisation parameter; 4 is lossless if predicting"
     )
     qp_chroma_offset: int = Field(
-        default=0, ge=-47, le=47, description="added to it for the second and third component"
+        0, ge=-47, le=47, description="added to it for the second and third component"
     )
     qp_layer_offsets_luma: tuple[_QpOffset, ...] = Field(
-        default=(), description="added to it for each level from the coarsest"
+        (), description="added to it for each level from the coarsest"
     )
     qp_layer_offsets_chroma: tuple[_QpOffset, ...] = Field(
-        default=(), description="further offsets of the second and third component"
+        (), description="further offsets of the second and third component"
     )
     quant_neigh_weight: tuple[_Share, _Share, _Share] = Field(
-        default=(16, 8, 4), description="shares of a point's weight that its neighbours get, of 256"
+        (16, 8, 4), description="shares of a point's weight that its neighbours get, of 256"
     )
 
 

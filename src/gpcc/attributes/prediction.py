@@ -55,70 +55,65 @@ class Place(NamedTuple):
     level: int
 
 
-@entry
-def code_values(
-    values: Values,
-    coefficients: Coefficients,
-    predictors: Predictors,
-    tools: PredictionTools,
-    quantisers: Quantisers,
-    order: NDArray[np.int32],
-    weights: Ints,
-    greater: Ints,
-) -> None:
-    """Encode or decode values (n, components) in coding order.
+class Coding(NamedTuple):
+    """What the predicting transform of a slice reads and writes.
 
-    An encoder writes `coefficients` and decoded `values`; a decoder writes `values`.
-
-    weights: (n,) weights of residuals.
+    values: (n, components) in coding order: an encoder's input, replaced by the decoded values.
+    coefficients: (n, components), which an encoder writes and a decoder reads.
+    order: (n,) index of each point in the slice; weights: (n,) weights of residuals.
     greater: (3, 2) working memory, in a decoder (0, 2): probabilities of residuals above 0 and
         above 1, in units of 2^-20.
     """
+
+    values: Values
+    coefficients: Coefficients
+    predictors: Predictors
+    tools: PredictionTools
+    quantisers: Quantisers
+    order: NDArray[np.int32]
+    weights: Ints
+    greater: Ints
+
+
+@entry
+def code_values(coding: Coding) -> None:
+    """Encode or, if `greater` is empty, decode the values in coding order."""
+    values, tools, greater = coding.values, coding.tools, coding.greater
     layer, level, encoding = integer(0), integer(0), len(greater) > 0
     for k in range(len(greater)):
         greater[k, 0] = greater[k, 1] = _SCALE >> 1
     for i in range(len(values)):
-        layer, level, region = place_of(i, layer, level, tools.ends, quantisers, order)
-        place = Place(i, layer, region, level)
-        mode, is_coded = integer(0), is_mode_coded(values, predictors, tools, i)
-        if is_coded and not encoding:
-            mode = _take_mode(coefficients, i, tools)
-        elif is_coded and values.shape[1] == 1:
-            mode = _best_mode(values, predictors, tools, quantisers, greater, place)
-        elif is_coded:
-            mode = _best_colour_mode(values, predictors, tools, quantisers, greater, place)
-        _code_point(
-            *(values, coefficients, predictors, tools, quantisers, place, mode),
-            *(weights[i], encoding),
+        layer, level, region = place_of(
+            i, layer, level, tools.ends, coding.quantisers, coding.order
         )
+        place = Place(i, layer, region, level)
+        mode, is_coded = integer(0), is_mode_coded(values, coding.predictors, tools, i)
+        if is_coded and not encoding:
+            mode = _take_mode(coding.coefficients, i, tools)
+        elif is_coded and values.shape[1] == 1:
+            mode = _best_mode(coding, place)
+        elif is_coded:
+            mode = _best_colour_mode(coding, place)
+        _code_point(coding, place, mode, encoding)
         if encoding and is_coded:
-            _put_mode(coefficients, i, tools, mode)
+            _put_mode(coding.coefficients, i, tools, mode)
         if encoding:
-            _count_residuals(coefficients, i, greater)
+            _count_residuals(coding.coefficients, i, greater)
 
 
 @inlined
-def _code_point(
-    values: Values,
-    coefficients: Coefficients,
-    predictors: Predictors,
-    tools: PredictionTools,
-    quantisers: Quantisers,
-    place: Place,
-    mode: int,
-    point_weight: int,
-    encoding: bool,
-) -> None:
+def _code_point(coding: Coding, place: Place, mode: int, encoding: bool) -> None:
+    values, coefficients, tools = coding.values, coding.coefficients, coding.tools
     i, first_residual = place.point, integer(0)
     for k in range(values.shape[1]):
-        step = quantisers.steps[place.layer, place.region, min(k, 1)]
-        prediction = predicted(values, predictors, i, k, mode)
+        step = coding.quantisers.steps[place.layer, place.region, min(k, 1)]
+        prediction = predicted(values, coding.predictors, i, k, mode)
         if k and len(tools.inter_component):
             prediction += (tools.inter_component[place.level, k - 1] * first_residual + 2) >> 2
-        weight = max(min(point_weight, step) >> FRACTION_BITS, 1)
+        weight = max(min(coding.weights[i], step) >> FRACTION_BITS, 1)
         if encoding:
             difference = (integer(values[i, k]) - prediction) * weight << FRACTION_BITS
-            reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+            reciprocal = coding.quantisers.reciprocals[place.layer, place.region, min(k, 1)]
             coefficients[i, k] = quantised(difference, reciprocal)
         scaled = halved_up(integer(coefficients[i, k]) * step, FRACTION_BITS)
         residual = scaled // weight if scaled >= 0 else -(-scaled // weight)
@@ -237,15 +232,9 @@ def _with_bits(bits: float, greater: Ints, k: int, size: int) -> float:
 
 
 @inlined
-def _best_mode(
-    values: Values,
-    predictors: Predictors,
-    tools: PredictionTools,
-    quantisers: Quantisers,
-    greater: Ints,
-    place: Place,
-) -> int:
-    reciprocal = quantisers.reciprocals[place.layer, place.region, 0]
+def _best_mode(coding: Coding, place: Place) -> int:
+    values, predictors, tools = coding.values, coding.predictors, coding.tools
+    reciprocal = coding.quantisers.reciprocals[place.layer, place.region, 0]
     best, least = integer(tools.average_disabled), integer(1 << 62)
     last = min(integer(predictors.counts[place.point]), tools.direct)
     for mode in range(tools.average_disabled, last + 1):
@@ -253,28 +242,22 @@ def _best_mode(
         difference = integer(values[place.point, 0]) - prediction
         size = abs(quantised(difference << FRACTION_BITS, reciprocal))
         size = _with_mode(size, tools, mode, 0, 1)
-        score = integer(_with_bits(0.0, greater, 0, size))
+        score = integer(_with_bits(0.0, coding.greater, 0, size))
         if score < least:
             best, least = mode, score
     return best
 
 
 @inlined
-def _best_colour_mode(
-    values: Values,
-    predictors: Predictors,
-    tools: PredictionTools,
-    quantisers: Quantisers,
-    greater: Ints,
-    place: Place,
-) -> int:
+def _best_colour_mode(coding: Coding, place: Place) -> int:
+    values, predictors, tools = coding.values, coding.predictors, coding.tools
     best, least = integer(tools.average_disabled), math.inf
     last = min(integer(predictors.counts[place.point]), tools.direct)
     for mode in range(tools.average_disabled, last + 1):
         distortion, bits, first_residual = integer(0), 0.0, integer(0)
         for k in range(3):
-            step = quantisers.steps[place.layer, place.region, min(k, 1)]
-            reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+            step = coding.quantisers.steps[place.layer, place.region, min(k, 1)]
+            reciprocal = coding.quantisers.reciprocals[place.layer, place.region, min(k, 1)]
             value = integer(values[place.point, k])
             prediction = predicted(values, predictors, place.point, k, mode)
             coefficient = quantised((value - prediction) << FRACTION_BITS, reciprocal)
@@ -287,8 +270,8 @@ def _best_colour_mode(
                 difference = value - prediction - ((factor * first_residual + 2) >> 2)
                 coefficient = quantised(difference << FRACTION_BITS, reciprocal)
             size = _with_mode(abs(coefficient), tools, mode, k, 3)
-            bits = _with_bits(bits, greater, k, size)
-        step = quantisers.steps[place.layer, place.region, 0]
+            bits = _with_bits(bits, coding.greater, k, size)
+        step = coding.quantisers.steps[place.layer, place.region, 0]
         score = distortion + bits * _LAMBDA * (step >> FRACTION_BITS)
         if score < least:
             best, least = mode, score

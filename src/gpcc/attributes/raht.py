@@ -33,7 +33,7 @@ from gpcc.attributes.quantisation import (
 from gpcc.attributes.syntax import AttributeParameterSet
 from gpcc.compiled import compiled, entry, integer, kernel
 from gpcc.fixed_point import inverse_square_root, square_root
-from gpcc.tables import POPCOUNT
+from pointkit.coding.integers import bit_count
 from pointkit.coding.intrinsics import leading_zeros
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import Ints
@@ -173,6 +173,7 @@ class _Setting(NamedTuple):
     """Arrays for the transforms of all levels.
 
     sums: (n + 1, c) cumulative sums of the points' attributes, or (0, c) in a decoder.
+    coefficients: (n, c) which an encoder writes and a decoder reads.
     offsets: (n, 2) each node's QP offset at the node's first point, in units of 1/16, or (0, 2).
     steps, reciprocals: step sizes of all quantisation parameters, see `step_sizes`.
     roots: (2, k) square roots and inverse square roots of small numbers.
@@ -182,6 +183,7 @@ class _Setting(NamedTuple):
 
     codes: Ints
     sums: Ints
+    coefficients: Rows
     offsets: Ints
     steps: Ints
     reciprocals: Ints
@@ -204,6 +206,7 @@ def _transform(
     setting = _Setting(
         codes,
         sums,
+        coefficients,
         _node_offsets(codes, qps.offsets[qps.region]),
         *step_sizes(np.arange(qps.most + 1)),
         _root_table(min(count, _SMALL) + 2),
@@ -213,7 +216,7 @@ def _transform(
         np.empty((12, 2), dtype=np.int64),
     )
     if count == 1:
-        _transform_point(setting, coefficients, layers[0], reconstruction)
+        _transform_point(setting, layers[0], reconstruction)
         return reconstruction
     joints = _joints(codes)
     depth = int(joints.max())
@@ -229,12 +232,12 @@ def _transform(
         predicted = number > 1 and thresholds is not None
         around = (parent, grandparent)
         place = _transform_level(
-            setting, node, *around, coefficients, place, layer, height, number == 1, predicted
+            setting, node, *around, place, layer, height, number == 1, predicted
         )
     if len(node.starts) > count:
         return node.means
     layer = layers[min(depth, len(layers) - 1)]
-    _transform_duplicates(setting, node, coefficients, place, layer, reconstruction)
+    _transform_duplicates(setting, node, place, layer, reconstruction)
     return reconstruction
 
 
@@ -371,9 +374,8 @@ def _scaled(setting: _Setting, coefficient: int, qp: int) -> int:
 
 
 @entry
-def _transform_point(
-    setting: _Setting, coefficients: Rows, layer: Ints, reconstruction: Rows
-) -> None:
+def _transform_point(setting: _Setting, layer: Ints, reconstruction: Rows) -> None:
+    coefficients = setting.coefficients
     qp, others = _qps(setting, layer, 0)
     for k in range(coefficients.shape[1]):
         if len(setting.sums):
@@ -390,7 +392,6 @@ def _transform_level(
     nodes: _Level,
     parents: _Level,
     grandparents: _Level,
-    coefficients: Rows,
     place: int,
     layer: Ints,
     height: int,
@@ -416,12 +417,11 @@ def _transform_level(
         for child in range(first, node):
             nodes.counts[child] = count
         if node == first + 1 and not root:
-            for k in range(coefficients.shape[1]):
+            for k in range(parents.means.shape[1]):
                 _reconstruct(setting, nodes, first, k, integer(parents.scaled[parent, k]) << 13)
         else:
             place = _transform_block(
-                *(setting, nodes, first, parents, parent),
-                *(coefficients, place, layer, root, reliable),
+                setting, nodes, first, parents, parent, place, layer, root, reliable
             )
     return place
 
@@ -443,7 +443,7 @@ def _find_neighbours(
         there, place = integer(_OCTANTS[octant, k]), max(other, 0)
         around = integer(grandparents.occupancy[place])
         exists = integer(other >= 0) & around >> there
-        rank = integer(POPCOUNT[around & ((1 << there) - 1)])
+        rank = integer(bit_count(around & ((1 << there) - 1)))
         neighbour = integer(grandparents.first[place]) + rank
         parents.neighbours[parent, k] = neighbour if exists else -1
         count += exists
@@ -487,15 +487,14 @@ def _transform_block(
     first: int,
     parents: _Level,
     parent: int,
-    coefficients: Rows,
     place: int,
     layer: Ints,
     root: bool,
     reliable: bool,
 ) -> int:
-    components = coefficients.shape[1]
+    components = parents.means.shape[1]
     occupancy = integer(parents.occupancy[parent])
-    children = POPCOUNT[occupancy]
+    children = bit_count(occupancy)
     _fill_buffer(setting, nodes, first, parents, parent, reliable)
     low = 0 if len(setting.sums) else components
     butterflies = _transform_rows(
@@ -504,7 +503,7 @@ def _transform_block(
     for i in range(0 if root else 1, children):
         owner = integer(_OWNERS[occupancy, i])
         point = integer(nodes.starts[first + owner]) if owner >= 0 else -1
-        _code_coefficients(setting, coefficients, place, layer, _ORDER[occupancy, i], point)
+        _code_coefficients(setting, place, layer, _ORDER[occupancy, i], point)
         place += 1
     for k in range(components):
         row = components + k
@@ -567,11 +566,10 @@ def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> i
 
 
 @inlined
-def _code_coefficients(
-    setting: _Setting, coefficients: Rows, place: int, layer: Ints, rank: int, point: int
-) -> None:
+def _code_coefficients(setting: _Setting, place: int, layer: Ints, rank: int, point: int) -> None:
     """Quantise residuals, if encoding; add the dequantised residuals to the prediction."""
-    buffer, components = setting.buffer, coefficients.shape[1]
+    coefficients, buffer = setting.coefficients, setting.buffer
+    components = coefficients.shape[1]
     qp, others = _qps(setting, layer, point)
     for k in range(components):
         if len(setting.sums):
@@ -593,12 +591,12 @@ def _reconstruct(setting: _Setting, nodes: _Level, node: int, k: int, value: int
 def _transform_duplicates(
     setting: _Setting,
     nodes: _Level,
-    coefficients: Rows,
     place: int,
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
     """Transform the points at each position; the last point is split off first."""
+    coefficients = setting.coefficients
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])
         weight = nodes.starts[node + 1] - start

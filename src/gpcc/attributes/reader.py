@@ -217,10 +217,8 @@ def decoded_attribute(
         coded = np.clip(transformed + _HALF >> FRACTION_BITS, 0, most).astype(np.int32)
     else:
         tools, weights = prediction_tools(levels, aps, header, bits)
-        prediction.code_values(
-            *(coded, coefficients, levels.predictors, tools, steps, levels.order, weights),
-            np.empty((0, 2), dtype=np.int64),
-        )
+        coding = (coded, coefficients, levels.predictors, tools, steps, levels.order, weights)
+        prediction.code_values(prediction.Coding(*coding, np.empty((0, 2), dtype=np.int64)))
     values = np.empty_like(coded)
     values[levels.order] = coded
     return values

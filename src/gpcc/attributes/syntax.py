@@ -132,15 +132,12 @@ def _transform_tools(io: SyntaxElements, aps: AttributeParameterSet) -> None:
         if aps.max_num_direct_predictors:
             io.u(aps, "adaptive_prediction_threshold", 8)
             io.flag(aps, "direct_avg_predictor_disabled_flag")
-        io.ue(aps, "intra_lod_prediction_skip_layers")
-        io.ue(aps, "intra_lod_search_range")
-        io.flag(aps, "inter_component_prediction_enabled_flag")
-        io.flag(aps, "pred_weight_blending_enabled_flag")
+        io.ue(aps, "intra_lod_prediction_skip_layers", "intra_lod_search_range")
+        io.flag(aps, "inter_component_prediction_enabled_flag", "pred_weight_blending_enabled_flag")
     elif aps.attr_encoding == RAHT:
         io.flag(aps, "raht_prediction_enabled_flag")
         if aps.raht_prediction_enabled_flag:
-            io.ue(aps, "raht_prediction_threshold0")
-            io.ue(aps, "raht_prediction_threshold1")
+            io.ue(aps, "raht_prediction_threshold0", "raht_prediction_threshold1")
     elif aps.attr_encoding == RAW:
         io.flag(aps, "raw_attr_variable_len_flag")
 
@@ -203,8 +200,7 @@ def attribute_header(
         flat = _differences(io, [coeff for pair in pairs for coeff in pair], 2)
         header.inter_component_coeffs = list(zip(flat[::2], flat[1::2], strict=True))
     if aps.aps_slice_qp_deltas_present_flag:
-        io.se(header, "attr_qp_delta_luma")
-        io.se(header, "attr_qp_delta_chroma")
+        io.se(header, "attr_qp_delta_luma", "attr_qp_delta_chroma")
     if io.bits(1, bool(header.layer_qp_deltas)):
         count = 1 + io.exp_golomb(max(len(header.layer_qp_deltas) - 1, 0))
         refuse(count > MAX_DETAIL_LEVELS, "so many layers")
@@ -217,8 +213,7 @@ def attribute_header(
 def attribute_ids(io: SyntaxElements, header: AttributeHeader) -> None:
     io.u(header, "attr_attr_parameter_set_id", 4)
     io.bits(3, 0)
-    io.ue(header, "attr_sps_attr_idx")
-    io.ue(header, "attr_geom_slice_id")
+    io.ue(header, "attr_sps_attr_idx", "attr_geom_slice_id")
 
 
 def _differences(io: SyntaxElements, values: list[int], stride: int = 1) -> list[int]:

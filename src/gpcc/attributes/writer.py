@@ -306,8 +306,6 @@ def encoded_attribute(
         prediction.choose_inter_component(ordered, levels.predictors, levels.ends, pairs)
         header.inter_component_coeffs = [(first, second) for first, second in pairs.tolist()]
     tools, weights = prediction_tools(levels, aps, header, bits)
-    prediction.code_values(
-        *(ordered, coefficients, levels.predictors, tools, steps, levels.order, weights),
-        np.empty((3, 2), dtype=np.int64),
-    )
+    coding = (ordered, coefficients, levels.predictors, tools, steps, levels.order, weights)
+    prediction.code_values(prediction.Coding(*coding, np.empty((3, 2), dtype=np.int64)))
     return coefficients

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from gpcc.attributes.options import mpeg_conditions, qp_of_scale, qp_of_step
-from gpcc.container import unwrap, wrap
+from gpcc.grid import unwrap, wrap
 from gpcc.grid import (
     DEFAULT_GRID,
     MOST_BITS,

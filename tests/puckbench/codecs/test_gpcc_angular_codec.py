@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpcc.coder import decode_geometry, encode_geometry
-from gpcc.container import unwrap
+from gpcc.grid import unwrap
 from gpcc.options import PROFILES
 from gpcc.sensor import SensorDescription
 from pointkit.errors import InputError

@@ -7,7 +7,7 @@ import pytest
 from gpcc import syntax
 from gpcc.bits import BitReader
 from gpcc.conformance import FOLDER
-from gpcc.container import MAGIC, unwrap
+from gpcc.grid import MAGIC, unwrap
 from pointkit.errors import InputError
 from pointkit.files import read_json
 from puckbench.codecs.registry import codec_class, open_codec

@@ -8,7 +8,7 @@ import pytest
 from cloud_files.clouds import write_cloud
 from gpcc import syntax
 from gpcc.bits import BitReader
-from gpcc.container import unwrap
+from gpcc.grid import unwrap
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, write_firings
