@@ -5,14 +5,24 @@ from typing import NamedTuple
 import numpy as np
 
 from pointkit.coding.binary_coder import exhausted
+from pointkit.compiling import compiled, compiled_in_place
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from primitive_codec import hybrid_mode, voxel_mode
 from primitive_codec.entropy import reader
-from primitive_codec.occupancy_decision import NO_CRITERION
-from primitive_codec.occupancy_map import code_occupancy_maps
-from primitive_codec.octree_arrays import EncoderNodes, Ints, Leaves, OctreeGeometry, PlaneOctree
-from primitive_codec.reconstruction import count_points, reconstruct_points
+from primitive_codec.occupancy_map import NO_CRITERION, code_occupancy_maps, find_leaf_cell
+from primitive_codec.octree_arrays import (
+    OCCUPIED,
+    SPACING_UNIT,
+    EncoderNodes,
+    Ints,
+    Leaves,
+    OctreeGeometry,
+    PlaneOctree,
+    dominant_axis,
+    first_point,
+    plane_height,
+)
 from primitive_codec.revolution import (
     CONTEXTS,
     MIXERS,
@@ -188,3 +198,63 @@ _NO_NODES = EncoderNodes(
     np.zeros(1, np.int64),
     np.zeros((1, 10)),
 )
+
+
+@compiled
+def count_points(octree: PlaneOctree, spacing: int) -> int:
+    return int(reconstruct_points(octree, spacing, np.empty((0, 3)), np.empty(0, np.int64)))
+
+
+@compiled
+def reconstruct_points(octree: PlaneOctree, spacing: int, xyz: Floats, leaf_of_point: Ints) -> int:
+    """Write points of a square grid on the occupied columns; return their number.
+
+    Points are `spacing` / `SPACING_UNIT` columns apart. Their number may exceed the length m of
+    `xyz` (m, 3) and of the leaf indices `leaf_of_point` (m,).
+    """
+    leaves, count = octree.leaves, 0
+    cell = np.zeros(3, np.int64)
+    for i in range(leaves.counts[0]):
+        axis = dominant_axis(leaves.planes[leaves.plane_index[i]])
+        low_u, low_v = leaves.corner[i, (axis + 1) % 3], leaves.corner[i, (axis + 2) % 3]
+        for a in range(low_u, low_u + leaves.side[i]):
+            rows = (first_point(a, spacing), first_point(a + 1, spacing))
+            if rows[0] == rows[1]:
+                continue
+            for b in range(low_v, low_v + leaves.side[i]):
+                columns = (first_point(b, spacing), first_point(b + 1, spacing))
+                points = (rows[1] - rows[0]) * (columns[1] - columns[0])
+                if (
+                    points > 0
+                    and find_leaf_cell(octree, i, axis, a, b, cell)
+                    and octree.occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
+                ):
+                    _reconstruct_column(
+                        leaves, i, axis, rows, columns, spacing, xyz[count:], leaf_of_point[count:]
+                    )
+                    count += points
+    return count
+
+
+@compiled_in_place
+def _reconstruct_column(
+    leaves: Leaves,
+    i: int,
+    axis: int,
+    rows: tuple[int, int],
+    columns: tuple[int, int],
+    spacing: int,
+    xyz: Floats,
+    leaf_of_point: Ints,
+) -> None:
+    k = 0
+    for column in range(columns[0], columns[1]):
+        for row in range(rows[0], rows[1]):
+            if k == len(xyz):
+                return
+            u = (row + 0.5) * spacing / SPACING_UNIT
+            v = (column + 0.5) * spacing / SPACING_UNIT
+            xyz[k, axis] = plane_height(leaves.planes[leaves.plane_index[i]], axis, u, v)
+            xyz[k, (axis + 1) % 3], xyz[k, (axis + 2) % 3] = u, v
+            leaf_of_point[k] = i
+            k += 1

@@ -22,10 +22,9 @@ from pointkit.geometry.cloud import Floats
 from pointkit.threads import in_threads
 from primitive_codec import voxel_mode
 from primitive_codec.cells import centre_distances
-from primitive_codec.displacements import LocalPlanes
 from primitive_codec.distortion import Distortion, NearestOffsets
 from primitive_codec.stream import CLASSES, MAX_HYBRID_VOXELS, HybridHeader, pack_hybrid
-from primitive_codec.voxel_mode import CodedVoxels, VoxelSearch
+from primitive_codec.voxel_mode import CodedVoxels, LocalPlanes, VoxelSearch
 
 if TYPE_CHECKING:
     from primitive_codec.surface_mode import CodedSurface

@@ -8,8 +8,9 @@ from pointkit.compiling import compiled
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
-from primitive_codec.decoder import Patches, read_patches
+from primitive_codec.decoder import Patches, read_patches, reconstruct_planes
 from primitive_codec.occupancy_map import find_leaf_cell
+from primitive_codec.octree import moments_of
 from primitive_codec.octree_arrays import (
     OCCUPIED,
     Bytes,
@@ -18,14 +19,20 @@ from primitive_codec.octree_arrays import (
     dominant_axis,
     plane_height,
 )
+from primitive_codec.region_merging import MergeLimits, adjacent_leaves, merge_regions
 from primitive_codec.revolution import SPHERE, RevolutionSurface, column_corners
-from primitive_codec.segmentation import segment_leaves
 from primitive_codec.stream import SurfaceHeader
 
 _MAX_LEAVES, _MAX_RECTANGLES = 1 << 16, 1 << 20
 """Limits of work and memory."""
 _MIN_CONE_ANGLE = 0.02
 """Angle in radians below which a cone is labelled as a cylinder."""
+_MIN_COSINE = float(np.cos(np.radians(20)))
+_CHUNK = 1 << 18
+"""Number of points whose moments are computed at once."""
+_MAX_ADDED_ERROR = 0.2
+"""Largest squared error that a merge may add per point of the smaller segment, in squared
+columns."""
 
 
 def decode_mesh(stream: bytes) -> Mesh:
@@ -80,6 +87,22 @@ def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -
     object_id = np.tile(np.concatenate([segment_of_quad, len(segments) + revolution_of_quad]), 2)
     ids = (object_id.astype(np.int32), primitive_id.astype(np.int32))
     return Labels(*ids, tuple(objects), tuple(primitives))
+
+
+def segment_leaves(patches: Patches) -> Ints:
+    """Return each leaf's segment (n,), as the index of one leaf of the segment."""
+    xyz, leaf_of_point = reconstruct_planes(patches)
+    moments = np.zeros((int(patches.octree.leaves.counts[0]), 10))
+    centre = xyz.mean(axis=0) if len(xyz) else np.zeros(3)
+    for first in range(0, len(xyz), _CHUNK):
+        rows = slice(first, first + _CHUNK)
+        point_moments = moments_of((xyz[rows] - centre) / patches.header.cell_size)
+        np.add.at(moments, leaf_of_point[rows], point_moments)
+    pairs = adjacent_leaves(patches.octree.leaves, patches.octree.geometry.shape)
+    is_occupied = moments[:, 0] > 0
+    pairs = pairs[is_occupied[pairs].all(axis=1)]
+    limits = MergeLimits(0.0, _MAX_ADDED_ERROR, _MIN_COSINE)
+    return np.asarray(merge_regions(moments, pairs, limits))
 
 
 def _plane_primitives(header: SurfaceHeader, planes: Floats) -> list[Primitive]:

@@ -5,12 +5,12 @@ Lengths are in cells (nodes of the finest level). A column of an occupancy map i
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pointkit.compiling import compiled_in_place
+from pointkit.compiling import compiled, compiled_in_place
 from pointkit.geometry.cloud import Floats
 
 Ints = NDArray[np.int64]
@@ -18,6 +18,8 @@ IndexGrid = NDArray[np.int32]
 """Grid whose cells hold 1 + an index, or 0 for no index."""
 Bytes = NDArray[np.uint8]
 
+SPACING_UNIT = 2048
+"""Number of steps of point spacing per column."""
 UNKNOWN, EMPTY, OCCUPIED = 0, 1, 2
 """State of a column, stored in the cell where the column crosses a plane."""
 
@@ -82,3 +84,12 @@ def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
     """Return a plane's coordinate along `axis` at coordinates u and v along the next two axes."""
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v
     return float((plane[3] - across) / plane[axis])
+
+
+@compiled
+def first_point(column: Any, spacing: int) -> Any:
+    """Return the index of a row's first point in or after `column`, which may be an array.
+
+    Point i lies at (i + 1/2) * spacing / `SPACING_UNIT` columns.
+    """
+    return (2 * SPACING_UNIT * column + spacing - 1) // (2 * spacing)

@@ -7,13 +7,16 @@ from numpy.typing import NDArray
 
 from pointkit.geometry.cloud import Floats, bounds
 from pointkit.geometry.spatial_order import morton_order
+from primitive_codec.cells import group_by_cell
 from primitive_codec.distortion import Distortion, DistortionEstimator
-from primitive_codec.noise import estimate_noise
+from primitive_codec.octree import moments_of, plane_errors
 from primitive_codec.settings import UNITS, PrimitiveSettings
 from primitive_codec.smoothing import downsample, smooth_samples
 from primitive_codec.stream import MAX_CELLS
 
 _NOISE_CELL_SIZE = 16.0
+_MIN_POINTS = 8
+"""Least number of points of a cell from which noise is estimated."""
 _DEFAULT_SPACING = 6.0 / 2**0.5
 """Default side of a sampling cell, in units."""
 _SPACING_PER_NOISE = 3.0
@@ -94,3 +97,23 @@ def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings)
     outlier_distance = max(_OUTLIER_DISTANCE_PER_NOISE * noise, spacing / 2)
     xyz, normals = smooth_samples(samples, spacing, radius, outlier_distance)
     return SurfaceSamples(xyz, normals, samples.counts / len(points), spacing, 1 / len(xyz))
+
+
+def estimate_noise(points: Floats, cell_size: float) -> float:
+    """Estimate the standard deviation of the noise; 0 if no cell has enough points.
+
+    The estimate is the lower quartile, weighted by points, of the cells' deviations from fitted
+    planes; curved and crossing surfaces raise only higher quantiles.
+    """
+    rows, starts = group_by_cell(points, cell_size).sorted_rows()
+    centred = points[rows] - points.mean(axis=0)
+    moments = np.add.reduceat(moments_of(centred), starts, axis=0)
+    moments = moments[moments[:, 0] >= _MIN_POINTS]
+    if not len(moments):
+        return 0.0
+    counts = moments[:, 0]
+    variance = plane_errors(moments) / (counts - 3)
+    ascending = np.argsort(variance, kind="stable")
+    cumulative_counts = np.cumsum(counts[ascending])
+    quartile = np.searchsorted(cumulative_counts, cumulative_counts[-1] / 4)
+    return float(np.sqrt(variance[ascending[quartile]]))

@@ -28,9 +28,8 @@ from pointkit.geometry.vectors import (
 from primitive_codec.entropy import ContextCoder, code_bit
 from primitive_codec.occupancy_map import CONTEXTS as MAP_CONTEXTS
 from primitive_codec.occupancy_map import MIXERS as MAP_MIXERS
-from primitive_codec.octree_arrays import Bytes, Ints
-from primitive_codec.reconstruction import first_point
-from primitive_codec.stream import REVOLUTION_BYTES, SPACING_UNIT
+from primitive_codec.octree_arrays import SPACING_UNIT, Bytes, Ints, first_point
+from primitive_codec.stream import REVOLUTION_BYTES
 
 CONE, SPHERE = 0, 1
 MAX_COLUMNS = 1 << 22

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pointkit.compiling import compiled
 from pointkit.geometry.cloud import Floats
 from primitive_codec.manhattan_frame import rotate
-from primitive_codec.octree_arrays import Bytes, Ints
+from primitive_codec.octree_arrays import SPACING_UNIT, Bytes, Ints
 from primitive_codec.revolution import (
     MAX_COLUMNS,
     RevolutionSurface,
@@ -19,7 +19,6 @@ from primitive_codec.revolution import (
     unpack_parameters,
 )
 from primitive_codec.shape_detection import bounded_inliers, clip_to_inliers
-from primitive_codec.stream import SPACING_UNIT
 
 Mask = NDArray[np.bool_]
 

@@ -22,6 +22,7 @@ from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from primitive_codec.manhattan_frame import RotationVector, rotate_inverse, rotation_matrix
+from primitive_codec.octree_arrays import SPACING_UNIT
 
 MAGIC = b"PBPR"
 VERSION, HYBRID_VERSION = 5, 6
@@ -49,8 +50,6 @@ MAX_COLUMNS = 1 << 22
 """Largest number of columns of all leaves."""
 MAX_POINTS = 1 << 22
 MAX_REVOLUTION_POINTS = 1 << 22
-SPACING_UNIT = 2048
-"""Number of steps of point spacing per column."""
 MIN_POINT_SPACING, MAX_POINT_SPACING = SPACING_UNIT // 16, (1 << 16) - 1
 MAX_DISPLACED = 1 << 22
 MAX_HYBRID_VOXELS = 1 << 20

@@ -16,10 +16,9 @@ from primitive_codec.decoder import (
 )
 from primitive_codec.entropy import writer
 from primitive_codec.manhattan_frame import RotationVector, rotate, rotation_matrix
-from primitive_codec.occupancy_decision import OccupancyCriterion
-from primitive_codec.occupancy_map import code_occupancy_maps
+from primitive_codec.occupancy_map import OccupancyCriterion, code_occupancy_maps
 from primitive_codec.octree import PlaneOctreeLevel, build_octree, collect_leaves, prune_octree
-from primitive_codec.octree_arrays import EncoderNodes, Ints
+from primitive_codec.octree_arrays import SPACING_UNIT, EncoderNodes, Ints
 from primitive_codec.preparation import (
     PreparedCloud,
     SurfaceSamples,
@@ -44,7 +43,6 @@ from primitive_codec.stream import (
     MAX_POINT_SPACING,
     MAX_POINTS,
     MIN_POINT_SPACING,
-    SPACING_UNIT,
     SurfaceHeader,
     is_decodable,
     pack_surface,

@@ -8,7 +8,7 @@ from pointkit.compiling import compiled
 from pointkit.errors import InputError
 from pointkit.geometry.moments import fit_plane, squared_distance
 from primitive_codec.entropy import ContextCoder, code_bit, code_number, reader, writer
-from primitive_codec.occupancy_decision import optimise_occupancy_map
+from primitive_codec.occupancy_map import optimise_occupancy_map
 from primitive_codec.octree import build_octree, moments_of, prune_octree
 from primitive_codec.plane_coding import dequantise_plane, quantise_plane
 from primitive_codec.stream import (

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from primitive_codec.decoder import read_patches
+from primitive_codec.mesh_reconstruction import segment_leaves
 from primitive_codec.mode_decision import encode
 from primitive_codec.octree import moments_of
 from primitive_codec.octree_arrays import Leaves
@@ -16,7 +17,6 @@ from primitive_codec.region_merging import (
     merge_regions,
     region_moments,
 )
-from primitive_codec.segmentation import segment_leaves
 from primitive_codec.settings import RATES, PrimitiveSettings
 
 _RIGHT = float(np.cos(np.radians(45)))

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from pointkit.errors import InputError
 from primitive_codec import RATES, PrimitiveSettings, decode, decode_mesh, decode_surface, encode
 from primitive_codec.manhattan_frame import rotation_matrix
-from primitive_codec.noise import estimate_noise
-from primitive_codec.preparation import prepare
+from primitive_codec.preparation import estimate_noise, prepare
 from primitive_codec.smoothing import downsample, smooth_samples
 from primitive_codec.stream import VoxelHeader, pack_surface, pack_voxels, unpack
 from primitive_codec.surface_mode import SurfaceMode, encode_surface

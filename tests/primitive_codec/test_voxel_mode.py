@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from primitive_codec import voxel_mode
-from primitive_codec.displacements import displace, fit_displacements
 from primitive_codec.stream import CLASSES, DisplacementTable, VoxelGrid, VoxelHeader, unpack
+from primitive_codec.voxel_mode import displace, fit_displacements
 
 UNIT_GRID = VoxelGrid(np.zeros(3), 1.0)
 
