@@ -28,22 +28,20 @@ _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """State of a sensor, with the position `origin` relative to a slice.
-
-    height: negated heights of the lasers (`syntax.Laser.z`).
-    least_gap: smallest difference between two lasers' elevations.
-    step, steps: azimuth between two shots of each laser, and its inverse in units of 2^-30.
-    azimuth: azimuth of each laser's last shot.
-    fault: (1,) nonzero if a stream's laser index is out of range.
-    """
+    """State of a sensor, with the position `origin` relative to a slice."""
 
     origin: Ints
     elevation: Ints
+    # Negated heights of the lasers (`syntax.Laser.z`).
     height: Ints
+    # Smallest difference between two lasers' elevations.
     least_gap: int
+    # step, steps: azimuth between two shots of each laser, and its inverse in units of 2^-30.
     step: Ints
     steps: Ints
+    # Azimuth of each laser's last shot.
     azimuth: Ints
+    # (1,) nonzero if a stream's laser index is out of range.
     fault: Ints
 
 
@@ -78,8 +76,12 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 def tangent_of(height: int, root: int) -> int:
     """Return the tangent of a point's elevation.
 
-    height: twice the point's height, in coding units.
-    root: inverse horizontal distance.
+    Parameters
+    ----------
+    height
+        Twice the point's height, in coding units.
+    root
+        Inverse horizontal distance.
     """
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
@@ -129,8 +131,12 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
     """Return the context of a bit that selects a half of a node along x or y.
 
-    left, right: azimuths of the two halves minus the predicted azimuth.
-    contrast: log2 of the ratio of the magnitudes above which the context changes.
+    Parameters
+    ----------
+    left, right
+        Azimuths of the two halves minus the predicted azimuth.
+    contrast
+        Log2 of the ratio of the magnitudes above which the context changes.
     """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
@@ -144,7 +150,10 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 def elevation_ctx(difference: int, half_height: int) -> int:
     """Return the context of a bit that selects a half of a node along z.
 
-    difference: the laser's elevation minus the elevation of the node's middle.
+    Parameters
+    ----------
+    difference
+        The laser's elevation minus the elevation of the node's middle.
     """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
@@ -202,7 +211,10 @@ def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) ->
 
     These are axes with an angular context, and z if `eligible_axes` has it.
 
-    axes: split axes (4 x, 2 y, 1 z).
+    Parameters
+    ----------
+    axes
+        Split axes (4 x, 2 y, 1 z).
     """
     result = eligible_axes & 4
     result |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2

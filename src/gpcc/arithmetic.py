@@ -55,30 +55,26 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 
 
 class Encoder(NamedTuple):
-    """Arithmetic encoder.
+    """Arithmetic encoder."""
 
-    contexts: adaptive probability of a zero in each context, in units of 2^-16.
-    state: lower end and range of the interval; number of bits of the lower end beyond 16; number
-        of bytes written.
-    """
-
+    # Adaptive probability of a zero in each context, in units of 2^-16.
     contexts: Probabilities
+    # Lower end and range of the interval; number of bits of the lower end beyond 16; number of
+    # bytes written.
     state: NDArray[np.int64]
     data: Bytes
 
 
 class Decoder(NamedTuple):
-    """Arithmetic decoder.
+    """Arithmetic decoder."""
 
-    contexts: see `Encoder`.
-    state: code value; range; the code value's bits in excess of 16; bytes read; bytes in the
-        stream; 1 if there is a `bypass`; index of the next bit in `bypass`.
-    bypass: bypass bits of a separate stream, one bit per byte.
-    """
-
+    # See `Encoder`.
     contexts: Probabilities
+    # Code value; range; the code value's bits in excess of 16; bytes read; bytes in the stream; 1
+    # if there is a `bypass`; index of the next bit in `bypass`.
     state: NDArray[np.int64]
     data: Bytes
+    # Bypass bits of a separate stream, one bit per byte.
     bypass: Bytes
 
 
@@ -316,7 +312,10 @@ def code_exp_golomb_in_contexts(
 ) -> int:
     """Encode or decode an Exp-Golomb code of at most 30 prefix bits.
 
-    last_prefix, last_suffix: numbers of contexts of prefix and suffix bits, minus 1.
+    Parameters
+    ----------
+    last_prefix, last_suffix
+        Numbers of contexts of prefix and suffix bits, minus 1.
     """
     first, base = order, integer(0)
     while order < _LONGEST_PREFIX and code_bit(

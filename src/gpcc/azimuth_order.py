@@ -22,8 +22,12 @@ _DEEPEST = 128
 def azimuth_order(around: Ints, precision: float) -> Ints:
     """Return the indices (n,) that sort points.
 
-    around: (n, 3) points relative to the sensor.
-    precision: azimuth steps per radian, or 0 for exact azimuths.
+    Parameters
+    ----------
+    around
+        (n, 3) points relative to the sensor.
+    precision
+        Azimuth steps per radian, or 0 for exact azimuths.
     """
     keys = np.empty((len(around), 3))
     _fill_keys(around, precision, keys)

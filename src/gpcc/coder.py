@@ -68,10 +68,20 @@ _AXIS_ORDERS = (
 
 @dataclass(frozen=True)
 class DecodedGeometry:
-    """Decoded geometry of a stream.
+    """The points of a decoded stream, and the place of their grid in the cloud's coordinates.
 
-    points: (m, 3) int64; positions are (points * global_scale + origin) / scale.
-    metres: whether positions are in metres; otherwise, applications define the unit.
+    Attributes
+    ----------
+    points
+        Integer coordinates (m, 3) in steps of the grid; equal points may occur several times.
+    scale
+        Number of grid steps per unit of the cloud's coordinates.
+    origin
+        Origin of the grid, in grid steps.
+    global_scale
+        Factor of `points` that the stream states in addition; 1 in streams of this encoder.
+    metres
+        Whether the unit of the cloud's coordinates is the metre; otherwise it is not known.
     """
 
     points: Ints
@@ -81,7 +91,10 @@ class DecodedGeometry:
     metres: bool = False
 
     def positions(self) -> NDArray[np.float64]:
-        """Return positions (m, 3) in the cloud's coordinates, equal to TMC13's bit for bit."""
+        """Return the points in the cloud's coordinates, as an array (m, 3) of float64.
+
+        A position is ``(points * global_scale + origin) / scale``, and equals TMC13's bit for bit.
+        """
         step = self.scale.denominator / self.scale.numerator
         corner = np.array(self.origin, dtype=np.float64) * step
         positions = self.points.astype(np.float64)
@@ -93,14 +106,12 @@ class DecodedGeometry:
 
 @dataclass(frozen=True)
 class CodedPoints:
-    """Points of an encoded slice.
-
-    members: (n,) indices of the slice's points in the input.
-    rows: (n,) `members` in coded order, or None if equal points are merged.
-    """
+    """The points of an encoded slice, and which points of the input they are."""
 
     points: SlicePoints
+    # (n,) indices of the slice's points in the input.
     members: NDArray[np.int64]
+    # (n,) `members` in coded order, or None if equal points are merged.
     rows: NDArray[np.int64] | None
 
 
@@ -112,21 +123,36 @@ def encode_geometry(
     sensor: SensorDescription | None = None,
     attributes: AttributeEncoder | None = None,
 ) -> bytes:
-    """Encode integer points (n, 3) as an octree stream that TMC13 decodes.
+    """Encode points as a G-PCC stream of one frame with an octree, which TMC13 decodes.
 
     Parameters
     ----------
-    scale, origin
-        A decoder returns the positions (points + origin) / scale.
+    points
+        Integer coordinates (n, 3) in steps of the grid, as `quantise` returns them; in any order,
+        and possibly negative.
+    options
+        Coding tools. The default is `PROFILES["ctc"]`, which keeps one of several equal points.
+    scale
+        Number of grid steps per unit of the cloud's coordinates, for the decoder.
+    origin
+        Integer origin (3,) of the grid, in grid steps. A decoder returns ``(points + origin) /
+        scale``.
     sensor
-        Sensor in the coordinates points + origin, which switches angular mode on.
+        A rotating sensor in the coordinates ``points + origin``. If it is given, the octree is
+        coded in angular mode, which predicts points from the directions of the sensor's beams.
     attributes
-        Encoder of the points' attributes; see `encode_cloud`.
+        Encoder of the points' attributes; callers use `encode_cloud` instead.
+
+    Returns
+    -------
+    bytes
+        A self-contained stream.
 
     Raises
     ------
     InputError
-        If there are no points, points span over 21 bits, or the sensor is too far away.
+        If there are no points, coordinates are not integers or span more than 21 bits, points are
+        more than 16,777,216, or the sensor is too far away.
     """
     points, low = checked_points(points)
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
@@ -181,7 +207,13 @@ def octree_points(
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Return points (n, 3) as int64 and their minimum (3,); raise InputError if invalid."""
+    """Return points as int64 (n, 3) and their least coordinates (3,).
+
+    Raises
+    ------
+    InputError
+        If there are none, they have another shape, or they are not integers within 21 bits.
+    """
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
@@ -263,10 +295,8 @@ def _partition(
     angular: bool,
     rows: NDArray[np.int64] | None,
 ) -> Iterator[_SlicePoints]:
-    """Divide points (n, 3) into slices.
-
-    rows: (n,) indices of the points, or None if `_SlicePoints.members` may be empty.
-    """
+    """Divide points (n, 3) into slices."""
+    # rows: (n,) indices of the points, or None if `_SlicePoints.members` may be empty.
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
         slice_points = _slice_points(points, start, options, angular, rows)
@@ -357,9 +387,24 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes, attributes: AttributeReader | None = None) -> DecodedGeometry:
-    """Decode the geometry of a stream of one frame; `attributes` decodes the attributes.
+    """Decode the points of a G-PCC stream that holds one frame.
 
-    Raises InputError if the stream is damaged or unsupported.
+    Parameters
+    ----------
+    stream
+        A bare stream, as `encode_geometry`, `encode_predictive_geometry` and TMC13 write it.
+    attributes
+        Decoder of the attributes, which are otherwise skipped; callers use `decode_cloud` instead.
+
+    Returns
+    -------
+    DecodedGeometry
+        Integer points with their scale and origin; `DecodedGeometry.positions` applies these.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or uses a tool that this decoder does not support.
     """
     contents = _StreamReader(attributes)
     for payload_type, payload in syntax.payloads(stream):

@@ -30,7 +30,21 @@ Decode = Callable[[bytes], Floats]
 
 @dataclass(frozen=True)
 class ConformanceStream:
-    """A stream, its TMC13 options, and the digest of its points and attributes."""
+    """A stream of the reference software TMC13, and what a decoder must make of it.
+
+    Attributes
+    ----------
+    name
+        Name of the stream in the manifest of its folder.
+    path
+        File that holds the stream.
+    options
+        Command-line options with which TMC13 encoded it.
+    points
+        Number of decoded points.
+    digest
+        `digest` of the decoded points and attributes.
+    """
 
     name: str
     path: Path
@@ -55,7 +69,18 @@ class ConformanceStream:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of a decoder for a stream (`decoded`, `refused` or `failed`), and the reason."""
+    """What came of decoding one conformance stream.
+
+    Attributes
+    ----------
+    stream
+        The stream that was decoded.
+    outcome
+        ``decoded`` if the points are right, ``refused`` if the decoder reported an error,
+        ``failed`` if the points are wrong or the decoder crashed.
+    why
+        Reason in words; empty if the outcome is ``decoded``.
+    """
 
     stream: ConformanceStream
     outcome: str
@@ -63,11 +88,23 @@ class Verdict:
 
 
 class CrashError(Exception):
-    """Raised if a decoder was ended by a signal or exceeded its time limit."""
+    """A decoder raises this if it was ended by a signal or exceeded its time limit."""
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """Return the streams of a folder, and those of its subfolder `attributes`."""
+    """Return the conformance streams of a folder that holds a ``manifest.json`` and ``.bin`` files.
+
+    Parameters
+    ----------
+    folder
+        By default the folder ``vectors`` of this package. Streams of its subfolder ``attributes``,
+        if there is one, are included.
+
+    Raises
+    ------
+    InputError
+        If there is no manifest, or it does not list streams.
+    """
     streams = _listed(folder, "")
     inner = folder / "attributes"
     return streams + _listed(inner, "attributes/") if inner.is_dir() else streams
@@ -98,12 +135,25 @@ def _stream(name: str, path: Path, about: dict[str, Any]) -> ConformanceStream:
 
 
 def digest(points: Floats) -> str:
-    """Return the SHA-256 of points (n, columns), independent of their order."""
+    """Return the SHA-256, in hexadecimal, of points (n, columns) that are first sorted by their
+    columns.
+    """
     ordered = points[np.lexsort(points.T[::-1])] + 0.0  # no negative zeros
     return hashlib.sha256(ordered.astype("<f8").tobytes()).hexdigest()
 
 
 def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[Verdict]:
+    """Decode conformance streams with any decoder, and yield a verdict for each.
+
+    Parameters
+    ----------
+    decode
+        Function that takes the bytes of a stream and returns an array (m, 3 to 7) of x, y and z,
+        then red, green, blue and reflectance if the stream has them. It may raise `InputError` to
+        refuse a stream, and `CrashError`.
+    streams
+        The streams, as `conformance_streams` returns them.
+    """
     for stream in streams:
         try:
             points = decode(read_bytes(stream.path))
@@ -130,12 +180,21 @@ def _difference(stream: ConformanceStream) -> str:
 
 
 def decode_rows(stream: bytes) -> Floats:
+    """Decode a stream with this package to the rows that `verdicts` compares.
+
+    Returns
+    -------
+    ndarray
+        float64 (m, 3 to 7): x, y, z, then red, green, blue and reflectance if the stream has them.
+    """
     cloud = decode_cloud(stream)
     values = [cloud.attributes.get(name) for name in ("color", "reflectance")]
     return rows_of(cloud.positions(), *values)
 
 
 def rows_of(points: Floats, colours: Values | None, reflectances: Values | None) -> Floats:
-    """Return points (n, 3), colours (n, 3) and reflectances (n,), where given, as one array."""
+    """Return points (n, 3), colours (n, 3) and reflectances (n,), where given, as columns of one
+    array.
+    """
     columns = (points, colours, reflectances)
     return np.column_stack([each for each in columns if each is not None]).astype(np.float64)

@@ -125,13 +125,11 @@ Indices: 1 if neighbours outside the parent are known; neighbour pattern; coded 
 
 
 class Contexts(NamedTuple):
-    """Adaptive state of an octree coder.
+    """Adaptive state of an octree coder."""
 
-    probabilities: see `arithmetic.Encoder`.
-    ctx_idx_maps: see `octree.SliceState`.
-    """
-
+    # See `arithmetic.Encoder`.
     probabilities: NDArray[np.uint16]
+    # See `octree.SliceState`.
     ctx_idx_maps: NDArray[np.uint8]
 
 

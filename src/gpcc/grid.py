@@ -32,7 +32,15 @@ _GRID = struct.Struct("<4d")
 
 
 class InputGrid(NamedTuple):
-    """Grid of input coordinates: step (`unit`) and origin (`offset`)."""
+    """The grid of a cloud's coordinates before they are scaled.
+
+    Attributes
+    ----------
+    unit
+        Step of the grid, in the unit of the coordinates.
+    offset
+        Origin of the grid, in the unit of the coordinates.
+    """
 
     unit: float = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -42,16 +50,37 @@ DEFAULT_GRID = InputGrid()
 
 
 class Quantised(NamedTuple):
-    """Non-negative positions (n, 3) and the origin (3,) to add to them, in grid steps."""
+    """Quantised points, which the encoders take.
+
+    Attributes
+    ----------
+    positions
+        Integer coordinates (n, 3) in grid steps, none negative.
+    origin
+        Integers (3,), in grid steps, that a decoder adds to the positions.
+    """
 
     positions: NDArray[np.int64]
     origin: NDArray[np.int64]
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return a grid with step `unit` for points (n, 3) coded in steps of unit / scale.
+    """Return a grid that suits points for coding in steps of ``unit / scale``.
 
-    The grid's origin is zero, or the points' minimum if coordinates are too large for a stream.
+    Parameters
+    ----------
+    points
+        Coordinates (n, 3).
+    unit
+        Step of the returned grid.
+    scale
+        Number of coded steps per grid step.
+
+    Returns
+    -------
+    InputGrid
+        A grid whose offset is zero or, if the coordinates are too large for a stream, the points'
+        minimum.
     """
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
@@ -66,18 +95,29 @@ def quantise(
     scale: float = 1.0,
     rounding: Rounding = "nearest",
 ) -> Quantised:
-    """Quantise points (n, 3) to a grid with the step ``grid.unit / scale``.
+    """Round points to integer coordinates with the step ``grid.unit / scale``, for the encoders.
 
     Parameters
     ----------
+    points
+        Coordinates (n, 3).
+    grid
+        The grid of the coordinates; by default its step is 1 and its offset zero.
+    scale
+        Number of coded steps per grid step: 100 codes metres in steps of 1 cm.
     rounding
-        ``nearest`` only rounds. ``truncate`` truncates to multiples of ``grid.unit``, then rounds
-        in single precision, as TMC13 does for floating-point files.
+        ``nearest`` rounds to the nearest step. ``truncate`` first truncates to multiples of
+        ``grid.unit``, then rounds in single precision, as TMC13 does for floating-point files.
+
+    Returns
+    -------
+    Quantised
+        Positions (n, 3), and the origin (3,) to pass to the encoder. They may contain equal points.
 
     Raises
     ------
     InputError
-        If the cloud spans more than `MOST_BITS` bits.
+        If the cloud spans 2^21 - 1 steps or more.
     """
     with np.errstate(over="ignore"):
         units = points if grid == DEFAULT_GRID else (points - grid.offset) / grid.unit
@@ -101,7 +141,13 @@ def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int6
 
 
 def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
-    """Convert points (m, 3) from grid steps to coordinates; raise InputError if not finite."""
+    """Convert decoded positions (m, 3) from grid steps to the cloud's coordinates.
+
+    Raises
+    ------
+    InputError
+        If a coordinate is not finite, because the grid of a damaged stream is not.
+    """
     if grid == DEFAULT_GRID:
         return units
     with np.errstate(over="ignore", invalid="ignore"):
@@ -112,19 +158,27 @@ def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
 
 
 class Unwrapped(NamedTuple):
+    """A bare G-PCC stream and the grid of its coordinates."""
+
     stream: bytes
     grid: InputGrid
 
 
 def wrap(stream: bytes, grid: InputGrid) -> bytes:
-    """Put a bare stream and its grid into a container; the default grid is omitted."""
+    """Put a bare stream and its grid into a container; the default grid takes no bytes."""
     if grid == DEFAULT_GRID:
         return MAGIC + b"\0" + stream
     return MAGIC + b"\1" + _GRID.pack(grid.unit, *grid.offset) + stream
 
 
 def unwrap(data: bytes) -> Unwrapped:
-    """Read a container or a bare stream."""
+    """Read a container, or a bare stream, whose grid is the default one.
+
+    Raises
+    ------
+    InputError
+        If the bytes begin like neither, or the grid is damaged.
+    """
     if not data.startswith(MAGIC):
         if not data.startswith(b"\0\0\0"):
             raise InputError("not a G-PCC stream")

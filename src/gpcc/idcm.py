@@ -54,14 +54,12 @@ class IdcmNode(NamedTuple):
 
 
 class LocalPoints(NamedTuple):
-    """Working memory for one or two points, relative to their node.
+    """Working memory for one or two points, relative to their node."""
 
-    points_in, coded: (2, 3) points to encode, and coded points.
-    bits_left: (3,) number of bits to code along each axis.
-    """
-
+    # points_in, coded: (2, 3) points to encode, and coded points.
     points_in: Ints
     coded: Ints
+    # (3,) number of bits to code along each axis.
     bits_left: Ints
 
 
@@ -159,10 +157,8 @@ def _start_from_planes(node: IdcmNode, local: LocalPoints) -> None:
 
 @kernel
 def _code_same_bits(coder: Any, local: LocalPoints, axis: int, equal: bool) -> bool:
-    """Encode or decode two points' common leading bits along an axis, and the first that differ.
-
-    equal: whether the points are equal along previous axes. Returns whether all bits are equal.
-    """
+    """Encode or decode two points' common leading bits along an axis, and the first that differ."""
+    # equal: whether the points are equal along previous axes. Returns whether all bits are equal.
     same = integer(1)
     ctx = 0
     while local.bits_left[axis] > 0 and same:
@@ -247,10 +243,8 @@ def _code_azimuth(
     local: LocalPoints,
     i: int,
 ) -> int:
-    """Encode or decode a point's coordinate along `axis` (x or y), and return it.
-
-    The result, the node's `corner` and the `other` coordinate are relative to the sensor.
-    """
+    """Encode or decode a point's coordinate along `axis` (x or y), and return it."""
+    # The result, the node's `corner` and the `other` coordinate are relative to the sensor.
     left = local.bits_left[axis]
     place: int = corner + (local.coded[i, axis] << left)
     azimuth = arc_tangent(place, other) if axis else arc_tangent(other, place)
@@ -279,10 +273,8 @@ def _code_elevation(
     local: LocalPoints,
     i: int,
 ) -> None:
-    """Encode or decode a point's z.
-
-    place: the point's x and y, and the node's z, relative to the sensor.
-    """
+    """Encode or decode a point's z."""
+    # place: the point's x and y, and the node's z, relative to the sensor.
     x, y, z = place
     left = local.bits_left[2]
     z += local.coded[i, 2] << left

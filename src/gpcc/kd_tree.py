@@ -25,22 +25,20 @@ _DEEPEST = 1024
 
 
 class KdTrees(NamedTuple):
-    """Trees of points (n, 3); each tree has successive `rows`.
-
-    rows: indices of points; those of a node are successive.
-    values, stack: working memory; `values` is as long as `rows`.
-    nodes: (m, 3) for an inner node, axis and first child, which the second child follows; for a
-        leaf, -1, start and end in `rows`.
-    gaps: (m, 2) largest coordinate in the first child, smallest in the second child.
-    nearest, distances: (k,) result: indices of the nearest points, and their squared distances.
-    """
+    """Trees of points (n, 3); each tree has successive `rows`."""
 
     points: Numbers
+    # Indices of points; those of a node are successive.
     rows: Int32s
+    # values, stack: working memory; `values` is as long as `rows`.
     values: Numbers
+    # (m, 3) for an inner node, axis and first child, which the second child follows; for a leaf,
+    # -1, start and end in `rows`.
     nodes: Int32s
+    # (m, 2) largest coordinate in the first child, smallest in the second child.
     gaps: Numbers
     stack: Numbers
+    # nearest, distances: (k,) result: indices of the nearest points, and their squared distances.
     nearest: Ints
     distances: Numbers
 
@@ -63,8 +61,12 @@ def empty_trees(points: Numbers, rows: int, nodes: int, neighbours: int) -> KdTr
 def build(trees: KdTrees, root: int, first: int, end: int, box: Numbers, share: float) -> None:
     """Build a tree of the rows `first` to `end` - 1, and write their bounding box (6,).
 
-    root: index of the tree's first node.
-    share: fraction of a box's longest side; longer sides may be split.
+    Parameters
+    ----------
+    root
+        Index of the tree's first node.
+    share
+        Fraction of a box's longest side; longer sides may be split.
     """
     nodes, gaps, stack, used, depth = trees.nodes, trees.gaps, trees.stack, root + 1, 1
     for axis in range(3):
@@ -109,10 +111,8 @@ def _range(trees: KdTrees, first: int, end: int, axis: int) -> tuple[Any, Any]:
 
 @inlined
 def _split(trees: KdTrees, first: int, end: int, frame: Numbers, share: float) -> tuple[int, int]:
-    """Partition rows near the middle of their box's longest side.
-
-    Returns the axis and the first row of the upper half, and writes the cut to `frame`.
-    """
+    """Partition rows near the middle of their box's longest side."""
+    # Returns the axis and the first row of the upper half, and writes the cut to `frame`.
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     low = high = frame[3]
     axis = taken = integer(-1)

@@ -31,7 +31,18 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Encode the distinct voxels of an array (n, 3) of integers, which may be negative.
+    """Encode the set of occupied voxels without loss, with a short header (this is not a G-PCC
+    stream).
+
+    Parameters
+    ----------
+    voxels
+        Integer coordinates (n, 3), possibly negative, in any order; repeated voxels count once.
+
+    Returns
+    -------
+    bytes
+        A self-contained stream, empty if there are no voxels.
 
     Raises
     ------
@@ -54,7 +65,25 @@ def encode_voxels(voxels: NDArray[Any]) -> bytes:
 
 
 def decode_voxels(stream: bytes, most: int = _MAX_VOXELS) -> Ints:
-    """Decode voxels (m, 3) in octree order; raise InputError if there are more than `most`."""
+    """Decode the voxels of a stream that `encode_voxels` wrote.
+
+    Parameters
+    ----------
+    stream
+        The stream.
+    most
+        Largest number of voxels to accept.
+
+    Returns
+    -------
+    ndarray
+        int64 (m, 3), distinct, in the order of the octree.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or holds more than `most` voxels.
+    """
     if not stream:
         return np.empty((0, 3), dtype=np.int64)
     reader = Reader(stream)

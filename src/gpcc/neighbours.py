@@ -79,13 +79,11 @@ _GRID_CUT, _GRID_SHIFT = np.moveaxis(
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancies of `parents` and of coded `nodes` in a cube of nodes, indexed by Morton code.
-
-    side: log2 of the number of nodes per side, or 0 if only siblings are known.
-    """
+    """Occupancies of `parents` and of coded `nodes` in a cube of nodes, indexed by Morton code."""
 
     parents: Bytes
     nodes: Bytes
+    # Log2 of the number of nodes per side, or 0 if only siblings are known.
     side: int
 
 
@@ -228,10 +226,8 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Move a Morton code by `place` - 1 nodes along the axis of `bits`.
-
-    Returns the moved code's bits of this axis, or -1 outside the cube.
-    """
+    """Move a Morton code by `place` - 1 nodes along the axis of `bits`."""
+    # Returns the moved code's bits of this axis, or -1 outside the cube.
     along = address & bits
     if place == 1:
         return along

@@ -23,11 +23,9 @@ from pointkit.compiling import inlined
 
 
 class OccupancyNeighbourhood(NamedTuple):
-    """Neighbourhood that selects the contexts of a node's occupancy (see `neighbours`).
+    """Neighbourhood that selects the contexts of a node's occupancy (see `neighbours`)."""
 
-    neighbours_known: whether neighbours outside the parent are known.
-    """
-
+    # Whether neighbours outside the parent are known.
     neighbours_known: int
     neigh_pattern: int
     adjacency_gt0: int
@@ -38,15 +36,13 @@ class OccupancyNeighbourhood(NamedTuple):
 
 
 class PlanarMasks(NamedTuple):
-    """Masks from the planar modes of a node.
+    """What the planar modes of a node say about its children."""
 
-    mask_planar_x, y, z: children outside the only occupied plane along an axis, or 0.
-    planar_possible: axes (1 x, 2 y, 4 z), except those with both planes coded as occupied.
-    """
-
+    # Children outside the only occupied plane along x, y and z; 0 if both planes may be occupied.
     mask_planar_x: int
     mask_planar_y: int
     mask_planar_z: int
+    # Axes (1 x, 2 y, 4 z), except those along which both planes are known to be occupied.
     planar_possible: int
 
 
@@ -152,10 +148,8 @@ def _code_bits(
     free: bool,
     occupancy: int,
 ) -> int:
-    """Encode or decode the children outside the mask `masked`.
-
-    free: whether the planar modes do not restrict the children.
-    """
+    """Encode or decode the children outside the mask `masked`."""
+    # free: whether the planar modes do not restrict the children.
     no_neighbour = neighbourhood.neigh_pattern == 0
     # Without neighbours, a single child is coded otherwise; here, at least two are occupied.
     most_zeros = 6 if no_neighbour else 7

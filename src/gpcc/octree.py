@@ -52,84 +52,74 @@ TOO_MANY_POINTS = -2
 
 
 class Level(NamedTuple):
-    """Properties of all nodes of a level.
+    """Properties of all nodes of a level."""
 
-    coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) split by this and the previous level.
-    last: whether the children are leaves.
-    idcm_enable_mask: see `idcm.idcm_enable_mask`.
-    """
-
+    # coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) split by this and the previous level.
     coded_axes: int
     coded_axes_prev_level: int
     node_size_log2: tuple[int, int, int]
     root: bool
+    # Whether the children are leaves.
     last: bool
     adjacent_child_ctx: bool
     intra_pred: bool
     unique_points: bool
     idcm_mode: int
     joint_2pt_idcm: bool
+    # See `idcm.idcm_enable_mask`.
     idcm_enable_mask: int
 
 
 class Nodes(NamedTuple):
-    """Nodes (n,) of a level that have children.
-
-    idcm_eligible: mask of the children that may use IDCM.
-    first_child: in an encoder, index of the first child within its level.
-    laser: index of the laser that sees the node, or NO_LASER.
-    """
+    """Nodes (n,) of a level that have children."""
 
     morton: Ints
     occupancy: Bytes
+    # Mask of the children that may use IDCM.
     idcm_eligible: Bytes
+    # In an encoder, index of the first child within its level.
     first_child: NDArray[np.int32]
+    # Index of the laser that sees the node, or NO_LASER.
     laser: Bytes
 
 
 class Source(NamedTuple):
     """A level of the octree to encode.
 
-    first_leaf: index of each node's first leaf, then the number of leaves.
-    leaves: Morton code of each leaf.
-
     Other fields: see `tree.TreeLevel` and `tree.Tree`.
     """
 
     occupancy: Bytes
     first_child: NDArray[np.int32]
+    # Index of each node's first leaf, then the number of leaves.
     first_leaf: NDArray[np.int32]
+    # Morton code of each leaf.
     leaves: Ints
     counts: NDArray[np.int32]
     second_first: Bytes
 
 
 class SliceState(NamedTuple):
-    """State that persists over the levels of a slice.
-
-    leaves: Morton codes of the coded points; may be empty in an encoder.
-    counters: number of coded points; of allowed points; of nodes with children in this level; of
-        these children; idcm_enable_mask.
-    ctx_idx_maps: a byte for each neighbourhood; the upper five bits select the context of an
-        occupancy bit.
-    """
+    """State that persists over the levels of a slice."""
 
     atlas: OccupancyAtlas
     planar: PlanarState
+    # Morton codes of the coded points; may be empty in an encoder.
     leaves: Ints
+    # Number of coded points; of allowed points; of nodes with children in this level; of these
+    # children; idcm_enable_mask.
     counters: Ints
     local: LocalPoints
+    # A byte for each neighbourhood; the upper five bits select the context of an occupancy bit.
     ctx_idx_maps: Bytes
 
 
 class ParentNode(NamedTuple):
-    """A node whose children are coded.
-
-    faces, grid: results of `neighbours.face_neighbours` and `neighbours.neighbour_grid`.
-    """
+    """A node whose children are coded."""
 
     first_child_code: int
     sibling_occupancy: int
+    # faces, grid: results of `neighbours.face_neighbours` and `neighbours.neighbour_grid`.
     faces: int
     grid: int
     idcm_eligible: int

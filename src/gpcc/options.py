@@ -13,7 +13,10 @@ _PlanarThreshold = Annotated[int, Field(ge=0, le=127)]
 
 
 class GpccOptions(Model):
-    """Coding tools of the octree encoder, which are the options of TMC13 of the same names."""
+    """Coding tools of the octree encoder, which are the options of TMC13 of the same names.
+
+    The defaults code occupancies with contexts from neighbouring nodes, and use no other tool.
+    """
 
     neighbour_avail_boundary_log2: Annotated[int, Field(ge=0, le=8)] = Field(
         8,

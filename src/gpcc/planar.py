@@ -32,19 +32,17 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 
 
 class PlanarState(NamedTuple):
-    """Adaptive rates of planar modes, and a buffer of the last planes.
-
-    rates: rates of planar nodes along x, y, z, in units of 1/2048; mean number of occupied
-        children, in units of 1/1024.
-    thresholds: minimum rates of the most, second most and least planar axis.
-    position, plane_index: (3, rows) for each coordinate along an axis: last node's position
-        perpendicular to the axis, and this node's only occupied plane (negative: none).
-    """
+    """Adaptive rates of planar modes, and a buffer of the last planes."""
 
     enabled: bool
     buffered: bool
+    # Rates of planar nodes along x, y, z, in units of 1/2048; mean number of occupied children, in
+    # units of 1/1024.
     rates: NDArray[np.int64]
+    # Minimum rates of the most, second most and least planar axis.
     thresholds: NDArray[np.int64]
+    # position, plane_index: (3, rows) for each coordinate along an axis: last node's position
+    # perpendicular to the axis, and this node's only occupied plane (negative: none).
     position: NDArray[np.int64]
     plane_index: NDArray[np.int64]
 
@@ -81,7 +79,10 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
     """Return the axes (1 x, 2 y, 4 z) that may use planar mode.
 
-    axes: split axes (4 x, 2 y, 1 z).
+    Parameters
+    ----------
+    axes
+        Split axes (4 x, 2 y, 1 z).
     """
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
@@ -118,18 +119,16 @@ def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
 
 
 class PlanarNode(NamedTuple):
-    """Neighbourhood that selects the contexts of planar modes.
-
-    adjacent_occupancies: occupancies of the neighbours x-1, y-1, z-1, one byte each.
-    angles: contexts along x, y, z; see `angular.PlaneAngles`.
-    """
+    """Neighbourhood that selects the contexts of planar modes."""
 
     morton: int
     child: int
     sibling_occupancy: int
     neigh_pattern: int
+    # Occupancies of the neighbours x-1, y-1, z-1, one byte each.
     adjacent_occupancies: int
     adjacent_known: bool
+    # Contexts along x, y, z; see `angular.PlaneAngles`.
     angles: tuple[int, int, int]
 
 

@@ -28,24 +28,26 @@ _FAR = (1 << 62) - 1
 
 
 class PredictionTree(NamedTuple):
-    """Nodes (n,), one for each point.
+    """Nodes (n,), one for each point."""
 
-    parents: index of the parent, ROOT or DUPLICATE.
-    children: (n, 3) indices; the first `num_children` are valid.
-    copies: number of duplicates that follow the node.
-    """
-
+    # Index of the parent, ROOT or DUPLICATE.
     parents: Int32s
+    # (n, 3) indices; the first `num_children` are valid.
     children: Int32s
     num_children: Int32s
+    # Number of duplicates that follow the node.
     copies: Int32s
 
 
 def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
     """Return the indices (n,) that sort points (n, 3) into the order of tree building.
 
-    centre: origin of azimuth and radius.
-    precision: azimuth steps per radian, or 0 for exact azimuths.
+    Parameters
+    ----------
+    centre
+        Origin of azimuth and radius.
+    precision
+        Azimuth steps per radian, or 0 for exact azimuths.
     """
     if order == "given":
         return np.arange(len(points))
@@ -87,10 +89,8 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build a tree of points `node` to `end` - 1.
-
-    lasers: (2, number of lasers) first and last point of each laser.
-    """
+    """Build a tree of points `node` to `end` - 1."""
+    # lasers: (2, number of lasers) first and last point of each laser.
     ox, oy, oz = around.origin
     while node < end:
         x, y, z = row(points, node)
@@ -179,13 +179,12 @@ class Forest(NamedTuple):
     A new position and all trees below the smallest unused size are merged into a tree of this size
     (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k and the node
     2^(k + 1).
-
-    owners: (n,) node that predicts each position.
-    boxes: (m, 6) bounding boxes of the trees.
     """
 
     trees: KdTrees
+    # (n,) node that predicts each position.
     owners: Int32s
+    # (m, 6) bounding boxes of the trees.
     boxes: Ints
     counters: Ints
 

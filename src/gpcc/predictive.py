@@ -259,7 +259,10 @@ def decide(
 ) -> tuple[bool, Choice]:
     """Return whether a node's residual fits into a stream, and the mode with the lowest cost.
 
-    before: the node's ancestors.
+    Parameters
+    ----------
+    before
+        The node's ancestors.
     """
     best = _predict(tools, positions, node, before, NONE)
     fits = _is_representable(tools, best.residual)

@@ -41,7 +41,11 @@ _WIDEST = (5, 5, 5)
 
 
 class PredictiveOptions(Model):
-    """Options of the predictive encoder; steps of azimuth and radius apply only with a sensor."""
+    """Coding tools of the encoder of prediction trees.
+
+    Each point is predicted from up to three points coded before, and the difference is coded. Steps
+    of azimuth and radius apply only if the encoder is given a sensor.
+    """
 
     order: Order = Field(
         "azimuth", description="order of the points in trees: that of the input, or sorted"
@@ -93,9 +97,12 @@ def encode_predictive_geometry(
     sensor: SensorDescription | None = None,
     attributes: AttributeEncoder | None = None,
 ) -> bytes:
-    """Encode integer points (n, 3) as a stream of prediction trees that TMC13 decodes.
+    """Encode points as a G-PCC stream of one frame with prediction trees, which TMC13 decodes.
 
-    Parameters and errors are those of `coder.encode_geometry`.
+    With a sensor, points are predicted along each laser's ring, in radius, azimuth and laser index;
+    without one, each point is predicted from near points coded before. Equal points are kept unless
+    `options` merge them. Parameters, result and errors are those of `encode_geometry`, except for
+    the `options`.
     """
     points, low = checked_points(points)
     whole, first_of = points, np.empty(0, dtype=np.int64)

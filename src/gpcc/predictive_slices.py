@@ -49,30 +49,26 @@ _NODE_BYTES = 600
 
 
 class TreeNodes(NamedTuple):
-    """Nodes (n,) of trees; decoded values replace the values to encode.
+    """Nodes (n,) of trees; decoded values replace the values to encode."""
 
-    points: (n, 3). A decoder's points have coding order.
-    positions: (n, 3) coordinates to predict: `points`, or spherical coordinates.
-    stack: nodes to encode next, or parents of the nodes to decode next.
-    progress: (4,) an encoder's next root; numbers of nodes on the stack, of nodes until the next QP
-        offset, and of coded points.
-    order: (n,) indices of an encoder's points in coding order.
-    """
-
+    # (n, 3). A decoder's points have coding order.
     points: Int32s
+    # (n, 3) coordinates to predict: `points`, or spherical coordinates.
     positions: Int32s
     parents: Int32s
+    # Nodes to encode next, or parents of the nodes to decode next.
     stack: Int32s
+    # (4,) an encoder's next root; numbers of nodes on the stack, of nodes until the next QP offset,
+    # and of coded points.
     progress: Ints
+    # (n,) indices of an encoder's points in coding order.
     order: Int32s
 
 
 @entry
 def _code_trees(coder: Any, tools: Tools, nodes: TreeNodes, tree: PredictionTree | None) -> int:
-    """Encode or decode all trees of a slice.
-
-    After a call that returned FULL, since the output was full, the next call continues.
-    """
+    """Encode or decode all trees of a slice."""
+    # After a call that returned FULL, since the output was full, the next call continues.
     progress, parents = nodes.progress, nodes.parents
     while True:
         result = _code_tree(coder, tools, nodes, tree)
@@ -277,7 +273,10 @@ def encode_trees(
 ) -> bytes | None:
     """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    points, positions, order: see `TreeNodes`.
+    Parameters
+    ----------
+    points, positions, order
+        See `TreeNodes`.
     """
     nodes = _tree_nodes(points, positions, tree.parents, order)
     coder, result = encoder(contexts, _NODE_BYTES + 4 * len(points)), FULL

@@ -25,10 +25,14 @@ class SensorDescription:
 
     Parameters
     ----------
+    tan_elevation
+        Tangent of each laser's elevation above the horizontal plane.
     height
         Height above `position` at which each laser's beam crosses the axis of rotation.
     steps_per_turn
-        Shots of each laser per turn.
+        Number of shots of each laser in a turn.
+    position
+        Integer coordinates of the sensor; its axis of rotation is parallel to z.
 
     Raises
     ------
@@ -62,7 +66,10 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the syntax elements, with the position relative to the sequence's `origin`."""
+        """Return the syntax elements of the geometry parameter set that describe the sensor.
+
+        `origin` (3,) is the sequence's origin, to which a stream's sensor position is relative.
+        """
         x, y, z = (
             coordinate - zero for coordinate, zero in zip(self.position, origin, strict=True)
         )
@@ -77,10 +84,19 @@ class SensorDescription:
 def describe_sensor(
     beams: Beams, unit_m: float, steps_per_turn: int, position: tuple[int, int, int] = (0, 0, 0)
 ) -> SensorDescription:
-    """Describe a sensor for a cloud with coordinates in steps of `unit_m` metres.
+    """Describe a sensor for a cloud whose integer coordinates are steps of `unit_m` metres.
 
-    `position` is raised to the median height at which the upper beams cross the axis, because
-    decoders find a node's laser by the node's direction from `position`.
+    Parameters
+    ----------
+    beams
+        Elevation, height and offset of each laser, in degrees and millimetres.
+    unit_m
+        Step of the coordinates in metres.
+    steps_per_turn
+        Number of shots of each laser in a turn.
+    position
+        Coordinates of the sensor. The result's position is raised to the median height at which the
+        upper beams cross the axis, because decoders find a node's laser by the node's direction.
     """
     height = np.asarray(beams.heights_mm)
     if beams.radial_mm:

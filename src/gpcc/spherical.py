@@ -28,18 +28,16 @@ _MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
 
 
 class Sphere(NamedTuple):
-    """Parameters of a slice's spherical coordinates.
+    """Parameters of a slice's spherical coordinates."""
 
-    radius_log2: log2 of the coding units per radius step.
-    azimuth_log2: log2 of the azimuth steps per turn.
-    theta, z: elevations and heights of the lasers, see `syntax.Laser`.
-    origin: sensor's position relative to the slice's origin, along the coded axes.
-    """
-
+    # Log2 of the coding units per radius step.
     radius_log2: int
+    # Log2 of the azimuth steps per turn.
     azimuth_log2: int
+    # theta, z: elevations and heights of the lasers, see `syntax.Laser`.
     theta: Ints
     z: Ints
+    # Sensor's position relative to the slice's origin, along the coded axes.
     origin: Three
 
 

@@ -42,20 +42,18 @@ _UNSPECIFIED = 2
 
 @dataclass
 class AttributeDescription:
-    """An attribute of the sequence.
-
-    attr_label: label of the standard, or None if `oid` (bytes of ITU-T X.690) is the identifier.
-    matrix_coefficients: conversion of colours (ISO/IEC 23091-2), or None.
-    scaling: attr_scale_minus1, attr_frac_bits, attr_offset, or None.
-    """
+    """An attribute of the sequence."""
 
     attr_components_minus1: int = 0
     attr_instance_id: int = 0
     attr_bitdepth_minus1: int = 7
+    # Label of the standard, or None if `oid` (bytes of ITU-T X.690) is the identifier.
     attr_label: int | None = None
     oid: bytes = b""
     attr_default_value: tuple[int, ...] = ()
+    # Conversion of colours (ISO/IEC 23091-2), or None.
     matrix_coefficients: int | None = None
+    # Attr_scale_minus1, attr_frac_bits, attr_offset, or None.
     scaling: Three | None = None
 
 
@@ -90,15 +88,13 @@ class SequenceParameterSet:
 
 @dataclass
 class Laser:
-    """A laser of the sensor.
+    """A laser of the sensor."""
 
-    theta: tangent of the elevation, in units of 2^-18.
-    z: negated height above the sensor's origin, in eighths of a coding unit.
-    num_phi_per_turn: shots per turn (octree only).
-    """
-
+    # Tangent of the elevation, in units of 2^-18.
     theta: int = 0
+    # Negated height above the sensor's origin, in eighths of a coding unit.
     z: int = 0
+    # Shots per turn (octree only).
     num_phi_per_turn: int = 0
 
 
@@ -318,10 +314,8 @@ def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
 
 
 def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
-    """Read or write lasers as differences from the previous laser.
-
-    From the third laser on, elevations are differences from a linear extrapolation.
-    """
+    """Read or write lasers as differences from the previous laser."""
+    # From the third laser on, elevations are differences from a linear extrapolation.
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
     refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
     lasers = gps.lasers if io.writing else [Laser() for _ in range(count)]

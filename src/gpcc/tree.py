@@ -28,10 +28,14 @@ def coded_axes(
 ) -> list[int]:
     """Return tree_lvl_coded_axis_list: a mask of the axes (4 x, 2 y, 1 z) that each level splits.
 
-    bits: log2 of the root's sides.
-    late_z: with a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z.
-
     Other parameters: see `GpccOptions`.
+
+    Parameters
+    ----------
+    bits
+        Log2 of the root's sides.
+    late_z
+        With a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -81,17 +85,15 @@ class TreeLevel:
 
 @dataclass(frozen=True)
 class Tree:
-    """Octree of a slice: levels from the root down, and leaves.
-
-    keys: interleaved coordinate bits of each leaf, sorted.
-    counts: number of points at each leaf.
-    second_first: 1 for the first of a node's only two leaves if TMC13 puts the second first; empty
-        unless requested.
-    """
+    """Octree of a slice: levels from the root down, and leaves."""
 
     levels: list[TreeLevel]
+    # Interleaved coordinate bits of each leaf, sorted.
     keys: Ints
+    # Number of points at each leaf.
     counts: Int32s
+    # 1 for the first of a node's only two leaves if TMC13 puts the second first; empty unless
+    # requested.
     second_first: Bytes
 
 
@@ -100,8 +102,12 @@ def build_tree(
 ) -> Tree:
     """Build the octree of points (n, 3); the origin of the root is `corner` (3,).
 
-    ordered: whether to determine `second_first`.
-    merged: whether to remove duplicates before.
+    Parameters
+    ----------
+    ordered
+        Whether to determine `second_first`.
+    merged
+        Whether to remove duplicates before.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)
@@ -206,10 +212,9 @@ def sorted_rows(points: Ints, corner: Ints, levels: list[int], tree: Tree) -> ND
 
 @compiled
 def _sorted_as_coded(keys: Ints, positions: Ints, rows: Int32s) -> Bytes:
-    """Sort keys in place, level by level, with the swaps of TMC13's counting sort.
-
-    Returns `second_first` (see `Tree`) for each key. The swaps also apply to `rows`, if not empty.
-    """
+    """Sort keys in place, level by level, with the swaps of TMC13's counting sort."""
+    # Returns `second_first` (see `Tree`) for each key. The swaps also apply to `rows`, if not
+    # empty.
     # The swaps change the order of points within a child.
     behind = np.zeros(len(keys), dtype=np.uint8)
     stack = np.empty((8 * len(positions) + 8, 3), dtype=np.int64)

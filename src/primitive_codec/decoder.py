@@ -54,11 +54,12 @@ class DecodedSurface(NamedTuple):
     Attributes
     ----------
     xyz
-        (m, 3) points in the cloud's coordinates.
+        Coordinates (m, 3) in the cloud's unit.
     normals
-        (m, 3) unit normals with arbitrary sign.
+        Unit normals (m, 3); their signs are arbitrary.
     primitive_index
-        (m,) indices of the points' primitives; planes come before surfaces of revolution.
+        Index (m,) of the primitive on which each point lies. Planes have the lowest indices, then
+        come cylinders, cones and spheres.
     """
 
     xyz: Floats
@@ -80,7 +81,8 @@ def decode(stream: bytes) -> Floats:
     Returns
     -------
     ndarray
-        (m, 3) points in the cloud's coordinates.
+        float64 (m, 3) in the cloud's unit. The points lie on the coded surfaces and in the coded
+        voxels; they are neither those of the input nor equally many.
 
     Raises
     ------
@@ -97,12 +99,12 @@ def decode(stream: bytes) -> Floats:
 
 
 def decode_surface(stream: bytes) -> DecodedSurface:
-    """Decode the surface of a stream, without a hybrid's voxels.
+    """Decode the surface of a stream to points with normals; the voxels of a hybrid are left out.
 
     Raises
     ------
     InputError
-        If the stream is damaged or holds only voxels.
+        If the stream is damaged, or holds only voxels.
     """
     return reconstruct_surface(read_patches(stream))
 

@@ -144,11 +144,9 @@ def _best_candidate(
 def _nearest_planes(
     points: Floats, xyz: Floats, normals: Floats, tree: BoxTree, cell_size: float
 ) -> LocalPlanes:
-    """Return the tangent planes at the surface points nearest to the voxels' points.
-
-    Raises InputError if the search takes too long, as at the centre of a sphere, where all surface
-    points are equally near.
-    """
+    """Return the tangent planes at the surface points nearest to the voxels' points."""
+    # Raises InputError if the search takes too long, as at the centre of a sphere, where all
+    # surface points are equally near.
     nearest = nearest_within(points, tree, _MAX_SEARCH_STEPS)
     if nearest is None:
         raise InputError("the stream is damaged, or its voxels lie too far from its surface")

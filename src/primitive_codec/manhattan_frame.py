@@ -88,10 +88,8 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 
 @compiled
 def _refine(normals: Floats, rotation: Floats) -> Floats:
-    """Refine a rotation by aligning normals with their nearest axes (Kabsch 1976).
-
-    Each iteration uses normals within a smaller angle of an axis.
-    """
+    """Refine a rotation by aligning normals with their nearest axes (Kabsch 1976)."""
+    # Each iteration uses normals within a smaller angle of an axis.
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:
         sums, count = np.zeros((3, 3)), 0
@@ -110,10 +108,8 @@ def _refine(normals: Floats, rotation: Floats) -> Floats:
 
 @compiled
 def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
-    """Write to `rotation` the rotation nearest to a matrix, by Newton's iteration (Higham 1986).
-
-    Returns False if the matrix is singular or a reflection.
-    """
+    """Write to `rotation` the rotation nearest to a matrix, by Newton's iteration (Higham 1986)."""
+    # Returns False if the matrix is singular or a reflection.
     for _ in range(_MAX_ITERATIONS):
         cofactors = np.empty((3, 3))
         for i in range(3):

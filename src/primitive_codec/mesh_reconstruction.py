@@ -36,15 +36,21 @@ columns."""
 
 
 def decode_mesh(stream: bytes) -> Mesh:
-    """Decode the surface of a stream to labelled triangles in the cloud's coordinates.
+    """Decode the surface of a stream to labelled triangles, in the cloud's unit.
 
-    A triangle's primitive is a plane (unit normal and offset, ``normal . p = offset``), cylinder,
-    cone or sphere; its object is a segment of merged leaves or a surface of revolution.
+    Each triangle belongs to a primitive, with its parameters: a plane (unit normal and offset,
+    ``normal . p = offset``), a cylinder, a cone or a sphere. It also belongs to an object: planes
+    that continue each other are one segment, a surface of revolution is an object of its own.
+
+    Returns
+    -------
+    Mesh
+        Vertices, triangles, and the `labels` with primitives and objects.
 
     Raises
     ------
     InputError
-        If the stream is damaged, holds only voxels, or has too many rectangles for a mesh.
+        If the stream is damaged, holds only voxels, or would make more than 1,048,576 rectangles.
     """
     patches = read_patches(stream)
     quads, leaf_of_quad = _plane_quads(patches)
@@ -132,9 +138,8 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 @compiled
 def _cover_with_rectangles(octree: PlaneOctree, quads: Floats, leaf_of_quad: Ints) -> int:
     """Write corners (m, 4, 3) and leaf indices (m,) of rectangles that cover all occupied columns.
-
-    Returns the number of rectangles, which may exceed m.
     """
+    # Returns the number of rectangles, which may exceed m.
     leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)
     for i in range(leaves.counts[0]):

@@ -72,14 +72,17 @@ def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | No
     Parameters
     ----------
     points
-        (n, 3), finite, in any unit, n > 0.
+        Coordinates (n, 3), n > 0, finite, in any unit.
+    settings
+        The rate, in units of 1/1023 of the cloud's longest side; `RATES` holds eight of them.
     cache
-        Saves repeated searches for the surface of a cloud at several rates.
+        A cache that is passed to every call for the same cloud. Rates that differ only in their
+        refinement then share the search for the surface; the streams are the same without it.
 
     Returns
     -------
     bytes
-        A self-contained stream.
+        A self-contained stream for `decode`, `decode_surface` and `decode_mesh`.
     """
     low, high = bounds(points)
     if (low == high).all():
@@ -114,9 +117,11 @@ class _SearchResult(NamedTuple):
 
 
 class SurfaceCache(CostlyResult[_SearchResult]):
-    """Cache of a cloud's encoded surface, for rates that differ only in refinement.
+    """Keeps the surface of the last cloud that was encoded, for rates that differ only in
+    refinement.
 
-    A rate without refinement repeats the search, so that encoding can be timed.
+    A rate without refinement repeats the search, so that its time can be measured; `saved` is the
+    cost of what the last call did not repeat.
     """
 
     def search(self, points: Floats, settings: PrimitiveSettings) -> _SearchResult:
@@ -136,11 +141,9 @@ def _search(points: Floats, settings: PrimitiveSettings) -> _SearchResult:
 def _select_mode(
     cloud: PreparedCloud, best: _Candidate, max_bytes: int, search: VoxelSearch
 ) -> _Selection:
-    """Select the finest surface that is better than voxels of equally many bytes.
-
-    If no surface is better, the product of the errors (see `Distortion`) decides between voxels and
-    the coarsest surface, then between voxels and a hybrid.
-    """
+    """Select the finest surface that is better than voxels of equally many bytes."""
+    # If no surface is better, the product of the errors (see `Distortion`) decides between voxels
+    # and the coarsest surface, then between voxels and a hybrid.
     if best.coded is None:
         return _Selection(search.encode_to_budget(max_bytes).stream, None)
     voxels: list[CodedVoxels] = []
@@ -168,9 +171,8 @@ def _encode_coarse_hybrid(
     search: VoxelSearch,
 ) -> bytes | None:
     """Return the best hybrid of at most as many bytes as `voxels`, or None if `voxels` is better.
-
-    Surfaces coarser than `coded` are tried while they improve the hybrid.
     """
+    # Surfaces coarser than `coded` are tried while they improve the hybrid.
     criterion = _hybrid_criterion(cloud, 0.0)
     voxel_cost = criterion.cost(cloud.distortion(voxels.points))
     coarser = _encode_with_lambdas(cloud, mode, _HYBRID_LAMBDA_FACTORS)
@@ -188,11 +190,9 @@ def _encode_coarse_hybrid(
 
 
 def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.HybridCriterion:
-    """Return the criterion by which hybrid candidates are compared.
-
-    Its cost is a product of errors, ``point * plane * surface ** (1 - refinement)``: those to the
-    points, to their planes, and to the smoothed surface. `refinement` is from 0 to 1.
-    """
+    """Return the criterion by which hybrid candidates are compared."""
+    # Its cost is a product of errors, ``point * plane * surface ** (1 - refinement)``: those to the
+    # points, to their planes, and to the smoothed surface. `refinement` is from 0 to 1.
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:
         return cloud.estimator.nearest_offsets(cloud.in_units(decoded))
@@ -207,10 +207,8 @@ def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.Hy
 
 
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
-    """Encode a hybrid, or voxels if voxels of equally many bytes are better.
-
-    If a surface was selected without refinement, `_voxels_lose_surface` decides; otherwise cost.
-    """
+    """Encode a hybrid, or voxels if voxels of equally many bytes are better."""
+    # If a surface was selected without refinement, `_voxels_lose_surface` decides; otherwise cost.
     cloud, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)
     max_bytes, max_voxel_size = _refined_budget(search, len(selection.stream), settings)
@@ -233,12 +231,10 @@ def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes
 def _voxels_lose_surface(
     voxels: Distortion, hybrid: Distortion, settings: PrimitiveSettings
 ) -> bool:
-    """Return whether voxels lose more surface accuracy than they gain point accuracy.
-
-    They do if their point or plane error is not less than the hybrid's, or if ``point * plane *
-    surface ** (6 * (1 - refinement))`` is at least 1, where each factor is the voxels' error
-    divided by the hybrid's.
-    """
+    """Return whether voxels lose more surface accuracy than they gain point accuracy."""
+    # They do if their point or plane error is not less than the hybrid's, or if ``point * plane *
+    # surface ** (6 * (1 - refinement))`` is at least 1, where each factor is the voxels' error
+    # divided by the hybrid's.
     if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:
         return True
     gain = voxels.point * voxels.plane / (hybrid.point * hybrid.plane)
@@ -249,11 +245,9 @@ def _voxels_lose_surface(
 def _refined_budget(
     search: VoxelSearch, selected_bytes: int, settings: PrimitiveSettings
 ) -> tuple[int, float]:
-    """Return a refined stream's budget in bytes, and the largest side of its voxels in units.
-
-    The budget grows exponentially with the refinement. At refinement 1 voxels are at most
-    `max_voxel_size`, even if they need more than `refined_bpp`.
-    """
+    """Return a refined stream's budget in bytes, and the largest side of its voxels in units."""
+    # The budget grows exponentially with the refinement. At refinement 1 voxels are at most
+    # `max_voxel_size`, even if they need more than `refined_bpp`.
     low, high = bounds(search.points)
     unit = float((high - low).max()) / UNITS
     voxel_bytes = search.byte_count_at(settings.max_voxel_size * unit)

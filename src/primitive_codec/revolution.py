@@ -276,10 +276,8 @@ def code_unrolled_map(coder: ContextCoder, columns: Ints, bits: Bytes) -> None:
 
 @compiled
 def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
-    """Return the bits of the three columns of another row that are nearest to column j.
-
-    `start` and `count` are that row's first column and length, `columns` the length of j's row.
-    """
+    """Return the bits of the three columns of another row that are nearest to column j."""
+    # `start` and `count` are that row's first column and length, `columns` the length of j's row.
     if count == 0 or start < 0:
         return 0
     at = (j * count) // columns

@@ -85,10 +85,8 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count samples at 0.6 to 1 times `radius` from a seed.
-
-    Also return the indices of the two samples at positions `selection` in this count.
-    """
+    """Count samples at 0.6 to 1 times `radius` from a seed."""
+    # Also return the indices of the two samples at positions `selection` in this count.
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1
     for k in range(len(ranges)):

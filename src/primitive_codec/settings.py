@@ -14,9 +14,10 @@ _REFERENCE_NOISE = 1.3
 
 
 class PrimitiveSettings(Model):
-    """Parameters of a rate. Lengths are in units of 1/1023 of the cloud's longest side.
+    """The rate at which a cloud is encoded; `RATES` holds eight proven sets of values.
 
-    With `refinement` > 0 the encoder codes a surface and voxels together (hybrid mode).
+    Lengths are in units of 1/1023 of the cloud's longest side. With `min_leaf_size` 0 only voxels
+    are coded. With `refinement` above 0 voxels are coded in addition to the surface.
     """
 
     max_bpp: float = Field(
@@ -61,9 +62,10 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return settings that are coarser in proportion to noise above `_REFERENCE_NOISE`.
+        """Return settings that suit a cloud's noise, given as a standard deviation in units.
 
-        `noise` is in units. Finer leaves and planes would reproduce the noise.
+        Noise above 1.3 units enlarges leaves, columns and steps of planes in proportion, because
+        finer ones would reproduce the noise.
         """
         factor = max(noise / _REFERENCE_NOISE, 1.0)
         length_names = ("min_leaf_size", "column_size", "plane_step")

@@ -99,11 +99,9 @@ def _smooth(
     normals: Floats,
     block_range: tuple[int, int],
 ) -> None:
-    """Smooth the samples of a range of blocks.
-
-    `radii` are the radius and the outlier distance; `previous` are the previous pass's samples and
-    normals (initially 0).
-    """
+    """Smooth the samples of a range of blocks."""
+    # `radii` are the radius and the outlier distance; `previous` are the previous pass's samples
+    # and normals (initially 0).
     xyz, previous_normals = blocks.xyz, previous[1]
     block_radius = -(-cell_radius // blocks.size)
     ranges = np.empty(((2 * block_radius + 1) ** 2, 2), np.int64)
@@ -218,9 +216,8 @@ def _list_neighbours(
 @compiled
 def _robust_plane(neighbours: Floats, count: int, outlier_distance: float, plane: Floats) -> None:
     """Fit a plane to neighbours (4, count), reweighted by their distances from the previous plane.
-
-    `plane` (4,), initially a plane or zeros, is unchanged if no neighbour has weight.
     """
+    # `plane` (4,), initially a plane or zeros, is unchanged if no neighbour has weight.
     x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
     robust_weights = neighbours[4]
     moments = np.empty(MOMENT_COUNT)

@@ -65,10 +65,8 @@ def _code_leaves(
     coder: ContextCoder, octree: PlaneOctree, level: int, level_nodes: Ints, states: Bytes,
     nodes: EncoderNodes,
 ) -> bool:  # fmt: skip
-    """Encode or decode which nodes are leaves, and the leaves' planes.
-
-    A leaf's index in `level_nodes` becomes -1.
-    """
+    """Encode or decode which nodes are leaves, and the leaves' planes."""
+    # A leaf's index in `level_nodes` becomes -1.
     leaves = octree.leaves
     for i in range(len(level_nodes)):
         node = level_nodes[i]
@@ -87,10 +85,8 @@ def _code_splits(
     coder: ContextCoder, geometry: OctreeGeometry, level: int, level_nodes: Ints,
     level_states: tuple[Bytes, Bytes], nodes: EncoderNodes, children: Ints,
 ) -> int:  # fmt: skip
-    """Encode or decode the occupied children of split nodes.
-
-    Return the number of children, or -1 if they are too many or the stream ends early.
-    """
+    """Encode or decode the occupied children of split nodes."""
+    # Return the number of children, or -1 if they are too many or the stream ends early.
     count, side_log2, is_writer = 0, geometry.depth - level - 1, is_writing(coder)
     for i in range(len(level_nodes)):
         node = level_nodes[i]
@@ -177,10 +173,8 @@ def _code_occupancy(
     child: tuple[int, int, int],
     level_states: tuple[Bytes, Bytes],
 ) -> int:
-    """Encode or decode a child's occupancy.
-
-    `child` holds the octant, the bits of earlier siblings' occupancy, and log2 of the side.
-    """
+    """Encode or decode a child's occupancy."""
+    # `child` holds the octant, the bits of earlier siblings' occupancy, and log2 of the side.
     faces = occupied_count = 0
     for dx in range(-1, 2):
         for dy in range(-1, 2):

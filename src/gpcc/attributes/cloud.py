@@ -27,15 +27,38 @@ from pointkit.geometry.morton import morton_codes
 
 @dataclass(frozen=True)
 class DecodedCloud(DecodedGeometry):
-    """Decoded points of a stream, and their attributes by name, (m,) or (m, 3)."""
+    """The points of a decoded stream, with their attributes.
+
+    Attributes
+    ----------
+    attributes
+        Values by name, as ``uint8`` or, for more than 8 bits, ``uint16``: ``color`` (m, 3) and
+        ``reflectance`` (m,); other attributes of the standard have their names in TMC13. Row i
+        belongs to row i of `points`. The other fields are those of `DecodedGeometry`.
+    """
 
     attributes: dict[str, Attribute] = field(default_factory=dict)
 
 
 def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
-    """Decode points and attributes of a stream of one frame.
+    """Decode the points and the attributes of a G-PCC stream that holds one frame.
 
-    convert_colours: whether to convert colours to red, green, blue.
+    Parameters
+    ----------
+    stream
+        A bare stream, as `encode_cloud` and TMC13 write it.
+    convert_colours
+        Whether to convert colours from the coded colour space to red, green and blue.
+
+    Returns
+    -------
+    DecodedCloud
+        Integer points with their scale and origin, and the attributes by name.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or uses a tool that this decoder does not support.
     """
     reader = AttributeReader()
     geometry = decode_geometry(stream, reader)
@@ -43,7 +66,10 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
 
 
 def attribute_bytes(stream: bytes) -> dict[str, int]:
-    """Return, by name, the number of bytes of each attribute and its parameter set."""
+    """Return how many bytes of a stream each attribute takes, by the attribute's name.
+
+    The bytes of an attribute's parameter set and of the prefixes of its data units are included.
+    """
     names: list[str] = []
     sizes: dict[str, int] = {}
     sets: dict[int, int] = {}
@@ -76,26 +102,38 @@ def encode_cloud(
     sensor: SensorDescription | None = None,
     source: NDArray[Any] | None = None,
 ) -> bytes:
-    """Encode integer points (n, 3) with attributes as a stream that TMC13 decodes.
+    """Encode points and their attributes as a G-PCC stream of one frame, which TMC13 decodes.
 
     Parameters
     ----------
+    points
+        Integer coordinates (n, 3) in steps of the grid, as `quantise` returns them.
     attributes
-        Values by name: red, green, blue as `color` (n, 3), and `reflectance` (n,); possibly none.
+        Integer values by name: ``color`` (n, 3) with red, green and blue, ``reflectance`` (n,),
+        both, or none. Row i belongs to row i of `points`.
     options
-        Options of the octree, or of prediction trees.
+        Coding tools of the geometry: `GpccOptions` codes an octree, `PredictiveOptions` prediction
+        trees.
     attribute_options
-        Options by attribute name; by default `AttributeOptions()`.
+        Coding tools of each attribute by name; by default ``AttributeOptions()``, which code
+        reflectances without loss.
     scale, origin, sensor
-        See `coder.encode_geometry`.
+        As in `encode_geometry`.
     source
-        Exact positions (n, 3), in the coordinates of decoded positions, from which merged points
-        are recoloured; by default `points`.
+        Positions (n, 3) before they were rounded to the grid, in the coordinates of decoded
+        positions. Where several points are merged, their attributes are interpolated between these;
+        by default between `points`.
+
+    Returns
+    -------
+    bytes
+        A self-contained stream.
 
     Raises
     ------
     InputError
-        If the points or their attributes cannot be encoded.
+        If the points cannot be encoded (see `encode_geometry`), or an attribute has another name,
+        another shape, or values of more bits than its options say.
     """
     options_by_name = attribute_options or {}
     chosen = {name: options_by_name.get(name, AttributeOptions()) for name in attributes}

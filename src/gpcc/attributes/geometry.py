@@ -24,18 +24,16 @@ _SPARE_BITS = 3
 
 @dataclass
 class SlicePoints:
-    """Points of a slice in coded order, along the coded axes, relative to the slice's origin.
-
-    axes: indices of x, y, z among the coded axes.
-    codes: Morton codes (n,) of `positions`, or None.
-    spherical: radius, azimuth and laser (n, 3) from predictive geometry, or None.
-    """
+    """Points of a slice in coded order, along the coded axes, relative to the slice's origin."""
 
     gps: GeometryParameterSet
+    # Indices of x, y, z among the coded axes.
     axes: Three
     sensor: Three
     positions: Int32s
+    # Morton codes (n,) of `positions`, or None.
     codes: Ints | None = None
+    # Radius, azimuth and laser (n, 3) from predictive geometry, or None.
     spherical: Int32s | None = None
     _coordinates: dict[tuple[int, ...], Int32s] = field(default_factory=dict)
     _sorted: dict[tuple[int, ...], SortedPoints] = field(default_factory=dict)
@@ -100,8 +98,12 @@ class SlicePoints:
 def laser_coordinates(positions: Int32s, origin: Sequence[int], elevation: Ints) -> Int32s:
     """Return radius, azimuth and laser (n, 3) of positions (n, 3), as in TMC13.
 
-    origin: the sensor's position.
-    elevation: see `angular.Angular`.
+    Parameters
+    ----------
+    origin
+        The sensor's position.
+    elevation
+        See `angular.Angular`.
     """
     result = np.empty_like(positions)
     _convert(positions, np.array(origin, dtype=np.int64), elevation, result)

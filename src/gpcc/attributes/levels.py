@@ -63,8 +63,12 @@ def levels_of_detail(
 ) -> Levels:
     """Divide points into levels, and find the points' predictors.
 
-    points: in Morton order unless `aps.canonical_point_order_flag` is set.
-    bias: factors (3,) of distances along the coded axes.
+    Parameters
+    ----------
+    points
+        In Morton order unless `aps.canonical_point_order_flag` is set.
+    bias
+        Factors (3,) of distances along the coded axes.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")
@@ -177,11 +181,9 @@ def _retain_centroids(
     period: int,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Divide nodes into runs of at least `period` points, and retain each run's most central point.
-
-    size_log2: log2 of half a node's side.
-    backward: whether to retain the last, not the first, of equally central points.
-    """
+    """Retain the most central point of each run of nodes that hold at least `period` points."""
+    # size_log2: log2 of half a node's side.
+    # backward: whether to retain the last, not the first, of equally central points.
     count = len(remaining)
     if count == 1:
         return
@@ -277,10 +279,15 @@ def _finish_predictors(
 
 
 def point_weights(predictors: Predictors, shares: Ints) -> Ints:
-    """Return weights (n,) of points in coding order: larger for points that predict many others.
+    """Return weights (n,) of points in coding order, larger for points that predict many others.
 
-    shares: (n, 3), or (1, 3) for all points, shares of a point's weight that its neighbours get, in
-    units of 2^-FRACTION_BITS.
+    Parameters
+    ----------
+    predictors
+        The neighbours that predict each point.
+    shares
+        (n, 3), or (1, 3) for all points: shares of a point's weight that its neighbours get, in
+        units of 2^-FRACTION_BITS.
     """
     weights = np.full(len(predictors.counts), _ONE, dtype=np.int64)
     _add_weights(predictors, shares, weights)
@@ -299,9 +306,8 @@ def _add_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
     """Shift the squared distances of point i right, so that the first fits in FRACTION_BITS bits.
-
-    Return how many of the `count` distances are below 2^FRACTION_BITS times the first.
     """
+    # Return how many of the `count` distances are below 2^FRACTION_BITS times the first.
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):
         weights[i, k] = (weights[i, k] + (1 << shift >> 1)) >> shift

@@ -47,8 +47,10 @@ def dequantise(
 ) -> None:
     """Write transformed values (n, components) with `FRACTION_BITS` fractional bits.
 
-    last_component: (levels,) factors, in units of 1/4, that predict the third component from the
-        second.
+    Parameters
+    ----------
+    last_component
+        (levels,) factors, in units of 1/4, that predict the third component from the second.
     """
     layer, level = integer(0), integer(0)
     components = coefficients.shape[1]

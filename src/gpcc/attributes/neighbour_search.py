@@ -49,13 +49,11 @@ PRECEDING_NEIGHBOURS = np.array(
 
 
 class Atlas(NamedTuple):
-    """Grid of 128^3 cells.
+    """Grid of 128^3 cells."""
 
-    cells: (128^3, 2) first index of a cell's points, and last index + 1 (0 if empty).
-    used: codes of occupied cells; filled: (1,) their number.
-    """
-
+    # (128^3, 2) first index of a cell's points, and last index + 1 (0 if empty).
     cells: Int32s
+    # Codes of occupied cells; filled: (1,) their number.
     used: Int32s
     filled: Ints
 
@@ -69,34 +67,30 @@ class SortedPoints(NamedTuple):
 
 
 class SearchOptions(NamedTuple):
-    """Options of a level.
+    """Options of a level."""
 
-    cell_bits: log2 of the cells' side.
-    inter_range: number of candidates before and after the centre in coarser levels.
-    intra, intra_range: whether points of the same level are candidates, and how many.
-    most: maximum number of neighbours.
-    mask_bits: ignored low bits of coordinates.
-    most_distance: squared distance beyond which only the nearest neighbour is used, or -1.
-    """
-
+    # Log2 of the cells' side.
     cell_bits: int
+    # Number of candidates before and after the centre in coarser levels.
     inter_range: int
+    # intra, intra_range: whether points of the same level are candidates, and how many.
     intra: bool
     intra_range: int
+    # Maximum number of neighbours.
     most: int
+    # Ignored low bits of coordinates.
     mask_bits: int
+    # Squared distance beyond which only the nearest neighbour is used, or -1.
     most_distance: int
 
 
 class Boxes(NamedTuple):
-    """Positions (n, 3), and bounding boxes of 8, 64, 512, ... successive positions.
-
-    boxes: (m, 6), first the boxes of 8 positions.
-    starts: first box of each size; index 0 is not used.
-    """
+    """Positions (n, 3), and bounding boxes of 8, 64, 512, ... successive positions."""
 
     positions: Int32s
+    # (m, 6), first the boxes of 8 positions.
     boxes: Int32s
+    # First box of each size; index 0 is not used.
     starts: Ints
 
 
@@ -203,32 +197,28 @@ def _distance(positions: Int32s, k: int, x: int, y: int, z: int) -> int:
 
 
 class Query(NamedTuple):
-    """A point, and the candidates among which its neighbours are searched.
-
-    low, high: indices of the first and the last candidate.
-    centre: index where the search starts, or -1 for a search in ascending order.
-    coarser: number of points in coarser levels.
-    nearest, second: the two nearest points so far, or -1; they rank before all candidates.
-    """
+    """A point, and the candidates among which its neighbours are searched."""
 
     x: int
     y: int
     z: int
+    # low, high: indices of the first and the last candidate.
     low: int
     high: int
+    # Index where the search starts, or -1 for a search in ascending order.
     centre: int
+    # Number of points in coarser levels.
     coarser: int
+    # nearest, second: the two nearest points so far, or -1; they rank before all candidates.
     nearest: int
     second: int
 
 
 @inlined
 def _rank(query: Query, k: int) -> int:
-    """Return a candidate's rank, which decides between equidistant candidates.
-
-    Near candidates rank first, by offset from the centre: 0, 1, -1, 2, -2, ...; those after the
-    centre follow; those before the centre are last.
-    """
+    """Return a candidate's rank, which decides between equidistant candidates."""
+    # Near candidates rank first, by offset from the centre: 0, 1, -1, 2, -2, ...; those after the
+    # centre follow; those before the centre are last.
     if query.centre < 0:
         return query.coarser + k
     away = k - query.centre
@@ -302,26 +292,23 @@ def _search_boxes(best: Best, query: Query, candidates: Boxes) -> tuple[Best, in
 
 
 class Grid(NamedTuple):
-    """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`.
-
-    bias: factors (3,) of distances.
-    ranges: (27, 2) first index and last index + 1 of the points in the current cell, then in each
-        adjacent cell.
-    state: (6,) block (128^3 cells) and code of the current cell; index of the next point for the
-        atlas; number of ranges; number of points in them; whether all cells are in one block.
-    complete: whether to skip blocks without a query; in TMC13, such a block ends the filling of the
-        atlas.
-    following: whether to leave out cells that precede the current one.
-    """
+    """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`."""
 
     codes: Ints
     positions: Int32s
     atlas: Atlas
     shift: int
+    # Factors (3,) of distances.
     bias: Ints
+    # (27, 2) first index and last index + 1 of the points in the current cell, then in each
+    # adjacent cell.
     ranges: Int32s
+    # (6,) block (128^3 cells) and code of the current cell; index of the next point for the atlas;
+    # number of ranges; number of points in them; whether all cells are in one block.
     state: Ints
+    # Whether to skip blocks without a query; in TMC13, such a block ends the filling of the atlas.
     complete: bool
+    # Whether to leave out cells that precede the current one.
     following: bool
 
 
@@ -410,10 +397,8 @@ def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: 
 
 @inlined
 def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best, int]:
-    """Search a point's cell and its neighbours, unless they hold too many points.
-
-    All points nearer than the returned distance are found.
-    """
+    """Search a point's cell and its neighbours, unless they hold too many points."""
+    # All points nearer than the returned distance are found.
     _enter_cell(grid, code)
     if grid.state[4] > _MOST_IN_CELLS:
         return best, integer(0)
@@ -435,16 +420,14 @@ def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best
 
 
 class Level(NamedTuple):
-    """Points of a level, and those of coarser levels, both sorted by their codes.
-
-    near: grid of the coarser points; the search starts in a point's cell and its neighbours.
-    coarser_grid, same_level_grid: grids with a few points in each cell, for a fast search.
-    """
+    """Points of a level, and those of coarser levels, both sorted by their codes."""
 
     codes: Ints
     same_level: Boxes
     coarser: Boxes
+    # Grid of the coarser points; the search starts in a point's cell and its neighbours.
     near: Grid
+    # coarser_grid, same_level_grid: grids with a few points in each cell, for a fast search.
     coarser_grid: Grid
     same_level_grid: Grid
 
@@ -555,15 +538,13 @@ def _search_same_level(
 
 
 class Predictors(NamedTuple):
-    """Up to three points that predict each point (n,), in coding order.
+    """Up to three points that predict each point (n,), in coding order."""
 
-    counts: number of neighbours.
-    neighbours: (n, 3) places of the neighbours in coding order, before the point.
-    weights: (n, 3) squared distances, or weights whose sum is 2^FRACTION_BITS.
-    """
-
+    # Number of neighbours.
     counts: NDArray[np.uint8]
+    # (n, 3) places of the neighbours in coding order, before the point.
     neighbours: Int32s
+    # (n, 3) squared distances, or weights whose sum is 2^FRACTION_BITS.
     weights: Ints
 
 
@@ -580,10 +561,16 @@ def nearest_neighbours(
 ) -> int:
     """Find the predictors of the points `order[part]`, a level of detail.
 
-    retained: points of coarser levels.
-    bias: factors (3,) of distances.
-    work: see `find_nearest`.
-    predictors: output; `neighbours` are indices of points, not yet places in coding order.
+    Parameters
+    ----------
+    retained
+        Points of coarser levels.
+    bias
+        Factors (3,) of distances.
+    work
+        See `find_nearest`.
+    predictors
+        Output; `neighbours` are indices of points, not yet places in coding order.
     """
     same_level = order[part]
     scale = bias.astype(np.int32)

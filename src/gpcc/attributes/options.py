@@ -20,7 +20,11 @@ _QpOffset = Annotated[int, Field(ge=-99, le=99)]
 
 
 class AttributeOptions(Model):
-    """Coding tools of an attribute, which are the options of TMC13 of the same names."""
+    """Coding tools of an attribute, which are the options of TMC13 of the same names.
+
+    The defaults predict each point's value from up to three near points. With the default `qp` 4
+    this is lossless for reflectances, and for colours if `colour_matrix` is not ``bt709``.
+    """
 
     transform: Literal["raht", "predicting", "lifting"] = Field(
         "predicting", description="transform of the values"
@@ -150,12 +154,18 @@ _EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
 
 
 def qp_of_scale(scale: float) -> int:
-    """Return the QP for a scale, interpolated between MPEG's rates for clouds of 10 bits."""
+    """Return the quantisation parameter that suits a scale of the geometry.
+
+    It is interpolated between the rates of MPEG's test conditions for clouds of 10 bits.
+    """
     return round(float(np.interp(scale, _SCALES, _QPS)))
 
 
 def qp_of_step(step_m: float) -> int:
-    """Return the QP for a grid step, interpolated between MPEG's rates for sensors' frames."""
+    """Return the quantisation parameter that suits a grid step of the geometry in metres.
+
+    It is interpolated between the rates of MPEG's test conditions for frames of sensors.
+    """
     return round(float(np.interp(np.log2(step_m), _LOG2_STEPS, _QPS[::-1])))
 
 
@@ -166,19 +176,24 @@ def mpeg_conditions(
     *,
     spherical: bool = False,
 ) -> dict[str, AttributeOptions]:
-    """Return options of MPEG's test conditions for colours of 8, reflectances of 8 or 16 bits.
+    """Return the options with which MPEG's test conditions code attributes.
 
     Parameters
     ----------
     attributes
-        Values by name, as for `cloud.encode_cloud`.
+        Values by name, as in `encode_cloud`: ``color`` of 8 bits, ``reflectance`` of 8 or 16 bits.
     qp
-        Quantisation parameter; None for lossless coding. Lossy coding divides reflectances of 16
-        bits by 257.
+        Quantisation parameter of all attributes, from 4 to 51; None for lossless coding. Lossy
+        coding divides reflectances of 16 bits by 257, so that they have 8 bits.
     transform
         Transform of lossy coding.
     spherical
-        Whether distances between points are in radius, azimuth and laser.
+        Whether distances between points are measured in radius, azimuth and laser index.
+
+    Returns
+    -------
+    dict
+        Options by attribute name, for `encode_cloud`.
     """
     chosen = {}
     for name, values in attributes.items():

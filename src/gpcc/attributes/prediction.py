@@ -27,22 +27,20 @@ _LAMBDA = 0.14
 
 
 class PredictionTools(NamedTuple):
-    """Tools of the predicting transform.
+    """Tools of the predicting transform."""
 
-    ends: end of each level of detail in coding order.
-    most: largest value.
-    direct: number of neighbours whose value may be the prediction.
-    average_disabled: 1 if a coded mode cannot be the average.
-    threshold: least difference of neighbours' values at which a mode is coded.
-    inter_component: (levels, 2) factors, in units of 1/4, that predict the other components from
-        the first component's residual, or empty.
-    """
-
+    # End of each level of detail in coding order.
     ends: Ints
+    # Largest value.
     most: int
+    # Number of neighbours whose value may be the prediction.
     direct: int
+    # 1 if a coded mode cannot be the average.
     average_disabled: int
+    # Least difference of neighbours' values at which a mode is coded.
     threshold: int
+    # (levels, 2) factors, in units of 1/4, that predict the other components from the first
+    # component's residual, or empty.
     inter_component: Ints
 
 
@@ -56,22 +54,20 @@ class Place(NamedTuple):
 
 
 class Coding(NamedTuple):
-    """What the predicting transform of a slice reads and writes.
+    """What the predicting transform of a slice reads and writes."""
 
-    values: (n, components) in coding order: an encoder's input, replaced by the decoded values.
-    coefficients: (n, components), which an encoder writes and a decoder reads.
-    order: (n,) index of each point in the slice; weights: (n,) weights of residuals.
-    greater: (3, 2) working memory, in a decoder (0, 2): probabilities of residuals above 0 and
-        above 1, in units of 2^-20.
-    """
-
+    # (n, components) in coding order: an encoder's input, replaced by the decoded values.
     values: Values
+    # (n, components), which an encoder writes and a decoder reads.
     coefficients: Coefficients
     predictors: Predictors
     tools: PredictionTools
     quantisers: Quantisers
+    # (n,) index of each point in the slice; weights: (n,) weights of residuals.
     order: NDArray[np.int32]
     weights: Ints
+    # (3, 2) working memory, in a decoder (0, 2): probabilities of residuals above 0 and above 1, in
+    # units of 2^-20.
     greater: Ints
 
 

@@ -22,17 +22,15 @@ _THIRD = (1 << _RECIPROCAL_BITS) // 3
 
 
 class Qps(NamedTuple):
-    """Quantisation parameters of a data unit.
+    """Quantisation parameters of a data unit."""
 
-    layers: (layers, 2) parameters of the first component, and offsets of the other components.
-    offsets: (1 + regions, 2) offsets, first outside all regions, then in each region.
-    region: (n,) each point's index into `offsets`, or empty without regions.
-    most: maximum parameter.
-    """
-
+    # (layers, 2) parameters of the first component, and offsets of the other components.
     layers: Ints
+    # (1 + regions, 2) offsets, first outside all regions, then in each region.
     offsets: Ints
+    # (n,) each point's index into `offsets`, or empty without regions.
     region: NDArray[np.uint8]
+    # Maximum parameter.
     most: int
     fixed_point_offset: int
 
@@ -57,8 +55,12 @@ def qps(
 ) -> Qps:
     """Return the quantisation parameters of points.
 
-    positions: (n, 3) along the coded axes.
-    axes: indices of x, y, z among the coded axes.
+    Parameters
+    ----------
+    positions
+        (n, 3) along the coded axes.
+    axes
+        Indices of x, y, z among the coded axes.
     """
     luma, chroma = aps.init_qp_minus4 + 4, aps.aps_chroma_qp_offset
     if aps.aps_slice_qp_deltas_present_flag:
@@ -103,8 +105,12 @@ def place_of(
 ) -> tuple[int, int, int]:
     """Return the layer of step sizes, the level of detail and the region of point `i`.
 
-    layer, level: results for point `i` - 1.
-    ends: end of each level of detail.
+    Parameters
+    ----------
+    layer, level
+        Results for point `i` - 1.
+    ends
+        End of each level of detail.
     """
     if i == ends[layer]:
         layer = min(len(quantisers.steps) - 1, layer + 1)

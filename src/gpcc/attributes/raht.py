@@ -85,11 +85,10 @@ def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
     """Return a block's transform plan for each occupancy; ranks are indices of occupied children.
-
-    pairs (256, 13, 2): ranks of the children that each butterfly combines, then zeros.
-    order (256, 8): ranks of the children that hold the coefficients, in coding order.
-    owners (256, 8): rank of the child whose region determines a coefficient's quantisation, or -1.
     """
+    # pairs (256, 13, 2): ranks of the children that each butterfly combines, then zeros. order
+    # (256, 8): ranks of the children that hold the coefficients, in coding order. owners (256, 8):
+    # rank of the child whose region determines a coefficient's quantisation, or -1.
     pairs = np.zeros((256, 13, 2), dtype=np.uint8)
     order = np.zeros((256, 8), dtype=np.uint8)
     owners = np.full((256, 8), -1, dtype=np.int8)
@@ -111,13 +110,10 @@ def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8
 
 
 def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return tables of the neighbours of each child (octant) of a node.
-
-    touching (8, 7): direction 0 (the node), then directions of the node's neighbours that touch
-        the child.
-    upwards, octants (8, 19): direction from the node to the parent of the child's neighbour, and
-        the neighbour's octant.
-    """
+    """Return tables of the neighbours of each child (octant) of a node."""
+    # touching (8, 7): direction 0 (the node), then directions of the node's neighbours that touch
+    # the child. upwards, octants (8, 19): direction from the node to the parent of the child's
+    # neighbour, and the neighbour's octant.
     steps = sorted((s for s in np.ndindex(3, 3, 3) if 1 in s), key=lambda s: 3 - s.count(1))
     touching = np.zeros((8, 7), dtype=np.int64)
     upwards = np.zeros((8, _DIRECTIONS), dtype=np.uint8)
@@ -150,46 +146,42 @@ _DIVISORS = np.rint(2.0**_FRACTION / np.maximum(np.arange(14), 1)).astype(np.int
 
 
 class _Level(NamedTuple):
-    """Nodes of a level in ascending order of their codes.
+    """Nodes of a level in ascending order of their codes."""
 
-    starts: (m + 1,) first point of each node, then the number of points.
-    first, occupancy: (m,) first child on the level below, and bit mask of the children's octants.
-    neighbours: (m, 19) the node itself and its neighbours; -1 if absent.
-    counts: (m,) number of the parent's neighbours that touch the parent's children, plus 1.
-    means, scaled: (m, c) reconstructed mean; mean times the square root of the number of points,
-        in units of 1/4.
-    """
-
+    # (m + 1,) first point of each node, then the number of points.
     starts: NDArray[np.int32]
+    # first, occupancy: (m,) first child on the level below, and bit mask of the children's octants.
     first: NDArray[np.int32]
     occupancy: NDArray[np.uint8]
+    # (m, 19) the node itself and its neighbours; -1 if absent.
     neighbours: NDArray[np.int32]
+    # (m,) number of the parent's neighbours that touch the parent's children, plus 1.
     counts: NDArray[np.uint8]
+    # means, scaled: (m, c) reconstructed mean; mean times the square root of the number of points,
+    # in units of 1/4.
     means: Rows
     scaled: Rows
 
 
 class _Setting(NamedTuple):
-    """Arrays for the transforms of all levels.
-
-    sums: (n + 1, c) cumulative sums of the points' attributes, or (0, c) in a decoder.
-    coefficients: (n, c) which an encoder writes and a decoder reads.
-    offsets: (n, 2) each node's QP offset at the node's first point, in units of 1/16, or (0, 2).
-    steps, reciprocals: step sizes of all quantisation parameters, see `step_sizes`.
-    roots: (2, k) square roots and inverse square roots of small numbers.
-    buffer: (2c, 8) attributes of a block's children, then their prediction.
-    weights, factors: weights (8,) of a block's children, factors (12, 2) of its butterflies.
-    """
+    """Arrays for the transforms of all levels."""
 
     codes: Ints
+    # (n + 1, c) cumulative sums of the points' attributes, or (0, c) in a decoder.
     sums: Ints
+    # (n, c) which an encoder writes and a decoder reads.
     coefficients: Rows
+    # (n, 2) each node's QP offset at the node's first point, in units of 1/16, or (0, 2).
     offsets: Ints
+    # steps, reciprocals: step sizes of all quantisation parameters, see `step_sizes`.
     steps: Ints
     reciprocals: Ints
+    # (2, k) square roots and inverse square roots of small numbers.
     roots: Ints
     thresholds: tuple[int, int]
+    # (2c, 8) attributes of a block's children, then their prediction.
     buffer: Ints
+    # weights, factors: weights (8,) of a block's children, factors (12, 2) of its butterflies.
     weights: Ints
     factors: Ints
 
@@ -280,11 +272,9 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 
 @compiled
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
-    """Return each node's mean QP offset at the node's first point, rounded as in TMC13.
-
-    Nodes are halved along one axis at a time. A node's offset replaces the offset of its lower
-    half, which has the same first point.
-    """
+    """Return each node's mean QP offset at the node's first point, rounded as in TMC13."""
+    # Nodes are halved along one axis at a time. A node's offset replaces the offset of its lower
+    # half, which has the same first point.
     means = offsets << _REGION_FRACTION
     firsts, joints = np.empty(65, dtype=np.int64), np.empty(65, dtype=np.int64)
     depth = 0
@@ -430,10 +420,8 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Write a parent and those neighbours that touch a child; return the number of these nodes.
-
-    Entries of other directions are neither written nor read.
-    """
+    """Write a parent and those neighbours that touch a child; return the number of these nodes."""
+    # Entries of other directions are neither written nor read.
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
     count = integer(1)

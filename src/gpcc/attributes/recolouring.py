@@ -38,8 +38,12 @@ def recoloured(positions: NDArray[np.int32], values: Values, source: Source, mos
     Each value minimises the larger of its errors from the average of the nearest source points, and
     from all source points to which the position is nearest.
 
-    values: (n, components) of the source's points.
-    most: largest value.
+    Parameters
+    ----------
+    values
+        (n, components) of the source's points.
+    most
+        Largest value.
     """
     target = positions.astype(np.float64)
     averages = np.empty((len(target), values.shape[1]), dtype=np.int32)

@@ -53,7 +53,10 @@ def decode_coefficients(
 ) -> Coefficients:
     """Decode coefficients (count, components), and update `contexts`.
 
-    bypass: see `arithmetic.Decoder`.
+    Parameters
+    ----------
+    bypass
+        See `arithmetic.Decoder`.
     """
     coder = decoder(contexts, data, bypass)
     values = np.zeros((count, components), dtype=np.int32)
@@ -74,10 +77,8 @@ def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
 
 @entry
 def _code_coefficients(coder: Any, values: Coefficients, i: int, end: int, encoding: bool) -> int:
-    """Code the coefficients of points `i` to `end` - 1, and the rest of a run of zeros.
-
-    Returns the next point, or -1 if the stream is too short.
-    """
+    """Code the coefficients of points `i` to `end` - 1, and the rest of a run of zeros."""
+    # Returns the next point, or -1 if the stream is too short.
     count, components = values.shape
     while i < end:
         run = integer(0)

@@ -83,21 +83,19 @@ class QpRegion:
 
 @dataclass
 class AttributeHeader:
-    """Header of a data unit.
-
-    last_component_coeffs: factor of each level of detail.
-    inter_component_coeffs: factors of the second and third component in each level of detail.
-    layer_qp_deltas: QP offsets of the first and the other components in each layer.
-    """
+    """Header of a data unit."""
 
     attr_attr_parameter_set_id: int = 0
     attr_sps_attr_idx: int = 0
     attr_geom_slice_id: int = 0
     attr_dist2_delta: int = 0
+    # Factor of each level of detail.
     last_component_coeffs: list[int] = field(default_factory=list)
+    # Factors of the second and third component in each level of detail.
     inter_component_coeffs: list[tuple[int, int]] = field(default_factory=list)
     attr_qp_delta_luma: int = 0
     attr_qp_delta_chroma: int = 0
+    # QP offsets of the first and the other components in each layer.
     layer_qp_deltas: list[tuple[int, int]] = field(default_factory=list)
     attr_region_bits_minus1: int = 0
     regions: list[QpRegion] = field(default_factory=list)

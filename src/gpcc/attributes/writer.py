@@ -93,7 +93,10 @@ class AttributeEncoder:
     ) -> list[bytes]:
         """Describe the attributes in `sps`, and return their parameter sets.
 
-        extent: largest x, y, z of the points, relative to the sequence's origin.
+        Parameters
+        ----------
+        extent
+            Largest x, y, z of the points, relative to the sequence's origin.
         """
         sps.attributes, sps.num_attributes = self._described, len(self._described)
         self._parameters = [
