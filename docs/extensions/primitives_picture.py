@@ -14,7 +14,7 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.geometry.mesh import Mesh
 from pointkit.seeding import generator
 from primitive_codec.decoder import read_patches
-from primitive_codec.segmentation import segment_points
+from primitive_codec.mesh_reconstruction import segment_points
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.style import PAGE_WIDTH_IN
 from puckbench.geometry.closest import closest_surface_points

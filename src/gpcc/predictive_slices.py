@@ -235,7 +235,9 @@ def _tree_nodes(points: Int32s, positions: Int32s, parents: Int32s, order: Int32
 
 def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
     """Convert points (n, 3) from the coded axes to x, y, z, and add `origin`."""
-    return points.astype(np.int64)[:, axes] + np.array(origin)
+    result: Ints = points.astype(np.int64)[:, axes]
+    result += origin
+    return result
 
 
 def tools_of(

@@ -8,7 +8,12 @@ from pointkit.compiling import compiled
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
-from primitive_codec.decoder import Patches, read_patches, reconstruct_planes
+from primitive_codec.decoder import (
+    Patches,
+    read_patches,
+    reconstruct_planes,
+    reconstruct_revolutions,
+)
 from primitive_codec.occupancy_map import find_leaf_cell
 from primitive_codec.octree import moments_of
 from primitive_codec.octree_arrays import (
@@ -95,9 +100,24 @@ def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -
     return Labels(*ids, tuple(objects), tuple(primitives))
 
 
+def segment_points(patches: Patches) -> tuple[Floats, Ints]:
+    """Return the points (m, 3) of all primitives, and their segment indices (m,)."""
+    xyz, leaf_of_point = reconstruct_planes(patches)
+    leaf_segments = _merge_leaves(patches, xyz, leaf_of_point)
+    plane_segments, segments = np.unique(leaf_segments[leaf_of_point], return_inverse=True)
+    points, indices = [xyz], [segments]
+    for k, revolution in enumerate(reconstruct_revolutions(patches), start=len(plane_segments)):
+        points.append(revolution.xyz)
+        indices.append(np.full(len(revolution.xyz), k))
+    return np.concatenate(points), np.concatenate(indices)
+
+
 def segment_leaves(patches: Patches) -> Ints:
     """Return each leaf's segment (n,), as the index of one leaf of the segment."""
-    xyz, leaf_of_point = reconstruct_planes(patches)
+    return _merge_leaves(patches, *reconstruct_planes(patches))
+
+
+def _merge_leaves(patches: Patches, xyz: Floats, leaf_of_point: Ints) -> Ints:
     moments = np.zeros((int(patches.octree.leaves.counts[0]), 10))
     centre = xyz.mean(axis=0) if len(xyz) else np.zeros(3)
     for first in range(0, len(xyz), _CHUNK):
@@ -137,8 +157,7 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 
 @compiled
 def _cover_with_rectangles(octree: PlaneOctree, quads: Floats, leaf_of_quad: Ints) -> int:
-    """Write corners (m, 4, 3) and leaf indices (m,) of rectangles that cover all occupied columns.
-    """
+    """Write corners (m, 4, 3) and leaf indices (m,) of rectangles over all occupied columns."""
     # Returns the number of rectangles, which may exceed m.
     leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)

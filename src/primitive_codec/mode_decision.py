@@ -170,8 +170,7 @@ def _encode_coarse_hybrid(
     voxels: CodedVoxels,
     search: VoxelSearch,
 ) -> bytes | None:
-    """Return the best hybrid of at most as many bytes as `voxels`, or None if `voxels` is better.
-    """
+    """Return the best hybrid of at most as many bytes as `voxels`, or None if it is worse."""
     # Surfaces coarser than `coded` are tried while they improve the hybrid.
     criterion = _hybrid_criterion(cloud, 0.0)
     voxel_cost = criterion.cost(cloud.distortion(voxels.points))

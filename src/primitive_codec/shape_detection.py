@@ -108,8 +108,7 @@ def _find_curved(blocked: BlockedSamples, normals: Floats, radius: float, curved
 
 @compiled_in_place
 def _nearest_bend(xyz: Floats, normals: Floats, i: int, ranges: Ints, radius: float) -> float:
-    """Return the squared distance to the nearest sample whose normal differs by 10 to 37 degrees.
-    """
+    """Return the squared distance to the nearest sample with a normal 10 to 37 degrees off."""
     # Without such a sample, return radius^2.
     squared_bend = radius * radius
     for k in range(len(ranges)):

@@ -215,8 +215,7 @@ def _list_neighbours(
 
 @compiled
 def _robust_plane(neighbours: Floats, count: int, outlier_distance: float, plane: Floats) -> None:
-    """Fit a plane to neighbours (4, count), reweighted by their distances from the previous plane.
-    """
+    """Fit a plane to neighbours (4, count), reweighted by distances from the previous plane."""
     # `plane` (4,), initially a plane or zeros, is unchanged if no neighbour has weight.
     x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
     robust_weights = neighbours[4]

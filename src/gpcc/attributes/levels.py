@@ -305,8 +305,7 @@ def _add_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
 
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
-    """Shift the squared distances of point i right, so that the first fits in FRACTION_BITS bits.
-    """
+    """Shift squared distances of point i right, so that the first fits in FRACTION_BITS bits."""
     # Return how many of the `count` distances are below 2^FRACTION_BITS times the first.
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):

@@ -84,11 +84,19 @@ def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -
 
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
-    """Return a block's transform plan for each occupancy; ranks are indices of occupied children.
+    """Return, for each occupancy of a block, how its children are transformed.
+
+    Children are named by their rank, the index among the occupied ones.
+
+    Returns
+    -------
+    pairs
+        (256, 13, 2) ranks of the two children that each butterfly combines, then zeros.
+    order
+        (256, 8) ranks of the children that hold the coefficients, in coding order.
+    owners
+        (256, 8) rank of the child whose region determines the quantisation of a coefficient, or -1.
     """
-    # pairs (256, 13, 2): ranks of the children that each butterfly combines, then zeros. order
-    # (256, 8): ranks of the children that hold the coefficients, in coding order. owners (256, 8):
-    # rank of the child whose region determines a coefficient's quantisation, or -1.
     pairs = np.zeros((256, 13, 2), dtype=np.uint8)
     order = np.zeros((256, 8), dtype=np.uint8)
     owners = np.full((256, 8), -1, dtype=np.int8)
@@ -110,10 +118,17 @@ def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8
 
 
 def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return tables of the neighbours of each child (octant) of a node."""
-    # touching (8, 7): direction 0 (the node), then directions of the node's neighbours that touch
-    # the child. upwards, octants (8, 19): direction from the node to the parent of the child's
-    # neighbour, and the neighbour's octant.
+    """Return tables of the neighbours of each child (octant) of a node.
+
+    Returns
+    -------
+    touching
+        (8, 7) direction 0 (the node), then directions of the node's neighbours that touch the child.
+    upwards
+        (8, 19) direction from the node to the parent of each neighbour of the child.
+    octants
+        (8, 19) octant of this neighbour within its parent.
+    """
     steps = sorted((s for s in np.ndindex(3, 3, 3) if 1 in s), key=lambda s: 3 - s.count(1))
     touching = np.zeros((8, 7), dtype=np.int64)
     upwards = np.zeros((8, _DIRECTIONS), dtype=np.uint8)

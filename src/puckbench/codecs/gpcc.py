@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from gpcc.attributes.options import mpeg_conditions, qp_of_scale, qp_of_step
-from gpcc.grid import unwrap, wrap
 from gpcc.grid import (
     DEFAULT_GRID,
     MOST_BITS,
@@ -20,6 +19,8 @@ from gpcc.grid import (
     input_coordinates,
     input_grid,
     quantise,
+    unwrap,
+    wrap,
 )
 from gpcc.options import PROFILES, GpccOptions
 from pointkit.errors import InputError, naming
