@@ -28,7 +28,7 @@ _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """State of a sensor, with the position `origin` relative to a slice."""
+    """The lasers of a sensor, and each laser's last shot, while a slice is coded."""
 
     origin: Ints
     elevation: Ints
@@ -46,7 +46,10 @@ class Angular(NamedTuple):
 
 
 class PlaneAngles(NamedTuple):
-    """Contexts of a node's planes along x, y and z (-1: none), and the laser that sees the node."""
+    """Contexts of a node's planes along x, y and z, or -1 without one, and the laser that sees the
+    node.
+
+    """
 
     x: int
     y: int
@@ -74,14 +77,9 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the tangent of a point's elevation.
+    """Return the tangent of the elevation of a point, given twice its height and its inverse
+    distance.
 
-    Parameters
-    ----------
-    height
-        Twice the point's height, in coding units.
-    root
-        Inverse horizontal distance.
     """
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
@@ -129,14 +127,15 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Return the context of a bit that selects a half of a node along x or y.
+    """Return the context of the bit that says in which half of a node, along x or y, the points
+    lie.
 
     Parameters
     ----------
     left, right
-        Azimuths of the two halves minus the predicted azimuth.
+        Azimuths of the two halves, relative to the predicted azimuth, in units of 2^-20 radians.
     contrast
-        Log2 of the ratio of the magnitudes above which the context changes.
+        Log2 of the ratio of these above which the nearer half is a safe guess.
     """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
@@ -148,12 +147,14 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context of a bit that selects a half of a node along z.
+    """Return the context of the bit that says in which half of a node, along z, the points lie.
 
     Parameters
     ----------
     difference
-        The laser's elevation minus the elevation of the node's middle.
+        Tangent of the laser's elevation minus that of the node's middle, in units of 2^-18.
+    half_height
+        Half the node's height as a difference of such tangents.
     """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
@@ -207,14 +208,10 @@ def plane_angles(
 
 @inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
-    """Return the axes (1 x, 2 y, 4 z) along which a node's planes are coded in angular mode.
+    """Return the mask of the axes (1 x, 2 y, 4 z) along which a node's planes are coded.
 
-    These are axes with an angular context, and z if `eligible_axes` has it.
-
-    Parameters
-    ----------
-    axes
-        Split axes (4 x, 2 y, 1 z).
+    These are the axes with an angular context, and z if `eligible_axes` has it, as far as `axes`, a
+    mask with 4 for x, 2 for y and 1 for z, says that the node is split along them.
     """
     result = eligible_axes & 4
     result |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2

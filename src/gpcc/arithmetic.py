@@ -55,7 +55,7 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 
 
 class Encoder(NamedTuple):
-    """Arithmetic encoder."""
+    """An arithmetic encoder with adaptive contexts; `encoder` makes one."""
 
     # Adaptive probability of a zero in each context, in units of 2^-16.
     contexts: Probabilities
@@ -66,7 +66,7 @@ class Encoder(NamedTuple):
 
 
 class Decoder(NamedTuple):
-    """Arithmetic decoder."""
+    """An arithmetic decoder with adaptive contexts; `decoder` makes one."""
 
     # See `Encoder`.
     contexts: Probabilities
@@ -287,7 +287,7 @@ def code_bypass(coder: Any, bit: int) -> int:
 
 @kernel
 def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
-    """Encode or decode an Exp-Golomb code; the prefix bits, at most 24, share a context."""
+    """Encode or decode a number in Exp-Golomb code; its prefix bits share the context `prefix`."""
     base = 0
     while order < 24 and code_bit(coder, prefix, integer(value - base >= 1 << order)):
         base += 1 << order
@@ -300,7 +300,10 @@ def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
 
 @kernel
 def code_count(coder: Any, nonzero: int, prefix: int, count: int) -> int:
-    """Encode or decode whether a count is 0; if not, the count minus 1 in Exp-Golomb code."""
+    """Encode or decode a count: a bit that says whether it is 0, then the count minus 1 in
+    Exp-Golomb code.
+
+    """
     if not code_bit(coder, nonzero, integer(count > 0)):
         return 0
     return 1 + code_exp_golomb(coder, prefix, count - 1)
@@ -310,12 +313,11 @@ def code_count(coder: Any, nonzero: int, prefix: int, count: int) -> int:
 def code_exp_golomb_in_contexts(
     coder: Any, prefix: int, last_prefix: int, suffix: int, last_suffix: int, value: int, order: int
 ) -> int:
-    """Encode or decode an Exp-Golomb code of at most 30 prefix bits.
+    """Encode or decode a number in Exp-Golomb code, whose prefix and suffix bits have contexts of
+    their own.
 
-    Parameters
-    ----------
-    last_prefix, last_suffix
-        Numbers of contexts of prefix and suffix bits, minus 1.
+    The contexts of the prefix begin at `prefix` and end at `prefix` + `last_prefix`, which all
+    further bits share; those of the suffix likewise. The prefix has at most 30 bits.
     """
     first, base = order, integer(0)
     while order < _LONGEST_PREFIX and code_bit(

@@ -20,14 +20,14 @@ _DEEPEST = 128
 
 
 def azimuth_order(around: Ints, precision: float) -> Ints:
-    """Return the indices (n,) that sort points.
+    """Return the indices (n,) that sort points by azimuth, radius and slope.
 
     Parameters
     ----------
     around
-        (n, 3) points relative to the sensor.
+        Integer coordinates (n, 3) relative to the sensor.
     precision
-        Azimuth steps per radian, or 0 for exact azimuths.
+        Azimuth steps per radian; azimuths within a step are equal. 0 compares exact azimuths.
     """
     keys = np.empty((len(around), 3))
     _fill_keys(around, precision, keys)

@@ -16,7 +16,7 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Reader or writer; methods read or write the attribute `name` of `record` in `n` bits."""
+    """Reads a record's attributes from bits, or writes them as bits; `writing` says which."""
 
     writing: bool
 
@@ -90,7 +90,7 @@ class BitWriter(SyntaxElements):
 
 
 class BitReader(SyntaxElements):
-    """Reader of syntax elements that raises InputError past the end."""
+    """Reader of syntax elements, which raises InputError past the end of its bytes."""
 
     writing = False
 
@@ -116,5 +116,5 @@ class BitReader(SyntaxElements):
 
     @property
     def position(self) -> int:
-        """Number of bytes read, wholly or partly."""
+        """Number of bytes of which at least one bit was read."""
         return -(-self._place // 8)

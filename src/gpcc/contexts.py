@@ -125,8 +125,6 @@ Indices: 1 if neighbours outside the parent are known; neighbour pattern; coded 
 
 
 class Contexts(NamedTuple):
-    """Adaptive state of an octree coder."""
-
     # See `arithmetic.Encoder`.
     probabilities: NDArray[np.uint16]
     # See `octree.SliceState`.

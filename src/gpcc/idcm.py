@@ -43,7 +43,7 @@ _ALL_AXES = 0xFFFFFFFF
 
 
 class IdcmNode(NamedTuple):
-    """A node coded by IDCM; `planar_mode` and `plane_pos_bits`: see `planar.planar_mode_of`."""
+    """A node whose points are coded by their coordinates, and its coded planes."""
 
     morton: int
     node_size_log2: tuple[int, int, int]
@@ -54,7 +54,7 @@ class IdcmNode(NamedTuple):
 
 
 class LocalPoints(NamedTuple):
-    """Working memory for one or two points, relative to their node."""
+    """Working memory for the one or two points of a node, relative to the node."""
 
     # points_in, coded: (2, 3) points to encode, and coded points.
     points_in: Ints
@@ -69,7 +69,7 @@ def empty_local_points() -> LocalPoints:
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Return a mask: bit i is 1 if the i-th of 32 successive eligible nodes may use IDCM."""
+    """Return a mask whose bit i says whether the i-th of 32 eligible nodes may use IDCM."""
     if mode == 0:
         return 0
     if mode != 1 or not planar_enabled:

@@ -25,7 +25,7 @@ _DEEPEST = 1024
 
 
 class KdTrees(NamedTuple):
-    """Trees of points (n, 3); each tree has successive `rows`."""
+    """K-d trees of points (n, 3), which share memory; each tree has successive `rows`."""
 
     points: Numbers
     # Indices of points; those of a node are successive.
@@ -59,14 +59,16 @@ def empty_trees(points: Numbers, rows: int, nodes: int, neighbours: int) -> KdTr
 
 @entry
 def build(trees: KdTrees, root: int, first: int, end: int, box: Numbers, share: float) -> None:
-    """Build a tree of the rows `first` to `end` - 1, and write their bounding box (6,).
+    """Build the tree of the rows `first` to `end` - 1.
 
     Parameters
     ----------
     root
         Index of the tree's first node.
+    box
+        Result (6,): the tree's bounding box, least and largest coordinates.
     share
-        Fraction of a box's longest side; longer sides may be split.
+        Sides of a box that are at least this share of its longest side may be split.
     """
     nodes, gaps, stack, used, depth = trees.nodes, trees.gaps, trees.stack, root + 1, 1
     for axis in range(3):
@@ -153,10 +155,20 @@ def _parted(trees: KdTrees, left: int, first: int, end: int, cut: Any, equal: bo
 
 @inlined
 def search(trees: KdTrees, root: int, box: Numbers, at: Place, held: int) -> int:
-    """Add a tree's points to the `held` nearest points so far; return the new number of these.
+    """Add a tree's points to the nearest points that were found before, and return how many these
+    are.
 
-    Before the first tree, the last of `distances` must be larger than all distances. Entries beyond
-    the returned number keep earlier results.
+    Parameters
+    ----------
+    trees
+        The trees; `nearest` and `distances` hold the result. Before the first tree is searched, the
+        last of `distances` must be larger than any distance.
+    root, box
+        The tree's first node and bounding box.
+    at
+        The place, to which points are near.
+    held
+        Number of nearest points found so far; entries from there on are of earlier searches.
     """
     stack, nodes, distances = trees.stack, trees.nodes, trees.distances
     last = len(distances) - 1

@@ -79,7 +79,7 @@ _GRID_CUT, _GRID_SHIFT = np.moveaxis(_GRID_PLACING, 2, 0).reshape(2, 8, 3, 3, 3)
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancies of `parents` and of coded `nodes` in a cube of nodes, indexed by Morton code."""
+    """Occupancies of the nodes in a cube, by Morton code: of parents, and of nodes coded so far."""
 
     parents: Bytes
     nodes: Bytes
@@ -96,10 +96,10 @@ def empty_atlas(boundary: int) -> OccupancyAtlas:
 def update_atlas(
     atlas: OccupancyAtlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
 ) -> int:
-    """Replace the last cube's parents in the atlas by the next cube's parents.
+    """Put the parents of the next cube into the atlas, in place of those of the last one.
 
-    The last cube has the parents `previous` to `first` - 1, the next cube `first` to the returned
-    index - 1.
+    The last cube has the parents `previous` to `first` - 1. Returns the end of the parents of the
+    next cube, which begin at `first`.
     """
     inside = (1 << 3 * atlas.side) - 1
     for i in range(previous, first):
@@ -171,11 +171,12 @@ def neigh_pattern_of(faces: int, child: int) -> int:
 def refine_by_adjacent_children(
     atlas: OccupancyAtlas, axes: int, node: int, neigh_pattern: int
 ) -> tuple[int, int, int, int, int]:
-    """Remove neighbours x-1, y-1, z-1 from `neigh_pattern` if none of their children is adjacent.
+    """Remove neighbours whose children do not touch a node from the node's neighbour pattern.
 
-    Returns the pattern; masks of the node's children that touch at least one (adjacencyGt0) or two
-    (adjacencyGt1) occupied children, or an unoccupied child (adjacencyUnocc), of these neighbours;
-    and the neighbours' occupancies, one byte each.
+    Only the neighbours x-1, y-1 and z-1 are coded before and can be removed. Returns the pattern;
+    masks of the node's children that touch one (adjacencyGt0) or two (adjacencyGt1) occupied
+    children or an empty one (adjacencyUnocc) of these neighbours; and the neighbours' occupancies,
+    one byte each.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = node & inside
@@ -238,9 +239,10 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
 
 @kernel
 def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
-    """Predict the occupancy of a node from the result `grid` of `neighbour_grid`.
+    """Predict which children of a node are occupied, from the result of `neighbour_grid`.
 
-    Returns masks of the node's children that have a prediction, and that are predicted as occupied.
+    Returns two masks of the node's children: those with a prediction, and those predicted as
+    occupied.
     """
     neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
     threshold = 4 if bit_count(neighbourhood) < 14 else 5

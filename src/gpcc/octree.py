@@ -84,10 +84,7 @@ class Nodes(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A level of the octree to encode.
-
-    Other fields: see `tree.TreeLevel` and `tree.Tree`.
-    """
+    """What an encoder knows of a level of the octree; see also `tree.TreeLevel` and `tree.Tree`."""
 
     occupancy: Bytes
     first_child: NDArray[np.int32]
@@ -137,9 +134,10 @@ def code_level(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Encode or decode the children of `parents`; write inner nodes among them to `nodes`.
+    """Encode the children of `parents` if there is a `source`, else decode them.
 
-    Returns the number of inner nodes, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
+    Children that have children themselves are written to `nodes`. Returns their number, or
+    EXHAUSTED or TOO_MANY_POINTS if a stream is damaged.
     """
     atlas, axes, count = state.atlas, level.coded_axes_prev_level, len(parents.morton)
     state.counters[2:4] = 0

@@ -77,12 +77,10 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 
 @inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
-    """Return the axes (1 x, 2 y, 4 z) that may use planar mode.
+    """Return the mask of the axes (1 x, 2 y, 4 z) along which planes are frequent enough to be
+    coded.
 
-    Parameters
-    ----------
-    axes
-        Split axes (4 x, 2 y, 1 z).
+    `axes` is the mask (4 x, 2 y, 1 z) of those along which the node is split.
     """
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
@@ -100,7 +98,11 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return masks (1 x, 2 y, 4 z) of axes: only one plane occupied; only the upper occupied."""
+    """Return two masks of axes (1 x, 2 y, 4 z) for the occupancy of a node.
+
+    The first has the axes along which only one of the two planes of children is occupied, the
+    second those of them along which it is the upper plane.
+    """
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
         high = occupancy & UPPER[axis] != 0

@@ -28,7 +28,7 @@ _FAR = (1 << 62) - 1
 
 
 class PredictionTree(NamedTuple):
-    """Nodes (n,), one for each point."""
+    """Trees whose nodes are the points (n,); each point is predicted from its ancestors."""
 
     # Index of the parent, ROOT or DUPLICATE.
     parents: Int32s
@@ -40,12 +40,16 @@ class PredictionTree(NamedTuple):
 
 
 def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
-    """Return the indices (n,) that sort points (n, 3) into the order of tree building.
+    """Return the indices (n,) that bring points into the order in which trees are built.
 
     Parameters
     ----------
+    points
+        Integer coordinates (n, 3).
+    order
+        How to sort.
     centre
-        Origin of azimuth and radius.
+        Point around which azimuth and radius are measured.
     precision
         Azimuth steps per radian, or 0 for exact azimuths.
     """
@@ -219,7 +223,10 @@ def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
 
 @kernel
 def nearest(forest: Forest, x: int, y: int, z: int) -> int:
-    """Write the positions nearest to a point, at most 3, to `trees.nearest`; return the number."""
+    """Write the positions nearest to a place, at most three, to `forest.trees.nearest`; return how
+    many.
+
+    """
     held, count, tree = 0, forest.counters[0], 0
     forest.trees.distances[NEIGHBOURS - 1] = _FAR
     while count >> tree:

@@ -217,7 +217,10 @@ def ancestors(parents: Int32s, node: int) -> Three:
 
 @inlined
 def predicted(positions: Int32s, before: Three, mode: int, tools: Tools) -> Three:
-    """Return the position that a mode predicts from ancestors, which must exist."""
+    """Return the position that a mode predicts from a node's ancestors, of which it must have
+    enough.
+
+    """
     a, b, c = before
     if mode == NONE:
         if not tools.angular:
@@ -257,12 +260,10 @@ def quantised_residual(residual: Three, qp: int) -> Three:
 def decide(
     coder: Any, tools: Tools, positions: Int32s, node: int, before: Three
 ) -> tuple[bool, Choice]:
-    """Return whether a node's residual fits into a stream, and the mode with the lowest cost.
+    """Choose how an encoder predicts a node.
 
-    Parameters
-    ----------
-    before
-        The node's ancestors.
+    Returns whether the residual fits into the stream's number of bits, and the mode with the lowest
+    estimated cost. `before` holds the node's ancestors, -1 where there is none.
     """
     best = _predict(tools, positions, node, before, NONE)
     fits = _is_representable(tools, best.residual)

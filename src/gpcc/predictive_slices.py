@@ -49,7 +49,7 @@ _NODE_BYTES = 600
 
 
 class TreeNodes(NamedTuple):
-    """Nodes (n,) of trees; decoded values replace the values to encode."""
+    """The nodes (n,) of a slice's trees; an encoder's points are replaced by what is decoded."""
 
     # (n, 3). A decoder's points have coding order.
     points: Int32s
@@ -243,7 +243,13 @@ def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
 def tools_of(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Tools:
-    """Return the coding tools of a slice; raise InputError if invalid."""
+    """Return the coding tools of a slice from its header and its parameter set.
+
+    Raises
+    ------
+    InputError
+        If they contradict each other, or are not supported.
+    """
     multiplier = gps.geom_qp_multiplier_log2
     slice_qp = (gps.geom_base_qp + header.geom_slice_qp_offset) << multiplier
     if not 0 <= slice_qp <= MOST_QP:
@@ -273,12 +279,10 @@ def encode_trees(
     contexts: Probabilities,
     order: Int32s,
 ) -> bytes | None:
-    """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
+    """Encode the trees of a slice, and return the arithmetic-coded bytes.
 
-    Parameters
-    ----------
-    points, positions, order
-        See `TreeNodes`.
+    Returns None if a residual has more bits than `tools` say. `points` and `positions` are replaced
+    by the decoded ones; `order` (n,) receives the indices of the points in coding order.
     """
     nodes = _tree_nodes(points, positions, tree.parents, order)
     coder, result = encoder(contexts, _NODE_BYTES + 4 * len(points)), FULL

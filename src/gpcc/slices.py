@@ -68,7 +68,19 @@ def encode_octree(
     sensor: angular.Angular | None = None,
     leaves: Ints | None = None,
 ) -> bytes:
-    """Encode a slice, and write its points' Morton codes in coded order to `leaves`, if given."""
+    """Encode the octree of a slice, and return the arithmetic-coded bytes.
+
+    Parameters
+    ----------
+    tree
+        The octree.
+    header, gps
+        The slice's header and parameter set.
+    sensor
+        The sensor in angular mode, else None.
+    leaves
+        Receives the Morton codes (n,) of the points in coded order, if it is not None.
+    """
     contexts = initial_contexts()
     coder = encoder(contexts.probabilities, 64)
     state = _initial_state(gps, len(tree.levels), 0, contexts)
@@ -89,7 +101,7 @@ def encode_octree(
 
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
-    """Split a geometry data unit into its parts."""
+    """Split a geometry data unit into its header, its coded bytes and its number of points."""
     reader = BitReader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
@@ -114,7 +126,10 @@ def decode_slice(
     contexts: Contexts,
     sensor: angular.Angular | None = None,
 ) -> Ints:
-    """Decode the Morton codes (n,) of a slice's points, and update `contexts`."""
+    """Decode the octree of a slice, and return the Morton codes (n,) of its points in coded order.
+
+    `contexts` are adapted. Raises InputError if the slice is damaged.
+    """
     header = coded.header
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
@@ -262,7 +277,10 @@ def _initial_state(
 def sensor_state(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> angular.Angular | None:
-    """Return a sensor's state in a slice; `axes`: indices of x, y, z among the coded axes."""
+    """Return a sensor's state at the beginning of a slice, or None if the stream has no sensor.
+
+    `axes` are the indices of x, y and z among the coded axes, `origin` is the slice's origin.
+    """
     if not gps.geom_angular_mode_enabled_flag:
         return None
     table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]

@@ -28,7 +28,7 @@ _MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
 
 
 class Sphere(NamedTuple):
-    """Parameters of a slice's spherical coordinates."""
+    """The sensor and the steps of a slice's spherical coordinates."""
 
     # Log2 of the coding units per radius step.
     radius_log2: int
@@ -42,7 +42,10 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """Return a slice's spherical coordinate parameters; raise InputError if unsupported."""
+    """Return the spherical coordinates of a slice; raise InputError if their steps are not
+    supported.
+
+    """
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
     if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
@@ -93,7 +96,10 @@ def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
 
 @inlined
 def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
-    """Convert spherical coordinates to x, y, z relative to the sensor."""
+    """Convert radius, azimuth and laser index, in the steps of `around`, to x, y, z relative to the
+    sensor.
+
+    """
     r = int32(radius << around.radius_log2)
     height = halved_away((around.theta[laser] * r) << 2, _THETA_LOG2 - _Z_LOG2)
     return (

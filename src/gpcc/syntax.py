@@ -42,7 +42,7 @@ _UNSPECIFIED = 2
 
 @dataclass
 class AttributeDescription:
-    """An attribute of the sequence."""
+    """What the sequence's parameter set says of an attribute."""
 
     attr_components_minus1: int = 0
     attr_instance_id: int = 0
@@ -53,7 +53,7 @@ class AttributeDescription:
     attr_default_value: tuple[int, ...] = ()
     # Conversion of colours (ISO/IEC 23091-2), or None.
     matrix_coefficients: int | None = None
-    # Attr_scale_minus1, attr_frac_bits, attr_offset, or None.
+    # The syntax elements attr_scale_minus1, attr_frac_bits and attr_offset, or None.
     scaling: Three | None = None
 
 
@@ -88,7 +88,7 @@ class SequenceParameterSet:
 
 @dataclass
 class Laser:
-    """A laser of the sensor."""
+    """A laser of the sensor, in the units of the parameter set."""
 
     # Tangent of the elevation, in units of 2^-18.
     theta: int = 0
@@ -100,7 +100,7 @@ class Laser:
 
 @dataclass
 class GeometryParameterSet:
-    """Coding tools; the sensor (gps_angular_origin_xyz) is relative to the sequence's origin."""
+    """Coding tools of the geometry; the sensor's position is relative to the sequence's origin."""
 
     gps_geom_parameter_set_id: int = 0
     gps_seq_parameter_set_id: int = 0
@@ -142,7 +142,7 @@ class GeometryParameterSet:
 
 @dataclass
 class GeometryHeader:
-    """Header of a slice; the sensor (gdu_angular_origin_xyz) is relative to the slice's origin."""
+    """Header of a slice; the position of its sensor, if any, is relative to the slice's origin."""
 
     gdu_geometry_parameter_set_id: int = 0
     gdu_reserved_zero_3bits: int = 0
@@ -401,7 +401,10 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
 
 
 def point_count(data: bytes, header: GeometryHeader, gps: GeometryParameterSet) -> tuple[int, int]:
-    """Read the number of points from a data unit's footer; return it and the footer's size."""
+    """Return the number of points that the footer of a data unit states, and the footer's length in
+    bytes.
+
+    """
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)
     if length > len(data):

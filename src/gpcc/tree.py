@@ -26,16 +26,20 @@ def coded_axes(
     min_qtbt_size_log2: int = 0,
     late_z: tuple[int, int] | None = None,
 ) -> list[int]:
-    """Return tree_lvl_coded_axis_list: a mask of the axes (4 x, 2 y, 1 z) that each level splits.
-
-    Other parameters: see `GpccOptions`.
+    """Return which axes each level of the octree splits, from the root on: masks of 4 x, 2 y and 1
+    z.
 
     Parameters
     ----------
     bits
-        Log2 of the root's sides.
+        Log2 of the root's sides along x, y and z.
+    qtbt
+        Whether levels may split fewer than three axes.
+    max_num_qtbt_before_ot, min_qtbt_size_log2
+        As in `GpccOptions`.
     late_z
-        With a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z.
+        With a sensor, the options angular_max_node_min_dim_log2_to_split_z and
+        angular_max_diff_to_split_z.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -100,14 +104,18 @@ class Tree:
 def build_tree(
     points: Ints, corner: Ints, levels: list[int], ordered: bool = False, merged: bool = False
 ) -> Tree:
-    """Build the octree of points (n, 3); the origin of the root is `corner` (3,).
+    """Build the octree of integer points (n, 3).
 
     Parameters
     ----------
+    corner
+        Least corner (3,) of the root.
+    levels
+        Axes that each level splits, as `coded_axes` returns them.
     ordered
-        Whether to determine `second_first`.
+        Whether to find the order of two points that are alone in a node (`Tree.second_first`).
     merged
-        Whether to remove duplicates before.
+        Whether that order is the one without repeated points.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)
@@ -130,7 +138,10 @@ def build_tree(
 
 
 def leaf_starts(tree: Tree) -> list[Int32s]:
-    """Return, for each level, the index of every node's first leaf, then the number of leaves."""
+    """Return, for each level, the index (m + 1,) of each node's first leaf; the last is the number
+    of leaves.
+
+    """
     starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
     for level in reversed(tree.levels):
         starts.append(starts[-1][np.append(level.first_child, len(starts[-1]) - 1)])

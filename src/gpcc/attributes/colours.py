@@ -17,7 +17,10 @@ _HALF = 128.0
 
 
 def coded_colours(colours: Values, matrix: int | None, bitdepth: int) -> Values:
-    """Convert red, green, blue (n, 3) to coded components of `bitdepth` bits."""
+    """Convert red, green and blue (n, 3) to the components (n, 3) that are coded, of `bitdepth`
+    bits.
+
+    """
     red, green, blue = colours.T
     if matrix == BT709:
         r, g, b = (channel.astype(np.float64) for channel in (red, green, blue))
@@ -65,7 +68,10 @@ def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def coded_values(values: Values, scaling: Three) -> Values:
-    """Apply attr_offset and attr_scale before coding; see `syntax.AttributeDescription`."""
+    """Subtract the offset from reflectances (n, 1) and divide them by the scale, before they are
+    coded.
+
+    """
     scale_minus1, frac_bits, offset = scaling
     shifted = (values.astype(np.int64) - offset) << frac_bits
     quotient = np.abs(shifted) // (scale_minus1 + 1) * np.sign(shifted)
@@ -74,7 +80,7 @@ def coded_values(values: Values, scaling: Three) -> Values:
 
 
 def decoded_values(values: Values, scaling: Three) -> Values:
-    """Apply attr_scale and attr_offset after decoding; results have 16 bits."""
+    """Multiply decoded reflectances by the scale and add the offset; the result has 16 bits."""
     scale_minus1, frac_bits, offset = scaling
     scaled = (values.astype(np.int64) * (scale_minus1 + 1) >> frac_bits) + offset
     return (scaled & 0xFFFF).astype(np.int32)

@@ -24,7 +24,10 @@ _SPARE_BITS = 3
 
 @dataclass
 class SlicePoints:
-    """Points of a slice in coded order, along the coded axes, relative to the slice's origin."""
+    """The points of a slice in coded order, relative to the slice's origin, along the coded axes.
+
+    Coordinates, orders and levels of detail that several attributes need are computed once.
+    """
 
     gps: GeometryParameterSet
     # Indices of x, y, z among the coded axes.
@@ -40,7 +43,10 @@ class SlicePoints:
     _levels: tuple[Hashable, Levels] | None = None
 
     def coordinates(self, aps: AttributeParameterSet) -> Int32s:
-        """Return the coordinates (n, 3) in which an attribute is coded."""
+        """Return the coordinates (n, 3) that an attribute's distances refer to: x, y, z, or the
+        sensor's.
+
+        """
         if not aps.spherical_coord_flag:
             return self.positions
         scale = tuple(aps.attr_coord_scale)
@@ -64,7 +70,7 @@ class SlicePoints:
         return self._sorted[scale]
 
     def levels(self, aps: AttributeParameterSet, header: AttributeHeader) -> Levels:
-        """Return an attribute's levels of detail; for equal parameters, the last result."""
+        """Return the levels of detail in which an attribute is coded."""
         # As in TMC13, an attribute also reuses levels from other coordinates than its own.
         key = (
             aps.num_pred_nearest_neighbours_minus1,
@@ -96,14 +102,16 @@ class SlicePoints:
 
 
 def laser_coordinates(positions: Int32s, origin: Sequence[int], elevation: Ints) -> Int32s:
-    """Return radius, azimuth and laser (n, 3) of positions (n, 3), as in TMC13.
+    """Return the radius, azimuth and laser index (n, 3) of integer positions (n, 3), as TMC13 does.
 
     Parameters
     ----------
+    positions
+        Coordinates relative to the slice's origin.
     origin
-        The sensor's position.
+        The sensor's position in the same coordinates.
     elevation
-        See `angular.Angular`.
+        Tangents of the lasers' elevations in ascending order, in units of 2^-18.
     """
     result = np.empty_like(positions)
     _convert(positions, np.array(origin, dtype=np.int64), elevation, result)
@@ -122,7 +130,10 @@ def _convert(positions: Int32s, origin: Ints, elevation: Ints, result: Int32s) -
 
 
 def scaled_coordinates(positions: Int32s, scale: Sequence[int]) -> Int32s:
-    """Subtract the minimum from positions (n, 3); multiply the result by scale / 256."""
+    """Shift coordinates (n, 3) so that their minimum is 0, and multiply them by ``scale / 256`` per
+    axis.
+
+    """
     wide = positions.astype(np.int64)
     wide = (wide - wide.min(axis=0)) * np.array(scale, dtype=np.int64) + 128 >> 8
     if wide.max() >= 1 << MOST_BITS + _SPARE_BITS or wide[:, 2].max() >= 1 << MOST_BITS:

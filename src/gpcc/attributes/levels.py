@@ -61,14 +61,26 @@ def levels_of_detail(
     header: AttributeHeader,
     bias: Ints,
 ) -> Levels:
-    """Divide points into levels, and find the points' predictors.
+    """Divide points into levels of detail, and find the neighbours that predict each point.
 
     Parameters
     ----------
     points
-        In Morton order unless `aps.canonical_point_order_flag` is set.
+        The points of a slice, in Morton order unless `aps.canonical_point_order_flag` is set.
+    aps, header
+        Parameters of the attribute.
     bias
         Factors (3,) of distances along the coded axes.
+
+    Returns
+    -------
+    Levels
+        The order of coding, the ends of the levels in it, and the neighbours with their weights.
+
+    Raises
+    ------
+    InputError
+        If the factors are too large, or the search takes too long, as in some damaged streams.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")

@@ -24,7 +24,10 @@ _SUM_MASK = 0xFFFFFFFF
 
 
 def lifting_weights(levels: Levels, scalable: bool) -> Ints:
-    """Return quantisation weights (n,) of the points in coding order."""
+    """Return the weights (n,) of the points in coding order, by which their coefficients are
+    quantised.
+
+    """
     if not scalable:
         return point_weights(levels.predictors, levels.predictors.weights)
     weights = np.full(len(levels.order), 1 << FRACTION_BITS, dtype=np.int64)
@@ -45,12 +48,14 @@ def dequantise(
     last_component: Ints,
     transformed: Ints,
 ) -> None:
-    """Write transformed values (n, components) with `FRACTION_BITS` fractional bits.
+    """Write the transformed values (n, components) that quantised coefficients stand for.
 
     Parameters
     ----------
     last_component
-        (levels,) factors, in units of 1/4, that predict the third component from the second.
+        Factors (levels,), in units of 1/4, that predict the third component from the second.
+    transformed
+        Result, in units of 2^-FRACTION_BITS.
     """
     layer, level = integer(0), integer(0)
     components = coefficients.shape[1]
@@ -76,7 +81,10 @@ def unweighted(scaled: int, root: int) -> int:
 
 
 def transform(levels: Levels, weights: Ints, values: Ints, sign: int) -> None:
-    """Transform values (n, components) in place: forward for the `sign` -1, inverse for 1."""
+    """Transform values (n, components) in place: the forward transform for the sign -1, its inverse
+    for 1.
+
+    """
     sums = np.empty(len(weights), dtype=np.int64)
     updates = np.empty_like(values)
     parts = list(zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True))

@@ -49,11 +49,11 @@ PRECEDING_NEIGHBOURS = np.array(
 
 
 class Atlas(NamedTuple):
-    """Grid of 128^3 cells."""
+    """A grid of 128^3 cells that hold points; cells are emptied one by one."""
 
     # (128^3, 2) first index of a cell's points, and last index + 1 (0 if empty).
     cells: Int32s
-    # Codes of occupied cells; filled: (1,) their number.
+    # used, filled: codes of the occupied cells, and (1,) their number.
     used: Int32s
     filled: Ints
 
@@ -67,7 +67,7 @@ class SortedPoints(NamedTuple):
 
 
 class SearchOptions(NamedTuple):
-    """Options of a level."""
+    """How the neighbours of the points of one level of detail are searched."""
 
     # Log2 of the cells' side.
     cell_bits: int
@@ -150,7 +150,10 @@ def clear(atlas: Atlas) -> None:
 def holds_near_point(
     positions: Int32s, indices: Int32s, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
-    """Return whether a preceding cell's first point is within sqrt(`radius2`) of `point`."""
+    """Return whether the first point of a preceding adjacent cell is within sqrt(`radius2`) of a
+    point.
+
+    """
     for offset in PRECEDING_NEIGHBOURS:
         other = neighbour_code(cell, offset)
         if other >> _CELL_BITS != cell >> _CELL_BITS:
@@ -434,10 +437,22 @@ class Level(NamedTuple):
 
 @entry
 def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: int) -> int:
-    """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
+    """Find the three candidates that are nearest to each point of a level.
 
-    With c coarser points, an index below c is that of a coarser point; c + i is point i of the same
-    level. Returns the rest of `work`, the permitted number of operations; negative if exceeded.
+    Parameters
+    ----------
+    level, options
+        The points and candidates, and how to search.
+    nearest
+        Result (n, 3), the nearest first, -1 where there are fewer. With c coarser points, an index
+        below c is that of a coarser point, and c + i is point i of the same level.
+    work
+        Number of operations that the search may take.
+
+    Returns
+    -------
+    int
+        What is left of `work`; the search has stopped if it is negative.
     """
     coarser_codes = level.near.codes
     coarser_count, following = len(coarser_codes), integer(0)
@@ -559,18 +574,31 @@ def nearest_neighbours(
     atlases: Atlases,
     work: int,
 ) -> int:
-    """Find the predictors of the points `order[part]`, a level of detail.
+    """Find the points that predict the points `order[part]`, which are one level of detail.
 
     Parameters
     ----------
-    retained
-        Points of coarser levels.
+    points
+        The points of the slice.
+    options
+        How to search.
     bias
-        Factors (3,) of distances.
-    work
-        See `find_nearest`.
+        Factors (3,) of distances along the axes.
+    order
+        Indices of the slice's points, finest level first.
+    retained
+        Indices of the points of coarser levels.
     predictors
-        Output; `neighbours` are indices of points, not yet places in coding order.
+        Result; its `neighbours` are indices of points, not yet places in coding order.
+    atlases
+        Working memory of this thread.
+    work
+        Number of operations that the search may take.
+
+    Returns
+    -------
+    int
+        What is left of `work`; there is no result if it is negative.
     """
     same_level = order[part]
     scale = bias.astype(np.int32)

@@ -63,7 +63,7 @@ class Coding(NamedTuple):
     predictors: Predictors
     tools: PredictionTools
     quantisers: Quantisers
-    # (n,) index of each point in the slice; weights: (n,) weights of residuals.
+    # order, weights: (n,) index of each point in the slice, and weight of its residual.
     order: NDArray[np.int32]
     weights: Ints
     # (3, 2) working memory, in a decoder (0, 2): probabilities of residuals above 0 and above 1, in
@@ -73,7 +73,7 @@ class Coding(NamedTuple):
 
 @entry
 def code_values(coding: Coding) -> None:
-    """Encode or, if `greater` is empty, decode the values in coding order."""
+    """Encode the values in coding order, or decode them if `coding.greater` is empty."""
     values, tools, greater = coding.values, coding.tools, coding.greater
     layer, level, encoding = integer(0), integer(0), len(greater) > 0
     for k in range(len(greater)):

@@ -53,14 +53,18 @@ def qps(
     positions: Int32s,
     axes: tuple[int, int, int],
 ) -> Qps:
-    """Return the quantisation parameters of points.
+    """Return the quantisation parameters of a slice's points.
 
     Parameters
     ----------
+    aps, header
+        Parameters of the attribute.
+    bitdepth
+        Number of bits of a value.
     positions
-        (n, 3) along the coded axes.
+        Coordinates (n, 3) along the coded axes, which decide the region that a point is in.
     axes
-        Indices of x, y, z among the coded axes.
+        Indices of x, y and z among the coded axes.
     """
     luma, chroma = aps.init_qp_minus4 + 4, aps.aps_chroma_qp_offset
     if aps.aps_slice_qp_deltas_present_flag:
@@ -103,14 +107,10 @@ def step_sizes(qp: Ints) -> tuple[Ints, Ints]:
 def place_of(
     i: int, layer: int, level: int, ends: Ints, quantisers: Quantisers, order: NDArray[np.int32]
 ) -> tuple[int, int, int]:
-    """Return the layer of step sizes, the level of detail and the region of point `i`.
+    """Return the layer of step sizes, the level of detail and the region of point `i` in coding
+    order.
 
-    Parameters
-    ----------
-    layer, level
-        Results for point `i` - 1.
-    ends
-        End of each level of detail.
+    `layer` and `level` are the results for the point before; `ends` are the ends of the levels.
     """
     if i == ends[layer]:
         layer = min(len(quantisers.steps) - 1, layer + 1)

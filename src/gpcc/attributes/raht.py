@@ -67,8 +67,19 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
     Parameters
     ----------
-    codes : (n,) ascending Morton codes; points with equal codes are in decoding order.
-    thresholds : numbers of neighbours; see `Thresholds`.
+    codes
+        Ascending Morton codes (n,) of the points; points with equal codes are in decoding order.
+    attributes
+        Integer values (n, components).
+    qps
+        Quantisation parameters of the points in this order.
+    thresholds
+        Least numbers of neighbours at which coefficients are predicted, or None without prediction.
+
+    Returns
+    -------
+    Coded
+        Quantised coefficients in coding order, and the values that a decoder reconstructs.
     """
     coefficients = np.zeros(attributes.shape, dtype=np.int32)
     sums = np.zeros((len(codes) + 1, attributes.shape[1]), dtype=np.int64)
@@ -78,7 +89,10 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
 
 def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -> Rows:
-    """Reconstruct attributes (n, c) from quantised coefficients (n, c); see `forward`."""
+    """Reconstruct values (n, components) from quantised coefficients; parameters are those of
+    `forward`.
+
+    """
     sums = np.empty((0, coefficients.shape[1]), dtype=np.int64)
     return _transform(codes, sums, coefficients, qps, thresholds)
 
@@ -123,7 +137,7 @@ def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8
     Returns
     -------
     touching
-        (8, 7) direction 0 (the node), then directions of the node's neighbours that touch the child.
+        (8, 7) direction 0 (the node), then directions of its neighbours that touch the child.
     upwards
         (8, 19) direction from the node to the parent of each neighbour of the child.
     octants

@@ -36,7 +36,10 @@ COLOUR, REFLECTANCE = 0, 1
 
 
 class AttributeReader:
-    """Decoder of a stream's attributes; it receives the payloads in stream order."""
+    """Decoder of a stream's attributes, to which `decode_geometry` gives the payloads in their
+    order.
+
+    """
 
     def __init__(self) -> None:
         self._aps: dict[int, AttributeParameterSet] = {}
@@ -60,7 +63,13 @@ class AttributeReader:
         return branch
 
     def expect(self, sps: SequenceParameterSet, count: int) -> None:
-        """Raise InputError if the attributes of a slice of `count` points are not supported."""
+        """Count the values of a slice of `count` points before they are decoded.
+
+        Raises
+        ------
+        InputError
+            If attributes are not supported, or there are too many values.
+        """
         if len(sps.attributes) > MAX_ATTRIBUTES:
             raise InputError(f"G-PCC stream: more than {MAX_ATTRIBUTES} attributes")
         for attribute in sps.attributes:
@@ -142,7 +151,10 @@ class AttributeReader:
         return self._sps.attributes[header.attr_sps_attr_idx]
 
     def attributes(self, converted: bool) -> dict[str, Attribute]:
-        """Return values (n,) or (n, 3) by name; colours are red, green, blue if `converted`."""
+        """Return all decoded values by name, (n,) or (n, 3); colours are red, green, blue if
+        `converted`.
+
+        """
         result: dict[str, Attribute] = {}
         readers = [reader for reader in (self, *self._branches) if reader._values]
         described = next((reader._sps.attributes for reader in readers if reader._sps), [])

@@ -33,15 +33,20 @@ class Source(NamedTuple):
 
 
 def recoloured(positions: NDArray[np.int32], values: Values, source: Source, most: int) -> Values:
-    """Return values (m, components) of `positions` (m, 3).
+    """Return the values (m, components) of merged points, from the values of the points before
+    merging.
 
-    Each value minimises the larger of its errors from the average of the nearest source points, and
-    from all source points to which the position is nearest.
+    Each value minimises the larger of two errors: from the average of the nearest source points,
+    and from all source points to which the merged point is nearest.
 
     Parameters
     ----------
+    positions
+        Coordinates (m, 3) of the merged points in the coded cloud.
     values
-        (n, components) of the source's points.
+        Values (n, components) of the source points.
+    source
+        The source points.
     most
         Largest value.
     """

@@ -51,12 +51,21 @@ def initial_probabilities() -> Probabilities:
 def decode_coefficients(
     data: Bytes, bypass: Bytes | None, contexts: Probabilities, count: int, components: int
 ) -> Coefficients:
-    """Decode coefficients (count, components), and update `contexts`.
+    """Decode quantised coefficients (count, components).
 
     Parameters
     ----------
+    data
+        Arithmetic-coded bytes.
     bypass
-        See `arithmetic.Decoder`.
+        Bypass bits, one in each byte, if the stream holds them apart.
+    contexts
+        Probabilities, which are adapted.
+
+    Raises
+    ------
+    InputError
+        If the data are damaged or truncated.
     """
     coder = decoder(contexts, data, bypass)
     values = np.zeros((count, components), dtype=np.int32)

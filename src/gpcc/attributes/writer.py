@@ -52,21 +52,21 @@ _MOST_DISTANCE_LOG2 = 20
 
 
 class AttributeEncoder:
-    """Encoder of the input points' attributes as data units of slices.
+    """Encoder of attributes, from which the geometry's encoder takes their parts of the stream.
 
     Parameters
     ----------
-    attributes
-        See `cloud.encode_cloud`.
-    options
-        Options by attribute name.
+    attributes, options
+        Values and options by attribute name, as in `encode_cloud`.
+    count
+        Number of input points.
     recolour
         Function that returns the values of merged points.
 
     Raises
     ------
     InputError
-        If an attribute has an invalid name, shape or range.
+        If an attribute has another name, shape or range than its options allow.
     """
 
     def __init__(
@@ -91,12 +91,10 @@ class AttributeEncoder:
     def start(
         self, sps: SequenceParameterSet, gps: GeometryParameterSet, extent: Sequence[int]
     ) -> list[bytes]:
-        """Describe the attributes in `sps`, and return their parameter sets.
+        """Describe the attributes in the sequence's parameter set, and return their own parameter
+        sets.
 
-        Parameters
-        ----------
-        extent
-            Largest x, y, z of the points, relative to the sequence's origin.
+        `extent` holds the largest x, y and z of the points, relative to the sequence's origin.
         """
         sps.attributes, sps.num_attributes = self._described, len(self._described)
         self._parameters = [
@@ -108,7 +106,7 @@ class AttributeEncoder:
     def data_units(
         self, slice_id: int, origin: Three, coded: CodedPoints
     ) -> list[tuple[int, bytes]]:
-        """Return the types and payloads of a slice's data units."""
+        """Return the payload type and the payload of each attribute of a slice."""
         units = []
         for index in sorted(range(len(self._names)), key=self._names.__getitem__):
             values = self._values[index]
@@ -252,7 +250,7 @@ def _coordinate_scale(gps: GeometryParameterSet, extent: Sequence[int]) -> list[
 
 
 def estimated_distance_log2(positions: Int32s, percentile: float) -> int:
-    """Return log2 of the point distance in the finest level of detail (`estimateDist2`)."""
+    """Return log2 of the distance between points that suits the finest level of detail."""
     count = len(positions)
     if count < 2:
         return 0
@@ -277,7 +275,10 @@ def encoded_attribute(
     header: AttributeHeader,
     attribute: AttributeDescription,
 ) -> Values:
-    """Return coefficients (n, components) in coded order; set prediction factors in `header`."""
+    """Return the quantised coefficients (n, components) of a slice's values, in coding order.
+
+    Factors of predictions between components, if they are used, are written to `header`.
+    """
     bits = attribute.attr_bitdepth_minus1 + 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)
     if not aps.has_levels:
