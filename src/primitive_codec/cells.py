@@ -27,10 +27,23 @@ class CellGroups(NamedTuple):
 def group_by_cell(
     points: Floats, side: float, origin: Floats | None = None, *, centred: bool = False
 ) -> CellGroups:
-    """Group points (n, 3), n > 0, by cells of a grid.
+    """Group points by the cells of a grid.
 
-    The points must span fewer than 2^21 cells per axis. `origin` (3,), by default zeros, is the
-    centre (if `centred`) or the lowest corner of cell (0, 0, 0).
+    Parameters
+    ----------
+    points
+        Coordinates (n, 3), n > 0, that span fewer than 2^21 cells per axis.
+    side
+        Side of a cell.
+    origin
+        Lowest corner of the cell (0, 0, 0), by default zeros.
+    centred
+        Whether `origin` is the centre of that cell instead.
+
+    Returns
+    -------
+    CellGroups
+        The occupied cells, with the number and the mean of their points.
     """
     positions = (points - (0.0 if origin is None else origin)) / side
     cells = (np.rint(positions) if centred else np.floor(positions)).astype(np.int64)
@@ -47,10 +60,22 @@ def group_by_cell(
 
 
 def centre_distances(points: Floats, origin: Floats, side: float, cells: Ints) -> Floats:
-    """Return points' Chebyshev distances (n,) from the centres of their cells, in cell sides.
+    """Return how far points are from the centres of their cells, along the farthest axis, in cell
+    sides.
 
-    The distance is infinite outside the occupied `cells` (m, 3). `origin` is the centre of cell
-    (0, 0, 0).
+    Parameters
+    ----------
+    points
+        Coordinates (n, 3).
+    origin, side
+        Centre of the cell (0, 0, 0), and side of a cell.
+    cells
+        Occupied cells (m, 3).
+
+    Returns
+    -------
+    ndarray
+        Distances (n,), infinite for points outside the occupied cells.
     """
     low, high = bounding_corners(cells)
     positions = (points - origin) / side

@@ -209,10 +209,19 @@ def count_points(octree: PlaneOctree, spacing: int) -> int:
 
 @compiled
 def reconstruct_points(octree: PlaneOctree, spacing: int, xyz: Floats, leaf_of_point: Ints) -> int:
-    """Write points of a square grid on the occupied columns; return their number.
+    """Place points on a square grid over all occupied columns of the planes, and return their
+    number.
 
-    Points are `spacing` / `SPACING_UNIT` columns apart. Their number may exceed the length m of
-    `xyz` (m, 3) and of the leaf indices `leaf_of_point` (m,).
+    Parameters
+    ----------
+    octree
+        The decoded planes with their occupancy maps.
+    spacing
+        Distance of the points, in columns / `SPACING_UNIT`.
+    xyz
+        Receives the points (m, 3), in cells; those beyond m are only counted.
+    leaf_of_point
+        Receives the index (m,) of each point's leaf.
     """
     leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)

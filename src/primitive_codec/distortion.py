@@ -61,9 +61,14 @@ class DistortionEstimator:
         return NearestOffsets(*(xyz - decoded[tree.query(xyz)[1]] for xyz in queries))
 
     def measure(self, decoded: Floats, offsets: NearestOffsets | None = None) -> Distortion:
-        """Estimate the distortion of decoded points (k, 3).
+        """Estimate the distortion of decoded points.
 
-        If `offsets` are the `nearest_offsets` of all points, `decoded` may be a `subsample`.
+        Parameters
+        ----------
+        decoded
+            Coordinates (k, 3), or a `subsample` of them if `offsets` are given.
+        offsets
+            The `nearest_offsets` of all decoded points, if they are known.
         """
         queries = subsample(decoded)
         of_points, of_samples = offsets or self.nearest_offsets(decoded)
@@ -77,7 +82,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate `Distortion.surface` from at most `_MAX_FAST_QUERIES` points per direction."""
+        """Estimate `Distortion.surface` alone, faster and from fewer points."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]

@@ -98,11 +98,10 @@ def _update(coder: ContextCoder, context: int, bit: int) -> None:
 
 @compiled_in_place
 def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first_b: int) -> int:
-    """Encode or decode a signed integer.
+    """Encode or decode a signed integer: whether it is 0, its sign, and its magnitude.
 
-    The code is a zero flag, a sign, and a magnitude (unary to 12, then Elias gamma), with
-    `CONTEXTS_PER_NUMBER` contexts from each of `first_a` and `first_b` on, and three mixers from
-    `mixer` on.
+    Magnitudes above 12 are coded in Elias's gamma code. `CONTEXTS_PER_NUMBER` contexts are used
+    from each of `first_a` and `first_b` on, and three mixers from `mixer` on.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

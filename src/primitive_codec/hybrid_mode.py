@@ -57,9 +57,19 @@ class HybridCandidate(NamedTuple):
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points of a hybrid stream; raise InputError if the stream is damaged.
+    """Return the points (n, 3) of a hybrid stream.
 
-    `xyz` and `normals` (m, 3) are the decoded surface's points and unit normals.
+    Parameters
+    ----------
+    header
+        The stream's header, which holds its voxels.
+    xyz, normals
+        Points and unit normals (m, 3) of its decoded surface.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or its voxels lie too far from its surface.
     """
     grid, voxels, points = voxel_mode.read_voxels(header.voxels)
     if len(voxels) and len(xyz):

@@ -44,7 +44,7 @@ def rotation_matrix(rotation_vector: RotationVector) -> Floats:
 
 @compiled
 def rotate(vectors: Floats, rotation: Floats) -> Floats:
-    """Rotate vectors (n, 3) with bit-identical results on all processors."""
+    """Rotate vectors (n, 3) by a matrix (3, 3), with the same bits on all processors."""
     result = np.empty_like(vectors)
     for i in range(len(vectors)):
         x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
@@ -60,7 +60,7 @@ def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
     """Return the rotation that aligns most unit normals (n, 3) with the coordinate axes.
 
-    Return the zero vector, no rotation, unless a rotation aligns many more normals.
+    Unless it aligns many more of them than no rotation does, the result is the zero vector.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN

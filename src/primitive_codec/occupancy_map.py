@@ -253,12 +253,21 @@ def _nearest_within(
 
 @compiled
 def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, bits: Bytes) -> None:
-    """Write to `bits` the map (n, n) of largest total gain minus edge cost.
+    """Choose the columns of a map, so that their total gain minus the cost of edges is large.
 
     The method is iterated conditional modes (Besag, "On the statistical analysis of dirty
-    pictures", 1986). `gains` (n, n) are the reductions of the distortion by occupied columns. An
-    edge is between an occupied and an empty column. `surrounding` (n + 2, n + 2) holds the states
-    of columns around the map.
+    pictures", 1986). An edge is between an occupied and an empty column.
+
+    Parameters
+    ----------
+    gains
+        By how much each column (n, n) reduces the distortion if it is occupied.
+    edge_cost
+        Cost of an edge.
+    surrounding
+        States (n + 2, n + 2) of the columns around the map.
+    bits
+        Receives 1 for occupied and 0 for empty columns (n, n).
     """
     side = len(gains)
     for a in range(side):

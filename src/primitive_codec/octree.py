@@ -54,9 +54,18 @@ def prune_octree(
     coarsest_leaf_level: int,
     finest_leaf_level: int,
 ) -> None:
-    """Mark the leaves that minimise squared distance + lmbda * bits, bottom-up.
+    """Mark the nodes that become leaves, so that squared distance + lmbda * bits is least.
 
-    `leaf_bits` and `split_bits` are the estimated bits of a plane and of a split.
+    Parameters
+    ----------
+    levels
+        The octree, whose `is_leaf` receives the marks.
+    lmbda
+        Weight of a bit, in squared cells.
+    leaf_bits, split_bits
+        Estimated bits of a plane, and of a split.
+    coarsest_leaf_level, finest_leaf_level
+        Levels of the largest and the smallest leaves; level 0 is the root.
     """
     child_costs = np.zeros(0)
     for depth in range(finest_leaf_level, -1, -1):
@@ -96,10 +105,21 @@ def moments_of(
     normals: Floats | None = None,
     radius: float = 0.0,
 ) -> Floats:
-    """Return the moments (n, 10), for least-squares planes, of points or of discs around points.
+    """Return the weighted moments of points, or of discs around them, for least-squares planes.
 
-    A row is 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight. `normals` and `radius` describe
-    the discs.
+    Parameters
+    ----------
+    xyz
+        Coordinates (n, 3).
+    weights
+        Weights (n,), or one for all.
+    normals, radius
+        Unit normals (n, 3) and the radius of the discs; by default there are only points.
+
+    Returns
+    -------
+    ndarray
+        (n, 10): sums of 1, x, y, z, xx, xy, xz, yy, yz and zz, times the weight.
     """
     normals = np.zeros((1, 3)) if normals is None else normals
     variance, (i, j) = radius**2 / 4, (np.array([0, 0, 1]), np.array([1, 2, 2]))

@@ -54,9 +54,21 @@ def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLi
 
 @compiled
 def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
-    """Merge pieces of a surface, with moments (n, 10) and adjacent pairs (m, 2), into regions.
+    """Merge adjacent pieces of a surface into regions, as long as one plane fits each region.
 
-    Return each piece's region (n,), as the index of one of the region's pieces.
+    Parameters
+    ----------
+    moments
+        Moments (n, 10) of the pieces' points.
+    pairs
+        Indices (m, 2) of adjacent pieces.
+    limits
+        How much a merge may cost.
+
+    Returns
+    -------
+    ndarray
+        For each piece (n,) the index of one piece of its region, the same for all of them.
     """
     n = len(moments)
     regions = _Regions(

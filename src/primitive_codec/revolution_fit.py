@@ -30,10 +30,17 @@ _UNKNOWN_COUNT = 6
 
 @compiled
 def fit_revolution(surface: RevolutionSurface, xyz: Floats, loss_scale: float) -> RevolutionSurface:
-    """Fit a surface to points (n, 3).
+    """Fit a surface of revolution to points, by robust least squares.
 
-    The initial origin should be beside the points: the fit moves the origin only perpendicularly to
-    the axis (a sphere's origin in all directions).
+    Parameters
+    ----------
+    surface
+        Where to start. Its origin should be beside the points: the fit moves it only
+        perpendicularly to the axis, but a sphere's in all directions.
+    xyz
+        Coordinates (n, 3).
+    loss_scale
+        Distance from which on outliers count less.
     """
     current = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
     trial = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))

@@ -41,11 +41,25 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return hypotheses (m, 9): unbounded spheres, cylinders and cones through samples.
+    """Return unbounded spheres, cylinders and cones through a few samples of a surface.
 
-    Each seed, the index of a sample, is combined with two samples at each of three distances.
-    `spacing` is the samples' spacing, `tolerance` the least radius; a sphere or cylinder may miss
-    the second sample by twice `tolerance`. Rows are as in `surface_of_hypothesis`.
+    Each seed is combined with two other samples at each of three distances.
+
+    Parameters
+    ----------
+    xyz, normals
+        Samples and their unit normals (n, 3).
+    seeds
+        Indices of the samples to start from.
+    spacing
+        Distance between samples.
+    tolerance
+        Least radius; the second sample may lie twice as far off a sphere or cylinder.
+
+    Returns
+    -------
+    ndarray
+        Hypotheses (m, 9), which `surface_of_hypothesis` reads.
     """
     fields = np.empty((3 * len(SPANS) * len(seeds), _FIELDS))
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2

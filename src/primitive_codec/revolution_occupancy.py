@@ -54,10 +54,23 @@ def fit_revolutions(
     weights: Floats,
     costs: RevolutionCosts,
 ) -> tuple[list[UnrolledMap], Mask]:
-    """Bound each surface by those inliers that are on no earlier map, and decide its map.
+    """Bound surfaces of revolution by the samples on them, and choose their occupied columns.
 
-    The samples' `weights` (n,) average 1. Returns the maps that contain samples, and the mask (n,)
-    of samples on no map.
+    Parameters
+    ----------
+    surfaces
+        Unbounded surfaces in cells; the first has the first choice of samples.
+    xyz, normals
+        Samples and their unit normals (n, 3), in cells.
+    weights
+        Weights (n,) of the samples, 1 on average.
+    costs
+        What distortion and edges of maps cost.
+
+    Returns
+    -------
+    tuple
+        The maps that contain samples, and the mask (n,) of the samples that are on no map.
     """
     unexplained = np.ones(len(xyz), bool)
     maps: list[UnrolledMap] = []

@@ -51,9 +51,16 @@ Mask = NDArray[np.bool_]
 def detect_revolutions(
     xyz: Floats, normals: Floats, spacing: float, tolerance: float
 ) -> list[RevolutionSurface]:
-    """Return fitted, bounded surfaces of revolution, ordered by descending number of inliers.
+    """Detect cylinders, cones and spheres, and bound them; those with the most samples come first.
 
-    `spacing` is the samples' spacing, `tolerance` the largest distance of an inlier.
+    Parameters
+    ----------
+    xyz, normals
+        Samples of a surface and their unit normals (n, 3).
+    spacing
+        Distance between samples.
+    tolerance
+        Largest distance of a sample that is on a surface.
     """
     curved = _curved_samples(xyz, normals, spacing)
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):

@@ -31,12 +31,27 @@ def downsample(points: Floats, spacing: float) -> CellSamples:
 def smooth_samples(
     samples: CellSamples, spacing: float, radius: float, outlier_distance: float
 ) -> tuple[Floats, Floats]:
-    """Project samples onto robust planes of their neighbours; return points and normals (n, 3).
+    """Move samples of a noisy surface onto planes that are fitted robustly to their neighbours.
 
-    A neighbour's weight is the square root of its number of points, because noise is correlated
-    within a cell. The weight decreases with the distance from the sample (0 at `radius`), with the
-    distance from the plane (0 at `outlier_distance`) and, in the second pass, with the angle
-    between normals, to preserve edges. `spacing` is the side of a sampling cell.
+    A neighbour weighs as much as the square root of its number of points, because noise is
+    correlated within a cell; less with its distance from the sample and from the plane; and in the
+    second pass less with the angle between the normals, which preserves edges.
+
+    Parameters
+    ----------
+    samples
+        The samples.
+    spacing
+        Side of a sampling cell.
+    radius
+        Distance from the sample at which neighbours have no weight.
+    outlier_distance
+        Distance from the plane at which neighbours have no weight.
+
+    Returns
+    -------
+    tuple
+        Points and unit normals, (n, 3) each.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))

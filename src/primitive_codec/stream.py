@@ -145,11 +145,15 @@ def pack_hybrid(header: HybridHeader) -> bytes:
 
 
 def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, bytes]:
-    """Return header and payload of a stream.
+    """Split a stream into its header and its payload.
 
-    The header of a hybrid stream (a surface and voxels) contains both streams, and its payload is
-    empty.
-    Raises InputError if the stream is truncated, damaged, or has another version.
+    The header of a hybrid holds two complete streams, one of a surface and one of voxels; its
+    payload is empty.
+
+    Raises
+    ------
+    InputError
+        If the stream is truncated, damaged, or of another version.
     """
     if len(stream) < _START.size + _CHECKSUM.size or not stream.startswith(MAGIC):
         raise InputError("not a stream of primitives, or truncated")
@@ -181,9 +185,12 @@ def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, b
 
 
 def unpack_surface(stream: bytes) -> tuple[SurfaceHeader, bytes]:
-    """Unpack the surface of a stream, which may be a hybrid.
+    """Split a surface stream, or the surface of a hybrid, into its header and its payload.
 
-    Raises InputError if the stream is damaged or holds only voxels.
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or holds only voxels.
     """
     header, payload = unpack(stream)
     if isinstance(header, HybridHeader):

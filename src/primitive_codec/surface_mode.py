@@ -117,8 +117,8 @@ def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
     """Encode a cloud as a surface.
 
-    Return None if the stream exceeds a decoder's limits, or decodes to no points or to more points
-    than the input has.
+    Returns None if the stream would exceed a decoder's limits, or would decode to no points or to
+    more than the cloud has.
     """
     surface, matrix = cloud.surface, rotation_matrix(mode.rotation)
     xyz = rotate(surface.xyz, matrix)

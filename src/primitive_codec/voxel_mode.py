@@ -118,7 +118,8 @@ class VoxelSearch:
     def encode_to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
         """Encode the finest voxels that take at most about `max_bytes` bytes.
 
-        `max_voxel_size`, in 1/1023 of the extent, bounds the voxels' side for any budget.
+        Their side is at most `max_voxel_size`, in 1/1023 of the extent, even if that takes more
+        bytes.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())
