@@ -75,7 +75,7 @@ _GRID_PLACING = np.array(
     [[_grid_placement(a, offsets) for offsets in product((-1, 0, 1), repeat=3)] for a in range(8)],
     dtype=np.int64,
 )
-_GRID_CUT, _GRID_SHIFT = np.moveaxis(_GRID_PLACING, 2, 0).reshape(2, 8, 3, 3, 3)
+_GRID_CUT, _GRID_SHIFT = np.moveaxis(_GRID_PLACING, 2, 0).copy().reshape(2, 8, 3, 3, 3)
 
 
 class OccupancyAtlas(NamedTuple):
