@@ -141,3 +141,4 @@ PCGCV2 = NetworkType("pcgcv2", r"c8_a(\d+)_\d+\.pth", _tenths)
 OCTREE_NET = NetworkType("sparse_octree_net")
 RENO = NetworkType("reno", r"([\w.-]+)\.pt")
 """The authors' ``KITTIDetection.pt`` serves all rates."""
+NETWORKS = {network.name: network for network in (PCGCV1, PCGCV2, OCTREE_NET, RENO)}
