@@ -14,7 +14,7 @@ from pcc_networks.sparse.voxels import morton_keys, morton_voxels
 from pcc_networks.training.examples import random_symmetry
 from pcc_networks.training.loop import train
 from pointkit.errors import InputError
-from puckbench.codecs.registry import open_training
+from pointkit.models import parsed
 
 
 def _room(points: int = 3000) -> np.ndarray:
@@ -117,4 +117,4 @@ def test_cubes_are_turned_into_their_symmetries(upright: bool, symmetries: int) 
 def test_other_numbers_of_symmetries_are_refused() -> None:
     assert OctreeNetTraining(symmetries=8).examples([_room()]).upright
     with pytest.raises(InputError, match=r"symmetries is 7, but must be 8 or 48"):
-        open_training("sparse_octree_net", None, {"symmetries": 7})
+        parsed(OctreeNetTraining, {"symmetries": 7}, "training")

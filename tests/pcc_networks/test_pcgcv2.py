@@ -1,8 +1,5 @@
 """PCGCv2 with a tiny network of random weights: properties that hold for all weights."""
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,15 +23,10 @@ from pcc_networks.sparse.thread_pool import thread_pool
 from pcc_networks.sparse.voxels import keys_of_slots, morton_keys, pyramid, selected_children
 from pcc_networks.weights_file import save_multi_rate
 from pointkit.errors import InputError
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_of, open_codec
 from tests.support.learned_codecs import (
-    RATES,
     TINY2,
-    changes,
     endure_damage,
     network2,
-    save_tiny,
     shell,
     torch_threads,
 )
@@ -55,18 +47,6 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> Pcgcv2Weights:
 def _saved(path: Path, data: str) -> Pcgcv2Weights:
     save_multi_rate(path, PCGCV2, network2(), (1.0, 4.0), {"data": data})
     return load_weights(path)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("folder")
-    save_tiny("pcgcv2_plus", path / "tiny.safetensors")
-    return path
-
-
-@pytest.fixture
-def codec(folder: Path) -> Codec:
-    return open_codec("pcgcv2_plus", changes("pcgcv2_plus", folder))
 
 
 def test_fused_layers_give_what_the_modules_give() -> None:
@@ -194,22 +174,19 @@ def test_a_checkpoint_that_lacks_a_layer_is_refused(tmp_path: Path) -> None:
         load_published(tmp_path / "c8_a1_32000.pth")
 
 
-def test_as_many_voxels_come_back_as_went_in_and_near_them(folder: Path) -> None:
-    codec = open_codec("pcgcv2_plus", changes("pcgcv2_plus", folder, point_reconstruction=False))
+def test_as_many_voxels_come_back_as_went_in_and_near_them(weights: Pcgcv2Weights) -> None:
     points = _shell() + 1000
-    for rate in codec.rates:
-        stream = codec.encode(points, rate)
-        decoded = codec.decode(stream)
-        assert codec_of(stream) == "pcgcv2_plus"
+    for rate in range(len(weights.lmbdas)):
+        decoded = decode(encode(points, weights, rate, point_reconstruction=False), weights)
         assert decoded.shape == points.shape
         assert len(np.unique(decoded, axis=0)) == len(points)
         coarse = np.unique(points // 8, axis=0)
         assert {tuple(v) for v in decoded // 8} <= {tuple(v) for v in coarse}
 
 
-def test_few_points_come_back_as_they_are(codec: Codec) -> None:
+def test_few_points_come_back_as_they_are(weights: Pcgcv2Weights) -> None:
     points = np.random.default_rng(0).random((64, 3)) * 1e6
-    decoded = codec.decode(codec.encode(points, "r1"))
+    decoded = decode(encode(points, weights), weights)
     assert np.array_equal(decoded, np.unique(points, axis=0))
 
 
@@ -252,26 +229,10 @@ def test_blocks_hold_every_voxel_once_and_no_coarse_voxel_twice(most: int) -> No
     assert max(map(len, parts)) <= most + 512
 
 
-def test_clouds_that_span_too_much_are_refused(codec: Codec) -> None:
+def test_clouds_that_span_too_much_are_refused(weights: Pcgcv2Weights) -> None:
     points = np.vstack([_shell(), [[2.0**21, 0, 0]]])
     with pytest.raises(InputError, match="spans more than"):
-        codec.encode(points, "r1")
-
-
-@pytest.mark.parametrize(
-    ("changes", "fault"),
-    [
-        ({"options": {"weights": "nowhere"}}, "no such folder"),
-        ({"options": {"weights": "."}, "rates": ["r1"]}, "no weights for r1"),
-    ],
-)
-def test_missing_weights_are_named(
-    changes: dict, fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    ok, why = open_codec("pcgcv2_plus", changes).available()
-    assert not ok
-    assert fault in why
+        encode(points, weights)
 
 
 def _coded() -> Pcgcv2Stream:
@@ -306,24 +267,14 @@ def test_a_small_stream_cannot_promise_many_voxels() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_damaged_streams_end_in_one_clean_error_or_points(codec: Codec, seed: int) -> None:
-    endure_damage(codec, codec.encode(_shell(), "r2"), check=6, seed=seed)
+def test_damaged_streams_end_in_one_clean_error_or_points(
+    weights: Pcgcv2Weights, seed: int
+) -> None:
+    stream = encode(_shell(), weights, 1)
+    endure_damage(lambda damaged: decode(damaged, weights), stream, check=6, seed=seed)
 
 
 @pytest.mark.parametrize("stream", [b"", b"PCG2", b"DRACO\x02\x02\x00\x01\x00\x00" + bytes(40)])
-def test_foreign_streams_are_refused(codec: Codec, stream: bytes) -> None:
+def test_foreign_streams_are_refused(weights: Pcgcv2Weights, stream: bytes) -> None:
     with pytest.raises(InputError, match=r"truncated|not a PCGCv2 stream"):
-        codec.decode(stream)
-
-
-def test_streams_decode_in_a_fresh_process(codec: Codec, folder: Path, tmp_path: Path) -> None:
-    stream = codec.encode(_shell(), "r1")
-    (tmp_path / "a.bin").write_bytes(stream)
-    command = [sys.executable, "-m", "puckbench", "decode", tmp_path / "a.bin", tmp_path / "a.ply"]
-    subprocess.run(
-        [*command, "--weights", folder, "--entry", json.dumps({"rates": RATES["pcgcv2_plus"]})],
-        check=True,
-    )
-    from cloud_files.clouds import read_cloud
-
-    assert np.array_equal(read_cloud(tmp_path / "a.ply").xyz, codec.decode(stream))
+        decode(stream, weights)

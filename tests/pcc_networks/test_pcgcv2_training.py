@@ -131,3 +131,21 @@ def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
         InputError, match="no cube of 8 voxels' side holds 200 voxels: give denser clouds"
     ):
         CubeExamples([_plane()], cube_size=8).batch(0)
+
+
+def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:
+    """Settings that it does not name, random numbers and the curve are those of the new run."""
+    training = Pcgcv2Training(lmbdas=LMBDAS, steps=4, channels=TINY2.channels)
+    with thread_pool(1) as pool:
+        old = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
+        old.done = 3
+        old.save(tmp_path / "a.pt")
+        state = torch.load(tmp_path / "a.pt", weights_only=True)
+        kept = {name: state[name] for name in ("model", "optimiser", "done")}
+        settings = {name: training.model_dump()[name] for name in ("steps", "seed")}
+        torch.save({**kept, "training": settings}, tmp_path / "b.pt")
+        new = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
+        new.resume(tmp_path / "b.pt")
+    assert new.done == 3
+    for name, value in old.model.state_dict().items():
+        assert torch.equal(new.model.state_dict()[name], value)

@@ -38,10 +38,11 @@ class RenoWeights:
     heads: tuple[Head, Head]  # of first and of second symbols
 
 
-def load_weights(path: Path) -> RenoWeights:
+def load_weights(path: str | Path) -> RenoWeights:
     from pcc_networks.weights_file import digest_of, read_checkpoint
     from pointkit.files import read_bytes
 
+    path = Path(path)
     checkpoint = read_checkpoint(path, _FAULT)
     try:
         arrays = _arrays(checkpoint)
