@@ -18,8 +18,7 @@ from pcc_networks.adaptive_entropy import (
     factorised_prior,
     prior_of,
 )
-from pcc_networks.entropy_bottleneck import FrequencyTable
-from pcc_networks.range_coding import encode_latent
+from pcc_networks.entropy_bottleneck import FrequencyTable, encode_latent
 from pcc_networks.sparse.voxels import VoxelSet, morton_keys, pyramid
 from pointkit.errors import InputError
 from tests.support.learned_codecs import save_tiny, shell

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from pcc_networks import pcgcv1, pcgcv2
 from pcc_networks.pcgcv1 import weights as pcgcv1_weights
-from pcc_networks.pcgcv1.device_inference import DeviceTransforms
+from pcc_networks.pcgcv1.inference import DeviceTransforms
 from pcc_networks.pcgcv2 import inference as pcgcv2_inference
 from pointkit.errors import InputError
 from tests.support.learned_codecs import save_tiny, shell

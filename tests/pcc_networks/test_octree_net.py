@@ -15,11 +15,9 @@ from hypothesis import strategies as st
 
 from gpcc import decode_geometry, encode_geometry
 from gpcc.grid import input_grid
-from pcc_networks.octree_net.codec import decode, encode
-from pcc_networks.octree_net.coder import decode_part, encode_part, split
-from pcc_networks.octree_net.fixed_point import UNITS, WEIGHT_UNITS
+from pcc_networks.octree_net.codec import decode, decode_part, encode, encode_part, split
 from pcc_networks.octree_net.mixing import code_symbols
-from pcc_networks.octree_net.model import OctreeNet, OctreeNetShape
+from pcc_networks.octree_net.model import UNITS, WEIGHT_UNITS, OctreeNet, OctreeNetShape
 from pcc_networks.octree_net.stream import OctreeNetStream, read_stream, write_stream
 from pcc_networks.octree_net.symbols import EVEN, ODD, groups_of, slots_of, symbols_of
 from pcc_networks.octree_net.training import bits_per_level
@@ -153,7 +151,7 @@ def _coded_frequencies(model: OctreeNet, keys: np.ndarray) -> list[np.ndarray]:
         code_symbols(*run)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pcc_networks.octree_net.coder.code_symbols", noted)
+        patch.setattr("pcc_networks.octree_net.codec.code_symbols", noted)
         encode_part(keys, model)
     return runs
 

@@ -4,15 +4,25 @@ import numpy as np
 import pytest
 import torch
 
-from pcc_networks.octree_net.examples import OctreeExamples
-from pcc_networks.octree_net.fixed_point import MAX_SUM, largest_sum, quantised, quantised_weight
-from pcc_networks.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
-from pcc_networks.octree_net.training import OctreeNetTrainer, bits_per_level, limit_weights
-from pcc_networks.octree_net.training_settings import OctreeNetTraining
+from pcc_networks.octree_net.model import (
+    MAX_SUM,
+    FixedPointLayer,
+    OctreeNet,
+    OctreeNetShape,
+    largest_sum,
+    quantised,
+    quantised_weight,
+)
+from pcc_networks.octree_net.training import (
+    OctreeExamples,
+    OctreeNetTrainer,
+    bits_per_level,
+    limit_weights,
+)
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
 from pcc_networks.sparse.voxels import morton_keys, morton_voxels
-from pcc_networks.training.examples import random_symmetry
-from pcc_networks.training.loop import train
+from pcc_networks.training.loop import random_symmetry, train
+from pcc_networks.training.settings import OctreeNetTraining
 from pointkit.errors import InputError
 from pointkit.models import parsed
 

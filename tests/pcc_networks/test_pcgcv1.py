@@ -10,16 +10,16 @@ import pytest
 import torch
 from torch.nn.functional import conv3d, conv_transpose3d, pad
 
-from pcc_networks.pcgcv1 import laplace
+from pcc_networks.pcgcv1 import hyper_prior
 from pcc_networks.pcgcv1.codec import decode, encode
 from pcc_networks.pcgcv1.cubes import cubes_of, occupancy
 from pcc_networks.pcgcv1.entropy_coding import decode_counts, encode_counts
+from pcc_networks.pcgcv1.hyper_prior import IntegerHyperSynthesis
 from pcc_networks.pcgcv1.inference import CpuTransforms
-from pcc_networks.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from pcc_networks.pcgcv1.model import HyperSynthesis, Pcgcv1Shape, StridedConv, TransposedConv
 from pcc_networks.pcgcv1.stream import BATCH, CubeBatch, Pcgcv1Stream, read_stream, write_stream
 from pcc_networks.pcgcv1.weights import Pcgcv1Weights, load_published, load_weights
-from pcc_networks.sparse.layers import top_k
+from pcc_networks.sparse.voxels import top_k
 from pointkit.errors import InputError
 from tests.support.learned_codecs import (
     TINY1,
@@ -221,8 +221,8 @@ def _laplace_mass(integer: np.ndarray, location: float, scale: float) -> np.ndar
 
 @pytest.mark.parametrize("number", [0, 8, 15, 500, 700, 1023])
 def test_tables_hold_laplace_probabilities(number: int) -> None:
-    table = laplace.laplace_table(number)
-    scale = laplace.MIN_SCALE * 2 ** (10 * (number >> 4) / 63)
+    table = hyper_prior.laplace_table(number)
+    scale = hyper_prior.MIN_SCALE * 2 ** (10 * (number >> 4) / 63)
     integers = table.lowest + np.arange(len(table.frequencies) - 1)
     masses = _laplace_mass(integers, (number & 15) / 16, scale)
     shares = table.frequencies / table.frequencies.sum()
@@ -236,16 +236,18 @@ PINNED = 2262421923
 def test_the_tables_are_the_same_whole_numbers_everywhere() -> None:
     """A change of any frequency changes the format: streams of old versions would not decode."""
     check = 0
-    for number in range(laplace.SCALES * laplace.OFFSETS):
-        check = zlib.crc32(laplace.laplace_table(number).frequencies.astype("<i4").tobytes(), check)
+    for number in range(hyper_prior.SCALES * hyper_prior.OFFSETS):
+        check = zlib.crc32(
+            hyper_prior.laplace_table(number).frequencies.astype("<i4").tobytes(), check
+        )
     assert check == PINNED
 
 
 def test_a_value_gets_the_table_nearest_to_its_distribution() -> None:
-    units = laplace.UNITS
+    units = hyper_prior.UNITS
     location = np.array([0, round(2.49 * units), round(-0.26 * units), -units])
     scale = np.array([0, round(1.05 * units), 3 * units, 10**9])
-    chosen = laplace.build_indexes(location, scale)
+    chosen = hyper_prior.build_indexes(location, scale)
     assert chosen.centre.tolist() == [0, 2, -1, -1]
     assert (chosen.table & 15).tolist() == [0, 8, 12, 0]
     levels = 63 * (np.log2([1.05, 3]) + 5) / 10
@@ -254,7 +256,7 @@ def test_a_value_gets_the_table_nearest_to_its_distribution() -> None:
 
 def test_training_likelihood_agrees_with_the_closed_form() -> None:
     integers = np.arange(-5.0, 6)
-    result = laplace.likelihood(
+    result = hyper_prior.likelihood(
         torch.from_numpy(integers), torch.full((11,), 0.3), torch.full((11,), 0.8)
     )
     np.testing.assert_allclose(result, _laplace_mass(integers, 0.3, 0.8), rtol=1e-5)

@@ -7,15 +7,15 @@ from torch.nn.functional import max_pool3d
 
 from pcc_networks.catalogue import PCGCV1
 from pcc_networks.pcgcv1.codec import decode, encode
-from pcc_networks.pcgcv1.cubes import cubes_of
-from pcc_networks.pcgcv1.inference import CpuTransforms
-from pcc_networks.pcgcv1.model import coded_blocks
-from pcc_networks.pcgcv1.occupied_blocks import (
+from pcc_networks.pcgcv1.cubes import (
     blocks_of,
+    cubes_of,
     cubes_with_blocks,
     most_likely_per_block,
     pooled,
 )
+from pcc_networks.pcgcv1.inference import CpuTransforms
+from pcc_networks.pcgcv1.model import coded_blocks
 from pcc_networks.pcgcv1.training import rate_distortion_loss
 from pcc_networks.pcgcv1.weights import Pcgcv1Weights, load_weights
 from pcc_networks.weights_file import save_multi_rate

@@ -8,19 +8,29 @@ import pytest
 import torch
 
 from pcc_networks.catalogue import PCGCV2
-from pcc_networks.entropy_bottleneck import EntropyBottleneck, FrequencyTable, frequency_tables
+from pcc_networks.entropy_bottleneck import (
+    EntropyBottleneck,
+    FrequencyTable,
+    decode_latent,
+    encode_latent,
+    frequency_tables,
+)
 from pcc_networks.pcgcv2 import codec as pcgcv2_codec
 from pcc_networks.pcgcv2.codec import decode, encode, split
 from pcc_networks.pcgcv2.inference import analyse, synthesise
 from pcc_networks.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
 from pcc_networks.pcgcv2.stream import CodedBlock, Pcgcv2Stream, read_stream, write_coded
 from pcc_networks.pcgcv2.weights import _NAMES, Pcgcv2Weights, load_published, load_weights
-from pcc_networks.range_coding import decode_latent, encode_latent
 from pcc_networks.sparse.convolution import neighbourhood_of
-from pcc_networks.sparse.kernel_map import block_kernel_map, voxel_kernel_map
-from pcc_networks.sparse.layers import kept_children
+from pcc_networks.sparse.gather_scatter import block_kernel_map, voxel_kernel_map
 from pcc_networks.sparse.thread_pool import thread_pool
-from pcc_networks.sparse.voxels import keys_of_slots, morton_keys, pyramid, selected_children
+from pcc_networks.sparse.voxels import (
+    kept_children,
+    keys_of_slots,
+    morton_keys,
+    pyramid,
+    selected_children,
+)
 from pcc_networks.weights_file import save_multi_rate
 from pointkit.errors import InputError
 from tests.support.learned_codecs import (

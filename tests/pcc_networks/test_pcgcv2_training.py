@@ -7,11 +7,10 @@ import torch
 from pcc_networks.gains import initialise_gains
 from pcc_networks.pcgcv2.model import PCGCv2
 from pcc_networks.pcgcv2.training import Pcgcv2Loss, Pcgcv2Trainer, rate_distortion_loss
-from pcc_networks.pcgcv2.training_settings import Pcgcv2Training
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
 from pcc_networks.sparse.voxels import morton_keys, morton_voxels
-from pcc_networks.training.examples import CubeExamples, join_clouds
-from pcc_networks.training.loop import train
+from pcc_networks.training.loop import CubeExamples, join_clouds, train
+from pcc_networks.training.settings import Pcgcv2Training
 from pointkit.errors import InputError
 from tests.support.learned_codecs import LMBDAS, TINY2
 

@@ -15,9 +15,8 @@ import torch
 
 from pcc_networks.catalogue import PCGCV1, PCGCV2
 from pcc_networks.octree_net import weights as octree_weights
-from pcc_networks.octree_net.fixed_point import UNITS
-from pcc_networks.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
-from pcc_networks.octree_net.symbols import powers_of_two
+from pcc_networks.octree_net.inference import powers_of_two
+from pcc_networks.octree_net.model import UNITS, FixedPointLayer, OctreeNet, OctreeNetShape
 from pcc_networks.pcgcv1.model import PCGCv1, Pcgcv1Shape
 from pcc_networks.pcgcv2.model import PCGCv2, Pcgcv2Shape
 from pcc_networks.reno.weights import shapes as reno_shapes

@@ -8,8 +8,7 @@ from typing import Any
 from torch import Tensor
 
 from pcc_networks.catalogue import OCTREE_NET, weights_path
-from pcc_networks.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
-from pcc_networks.octree_net.model import OctreeNet, OctreeNetShape
+from pcc_networks.octree_net.model import MAX_WEIGHT, UNITS, WEIGHT_UNITS, OctreeNet, OctreeNetShape
 from pcc_networks.weights_file import read_weights, write_weights
 from pointkit.errors import InputError, naming
 from pointkit.models import parsed

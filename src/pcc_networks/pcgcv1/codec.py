@@ -8,7 +8,21 @@ from numpy.typing import NDArray
 
 from gpcc.lossless import decode_voxels, encode_voxels
 from pcc_networks.grid_level import choose_grid_level, voxel_size
-from pcc_networks.pcgcv1.cubes import OccupiedCubes, cubes_of, occupancy, sibling_blocks_of
+from pcc_networks.pcgcv1.cubes import (
+    STRIDE,
+    Bools,
+    CodedCubes,
+    OccupiedCubes,
+    blocks_of,
+    cubes_of,
+    cubes_with_all_blocks,
+    cubes_with_blocks,
+    most_likely_per_block,
+    occupancy,
+    pooled,
+    rows_of,
+    sibling_blocks_of,
+)
 from pcc_networks.pcgcv1.entropy_coding import (
     checksum,
     decode_conditional,
@@ -19,19 +33,8 @@ from pcc_networks.pcgcv1.entropy_coding import (
     encode_hyper,
     latent_positions,
 )
-from pcc_networks.pcgcv1.laplace import TableIndexes, joined
+from pcc_networks.pcgcv1.hyper_prior import TableIndexes, joined
 from pcc_networks.pcgcv1.model import Pcgcv1Shape
-from pcc_networks.pcgcv1.occupied_blocks import (
-    STRIDE,
-    Bools,
-    CodedCubes,
-    blocks_of,
-    cubes_with_all_blocks,
-    cubes_with_blocks,
-    most_likely_per_block,
-    pooled,
-    rows_of,
-)
 from pcc_networks.pcgcv1.stream import (
     BATCH,
     CubeBatch,
@@ -50,8 +53,8 @@ from pcc_networks.point_reconstruction import (
     points_per_voxel,
     reconstructed_points,
 )
-from pcc_networks.sparse.layers import top_k
 from pcc_networks.sparse.thread_pool import ThreadPool, slices, thread_pool
+from pcc_networks.sparse.voxels import top_k
 from pcc_networks.weights_file import check_made_with, check_rate
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, check_points

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, max_pool3d, pad
 
 from pcc_networks.gains import MultiRateNetwork
-from pcc_networks.pcgcv1.occupied_blocks import STRIDE
+from pcc_networks.pcgcv1.cubes import STRIDE
 from pointkit.models import Model
 
 _Channels = Annotated[int, Field(ge=1, le=1024)]

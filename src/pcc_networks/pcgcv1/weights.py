@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pcc_networks.catalogue import PCGCV1, weights_path
-from pcc_networks.device import DeviceName, placed
-from pcc_networks.pcgcv1.device_inference import DeviceTransforms
-from pcc_networks.pcgcv1.inference import CpuTransforms
-from pcc_networks.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
+from pcc_networks.pcgcv1.hyper_prior import IntegerHyperSynthesis
+from pcc_networks.pcgcv1.inference import CpuTransforms, DeviceTransforms
 from pcc_networks.pcgcv1.model import PCGCv1, Pcgcv1Shape
-from pcc_networks.weights_file import MultiRateWeights, load_multi_rate
+from pcc_networks.weights_file import DeviceName, MultiRateWeights, load_multi_rate, placed
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 

@@ -10,6 +10,7 @@ from pcc_networks.adaptive_entropy import (
     encode_with_contexts,
     factorised_prior,
 )
+from pcc_networks.entropy_bottleneck import decode_latent, encode_latent
 from pcc_networks.grid_level import choose_grid_level, voxel_size, voxelised
 from pcc_networks.pcgcv2.inference import analyse, synthesise
 from pcc_networks.pcgcv2.model import SCALES
@@ -30,7 +31,6 @@ from pcc_networks.point_reconstruction import (
     points_per_voxel,
     reconstructed_points,
 )
-from pcc_networks.range_coding import decode_latent, encode_latent
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
 from pcc_networks.sparse.voxels import (
     AXIS_BITS,

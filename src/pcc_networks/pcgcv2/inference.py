@@ -15,17 +15,21 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pcc_networks.device import device_of
 from pcc_networks.pcgcv2.model import SCALES, InceptionResNet, PCGCv2
 from pcc_networks.point_reconstruction import SiblingBlocks, sibling_blocks
-from pcc_networks.sparse.convolution import Neighbourhood, matrices_of, neighbourhood_of
-from pcc_networks.sparse.gather_scatter import Matrices
-from pcc_networks.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
-from pcc_networks.sparse.layers import (
+from pcc_networks.sparse.convolution import (
     GenerativeTransposedConvolution,
+    Neighbourhood,
     SparseConvolution,
     StridedConvolution,
-    kept_children,
+    matrices_of,
+    neighbourhood_of,
+)
+from pcc_networks.sparse.gather_scatter import (
+    KernelMap,
+    Matrices,
+    block_kernel_map,
+    voxel_kernel_map,
 )
 from pcc_networks.sparse.thread_pool import Scratch, ThreadPool
 from pcc_networks.sparse.voxels import (
@@ -34,10 +38,12 @@ from pcc_networks.sparse.voxels import (
     ChildMap,
     Keys,
     VoxelSet,
+    kept_children,
     morton_voxels,
     pyramid,
     selected_children,
 )
+from pcc_networks.weights_file import device_of
 
 _CHUNK_ROWS = 4096
 """Rows of a chunk in layers without neighbours."""

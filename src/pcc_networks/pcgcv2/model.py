@@ -15,9 +15,9 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from pcc_networks.gains import MultiRateNetwork
-from pcc_networks.sparse.convolution import Neighbourhood
-from pcc_networks.sparse.layers import (
+from pcc_networks.sparse.convolution import (
     GenerativeTransposedConvolution,
+    Neighbourhood,
     PointwiseConvolution,
     SparseConvolution,
     StridedConvolution,

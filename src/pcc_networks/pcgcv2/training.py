@@ -22,19 +22,18 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 from pcc_networks.gains import parameter_groups
 from pcc_networks.pcgcv2.model import SCALES, PCGCv2
 from pcc_networks.sparse.convolution import neighbourhood_of
-from pcc_networks.sparse.kernel_map import block_kernel_map, voxel_kernel_map
-from pcc_networks.sparse.layers import kept_children
+from pcc_networks.sparse.gather_scatter import block_kernel_map, voxel_kernel_map
 from pcc_networks.sparse.thread_pool import ThreadPool
 from pcc_networks.sparse.voxels import (
     CHILDREN,
     Keys,
     VoxelSet,
+    kept_children,
     keys_of_slots,
     pyramid,
     selected_children,
 )
-from pcc_networks.training.examples import join_clouds
-from pcc_networks.training.loop import BaseTrainer
+from pcc_networks.training.loop import BaseTrainer, join_clouds
 from pcc_networks.training.settings import MultiRateTraining
 
 SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))

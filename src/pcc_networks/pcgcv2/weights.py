@@ -8,9 +8,14 @@ import torch
 from torch import Tensor
 
 from pcc_networks.catalogue import PCGCV2, weights_path
-from pcc_networks.device import DeviceName, placed
 from pcc_networks.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
-from pcc_networks.weights_file import MultiRateWeights, load_multi_rate, read_checkpoint
+from pcc_networks.weights_file import (
+    DeviceName,
+    MultiRateWeights,
+    load_multi_rate,
+    placed,
+    read_checkpoint,
+)
 from pointkit.errors import InputError
 
 Pcgcv2Weights = MultiRateWeights[PCGCv2]

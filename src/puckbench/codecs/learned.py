@@ -195,9 +195,9 @@ class LearnedByLambda(Learned[R]):
 
     def available(self) -> Availability:
         availability = super().available()
-        if not availability.ok:
+        if not availability.ok or self.options.device == "cpu":
             return availability
-        from pcc_networks.device import why_not
+        from pcc_networks.weights_file import why_not
 
         reason = why_not(self.options.device)
         return Availability(not reason, reason)

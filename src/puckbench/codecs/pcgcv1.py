@@ -62,7 +62,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
     Options: type[Pcgcv1Options] = Pcgcv1Options
     options: Pcgcv1Options
     magic = b"PCG1"
-    training = "pcc_networks.pcgcv1.training_settings:Pcgcv1Training"
+    training = "pcc_networks.training:Pcgcv1Training"
     version = "PCGCv1, stream version 4"
     network = "pcgcv1"
 

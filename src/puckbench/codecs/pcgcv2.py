@@ -57,7 +57,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
         "r7": {"lmbda": 10},
     }
     magic = b"PCG2"
-    training = "pcc_networks.pcgcv2.training_settings:Pcgcv2Training"
+    training = "pcc_networks.training:Pcgcv2Training"
     version = "PCGCv2, stream version 6"
     network = "pcgcv2"
     grid = 1.0

@@ -52,7 +52,7 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
     magic = b"PBON"
     most_steps = float(2**20 - 2)
     memory = Memory(1500, 3000)
-    training = "pcc_networks.octree_net.training_settings:OctreeNetTraining"
+    training = "pcc_networks.training:OctreeNetTraining"
     version = "sparse_octree_net, stream version 3"
     network = "sparse_octree_net"
 

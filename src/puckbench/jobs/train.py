@@ -98,9 +98,9 @@ class Train(Job):
 
     def _check_entry(self) -> None:
         """Raise InputError if the codec's options are not valid, or its device is not here."""
-        from pcc_networks.device import why_not
-
         device: Any = getattr(open_codec(self.codec, self.changes).options, "device", "cpu")
+        from pcc_networks.weights_file import why_not
+
         if reason := why_not(device):
             raise InputError(f"codec {self.codec}: {reason}")
 

@@ -180,7 +180,7 @@ def test_other_files_are_no_checkpoints(content: bytes, cloud: Path) -> None:
 
 def test_a_training_of_ones_own_is_named_in_the_codecs_entry(cloud: Path) -> None:
     (cloud.parent / "mine.py").write_text(
-        "from pcc_networks.pcgcv2.training_settings import Pcgcv2Training\n"
+        "from pcc_networks.training.settings import Pcgcv2Training\n"
         "class Mine(Pcgcv2Training):\n    pass\n"
     )
     entry = {"training": f"{cloud.parent}/mine.py:Mine"}
