@@ -1,6 +1,6 @@
-"""The entropy bottleneck: a learned factorised distribution of integers for each channel.
+"""The entropy bottleneck, a learned distribution of integers for each channel, and range coding.
 
-The cumulative distribution is a small monotone network.
+The cumulative distribution is a small monotone network. Range coding uses its integer tables only.
 
 References
 ----------

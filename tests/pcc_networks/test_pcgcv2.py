@@ -21,8 +21,6 @@ from pcc_networks.pcgcv2.inference import analyse, synthesise
 from pcc_networks.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
 from pcc_networks.pcgcv2.stream import CodedBlock, Pcgcv2Stream, read_stream, write_coded
 from pcc_networks.pcgcv2.weights import _NAMES, Pcgcv2Weights, load_published, load_weights
-from pcc_networks.sparse.convolution import neighbourhood_of
-from pcc_networks.sparse.gather_scatter import block_kernel_map, voxel_kernel_map
 from pcc_networks.sparse.thread_pool import thread_pool
 from pcc_networks.sparse.voxels import (
     kept_children,
@@ -64,16 +62,12 @@ def test_fused_layers_give_what_the_modules_give() -> None:
     with thread_pool(2) as pool, torch.no_grad():
         result = analyse(model, KEYS, pool)
         sets, child_maps = pyramid(KEYS, SCALES)
-        neighbourhoods = [
-            neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets
-        ]
-        latent = model.g_a(neighbourhoods, child_maps)[:, 0]
+        latent = model.g_a(sets, child_maps, pool)
         np.testing.assert_allclose(result.y, latent.numpy(), rtol=1e-4, atol=1e-5)
         decoded = synthesise(model, result.y, result.coarse, result.counts, pool)
         features, parents = torch.from_numpy(result.y), sets[SCALES]
         for scale, keep in enumerate(reversed(result.counts)):
-            where = neighbourhood_of(parents.neighbours, block_kernel_map(), pool)
-            children, logits = model.g_s.scale(scale)(features, where)
+            children, logits = model.g_s.scale(scale)(features, parents, pool)
             kept = kept_children(logits.numpy(), keep)
             keys = keys_of_slots(parents.keys, kept)
             features = children.flatten(0, 1)[torch.from_numpy(kept)]

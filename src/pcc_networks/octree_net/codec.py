@@ -1,4 +1,4 @@
-""" """
+"""Encoding and decoding of points with the sparse octree net, level by level from the top."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Compiled layers of the sparse octree net: convolution, heads, embeddings, upsampling.
+"""Inference of the sparse octree net in compiled layers, by chunks of a level's voxels.
 
-All numbers are integers stored as 32-bit floats. Features and biases are in units of 2**-5, weights
-of 2**-9, sums of 2**-14 (see `fixed_point`).
-
-Inference of the sparse octree net in chunks of a level's voxels; results equal the model's.
+Results equal those of the model's own layers, which training needs for their gradients, but these
+alone take twice as long as all of the encoder. All numbers are integers stored as 32-bit floats:
+features and biases are in units of 2**-5, weights of 2**-9, sums of 2**-14 (see `model`).
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
-"""Fixed-point arithmetic that floating-point hardware computes exactly.
+"""The sparse octree net, which predicts the symbols of voxels, level by level, from features.
 
-Weights are multiples of 2**-9, activations of 2**-5. A layer's sums, in units of 2**-14, are below
-2**24; single precision computes such sums exactly, in any order, on any processor.
+All levels share the weights. Children's features are computed from their parents'. A level's voxels
+are coded in groups; a convolution before each group uses the symbols of previous groups.
+
+The arithmetic is fixed-point, which floating-point hardware computes exactly: weights are multiples
+of 2**-9, activations of 2**-5. A layer's sums, in units of 2**-14, are below 2**24; single
+precision computes such sums exactly, in any order, on any processor.
 
 References
 ----------
 Ballé et al.: "Integer Networks for Data Compression with Latent-Variable Models", ICLR 2019.
-
-The sparse octree net, which predicts the symbols of voxels, level by level, from features.
-
-All levels share the weights. Children's features are computed from their parents'. A level's voxels
-are coded in groups; a convolution before each group uses the symbols of previous groups.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Training of the sparse octree net: the loss (bits of a batch's symbols) and the optimiser step.
+"""Training of the sparse octree net: examples, the loss (bits of symbols), and the optimiser step.
 
 Training uses the codec's fixed-point arithmetic, so that rounding weights to integers changes
 nothing.

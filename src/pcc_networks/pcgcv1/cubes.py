@@ -1,8 +1,8 @@
-"""Occupied blocks of cubes, an addition to the paper.
+"""Cubes of voxels, and which of their blocks are occupied.
 
-A block is the 4x4x4 voxels of one position of the latent. Networks trained with blocks omit the
-latent of empty blocks. The decoder places voxels in all occupied blocks and none elsewhere, which
-avoids holes and outliers.
+A block is the 4x4x4 voxels of one position of the latent. Networks trained with occupied blocks, an
+addition to the paper, omit the latent of empty blocks. The decoder places voxels in all occupied
+blocks and none elsewhere, which avoids holes and outliers.
 """
 
 from __future__ import annotations

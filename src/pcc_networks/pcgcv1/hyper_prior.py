@@ -1,13 +1,11 @@
-"""The conditional entropy model: Laplace distributions of integers, as 1,024 integer tables.
+"""The distribution of the latent given the hyper-latent, with equal results on every machine.
 
-The hyper-synthesis transform gives each latent value's location and scale in units of 2**-12, which
-select one of 16 offsets between two integers and one of 64 scales. A correctly rounded exponential
-and multiplications give the same tables on every machine.
-
-The hyper-synthesis transform h_s in integers, with equal results on every machine.
-
-Weights are rounded to multiples of 2**-16, features of 2**-12; products and sums are integers below
-2**53, exact in double precision (see the reference of `octree_net.fixed_point`).
+The hyper-synthesis transform h_s is computed in integers: weights are rounded to multiples of
+2**-16, features of 2**-12; products and sums are integers below 2**53, exact in double precision
+(see the reference of `octree_net.model`). It gives each latent value's location and scale in units
+of 2**-12, which select one of 1,024 integer tables of Laplace distributions: one of 16 offsets
+between two integers and one of 64 scales. A correctly rounded exponential and multiplications give
+the same tables on every machine.
 """
 
 from __future__ import annotations

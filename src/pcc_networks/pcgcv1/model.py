@@ -175,6 +175,13 @@ class HyperSynthesis(nn.Module):
         return LaplaceParameters(self.location(features), self.scale(features).abs())
 
 
+class Latents(NamedTuple):
+    y: Tensor
+    z: Tensor
+    blocks: Tensor  # ones where y is coded, else zeros
+    hyper_blocks: Tensor  # ones where z is coded, else zeros
+
+
 class PCGCv1(MultiRateNetwork):
     """Transforms g_a, g_s, h_a, h_s; for each rate, an entropy bottleneck of z and gains of y."""
 
@@ -189,6 +196,13 @@ class PCGCv1(MultiRateNetwork):
 
     def gain(self, rate: int) -> Tensor:
         return super().gain(rate)[:, None, None, None]
+
+    def latents(self, x: Tensor, rate: int) -> Latents:
+        """Transform cubes x (n, 1, size, size, size) to y, times the gains of a rate, and z."""
+        blocks = coded_blocks(self.shape, x)
+        hyper_blocks = max_pool3d(blocks, 2)
+        y = self.g_a(x) * self.gain(rate) * blocks
+        return Latents(y, self.h_a(y) * hyper_blocks, blocks, hyper_blocks)
 
 
 def coded_blocks(shape: Pcgcv1Shape, x: Tensor) -> Tensor:

@@ -1,19 +1,18 @@
-"""Layer-sequential unit-variance initialisation, without which PCGCv1 does not learn.
+"""Training of PCGCv1: initial weights, the rate-distortion loss, and the optimiser step.
 
 PyTorch's initialisation gives the latent a standard deviation of 0.05, far below the noise that
-replaces rounding. Therefore each layer's weights in turn are divided by the standard deviation of
-the layer's output for an example.
-
-References
-----------
-Mishkin, Matas: "All you need is a good init", ICLR 2016.
-
-Training of PCGCv1: the rate-distortion loss and the optimiser step.
+replaces rounding, and the network does not learn. Therefore each layer's weights in turn are
+divided by the standard deviation of the layer's output for an example (layer-sequential
+unit-variance initialisation).
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
 dominates. R is the bits of latent and hyper-latent per point; D (as in the paper) is ``beta * cross
 entropy of empty voxels + cross entropy of occupied voxels``. Cross entropies are means in nats,
 without voxels that the decoder knows to be empty. Uniform noise replaces rounding.
+
+References
+----------
+Mishkin, Matas: "All you need is a good init", ICLR 2016.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import interpolate, max_pool3d, softplus
+from torch.nn.functional import interpolate, softplus
 
 from pcc_networks.gains import parameter_groups
 from pcc_networks.pcgcv1.cubes import STRIDE
 from pcc_networks.pcgcv1.hyper_prior import likelihood
-from pcc_networks.pcgcv1.model import PCGCv1, coded_blocks
+from pcc_networks.pcgcv1.model import PCGCv1
 from pcc_networks.sparse.voxels import Keys, morton_voxels
 from pcc_networks.training.loop import BaseTrainer
 from pcc_networks.training.settings import Pcgcv1Training
@@ -104,10 +103,8 @@ def rate_distortion_loss(
     model: PCGCv1, x: Tensor, rate: int, lmbda: float, noise: torch.Generator,
     beta: float = BETA, rate_weight: float = 1.0,
 ) -> Pcgcv1Loss:  # fmt: skip
-    blocks = coded_blocks(model.shape, x)
-    hyper_blocks = max_pool3d(blocks, 2)
-    y = model.g_a(x) * model.gain(rate) * blocks
-    z_hat = _with_noise(model.h_a(y), noise) * hyper_blocks
+    y, z, blocks, hyper_blocks = model.latents(x, rate)
+    z_hat = _with_noise(z, noise) * hyper_blocks
     y_hat = _with_noise(y, noise) * blocks
     y_likelihoods = likelihood(y_hat, *model.h_s(z_hat))
     z_rows = z_hat.movedim(1, -1).flatten(0, 3)[hyper_blocks.flatten() > 0]

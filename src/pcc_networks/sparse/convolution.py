@@ -1,4 +1,4 @@
-""" """
+"""Sparse 3x3x3 convolution with gradients, and the layers that the networks are made of."""
 
 from __future__ import annotations
 

@@ -1,12 +1,10 @@
-"""Kernel maps of a sparse 3x3x3 convolution: the kernel matrix of each pair of voxels.
+"""Gathering of the features of neighbouring voxels, and addition of products to output rows.
 
-There are two memory layouts. *Voxels*: a row is one voxel. *Blocks*: a row is a parent's eight
-children, for 27 larger matrix products. An offset between two parents connects 8 children of one
-parent (zero offset), 4 (across a face), 2 (edge) or 1 (corner) with as many of the other parent.
-
-Gathering of neighbours' features, and addition of products to output rows.
-
-Compiled loops for the CPU, and PyTorch's indexing for any device, give equal results.
+Compiled loops for the CPU, and PyTorch's indexing for any device, give equal results. A `KernelMap`
+says which kernel matrix connects each pair of voxels, in one of two memory layouts. *Voxels*: a row
+is one voxel. *Blocks*: a row is a parent's eight children, for 27 larger matrix products. An offset
+between two parents connects 8 children of one parent (zero offset), 4 (across a face), 2 (edge) or
+1 (corner) with as many of the other parent.
 """
 
 from __future__ import annotations

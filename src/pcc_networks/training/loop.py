@@ -1,4 +1,4 @@
-""" """
+"""Examples cut from clouds, and the loop that trains a model on them, with checkpoints."""
 
 from __future__ import annotations
 
