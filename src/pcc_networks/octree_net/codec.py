@@ -151,21 +151,29 @@ def encode(
     scale: float = 1.0,
     grid: InputGrid = DEFAULT_GRID,
 ) -> bytes:
-    """Quantise points to a grid of step ``grid.unit / scale``, and encode the voxels losslessly.
+    """Round points to a grid, and encode the grid's voxels without loss.
 
     Parameters
     ----------
     points
-        (n, 3), n >= 1; quantised as by `gpcc.quantise`; duplicates are merged.
+        Points (n, 3), n >= 1. Points of the same voxel are merged.
+    weights
+        Weights of `load_weights`.
     scale
-        Steps of the coded grid per step of the input grid.
+        Number of steps of the coded grid per step of the input's grid: ``grid.unit / scale`` is the
+        length of a step.
     grid
-        Grid of the input.
+        Step and origin of the input's grid, by default 1 and (0, 0, 0).
+
+    Returns
+    -------
+    bytes
+        The stream, which contains all that `decode` needs but the weights.
 
     Raises
     ------
     InputError
-        If points are not finite, or span more than 2**20 voxels.
+        If points are not finite, or span 2**20 steps or more of the coded grid.
     """
     check_points(points, "octree_net.encode")
     positions, origin = quantise(points, grid, scale, "nearest")
@@ -178,7 +186,25 @@ def encode(
 
 
 def decode(stream: bytes, weights: OctreeNetWeights) -> Floats:
-    """Return the points (m, 3) of a stream made with these weights."""
+    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
+
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
+    weights
+        The weights with which the stream was made.
+
+    Returns
+    -------
+    array of float64
+        Points (m, 3) in the encoder's units: the distinct points of its grid, in Morton order.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or was made with other weights.
+    """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
     keys = np.concatenate([decode_part(part, weights.model) for part in content.parts])

@@ -77,6 +77,8 @@ def largest_sum(kernel: Tensor, bias: Tensor) -> int:
 
 
 class OctreeNetShape(Model):
+    """Sizes of the sparse octree net, by default those of the set that comes with the package."""
+
     channels: Annotated[int, Field(ge=1, le=256)] = 32
     convolutions: Annotated[int, Field(ge=0, le=8)] = 1  # of a level before its first group
 
@@ -104,7 +106,11 @@ class SymbolHead(nn.Module):
 
 
 class OctreeNet(nn.Module):
-    """Predicts occupancy level by level, from features (n, channels) in fixed point."""
+    """The sparse octree net, a PyTorch module in fixed-point arithmetic.
+
+    It predicts, level by level from the coarsest, which of a voxel's eight children are occupied.
+    Features have the shape (n, channels), a row for each voxel of a level.
+    """
 
     def __init__(self, shape: OctreeNetShape) -> None:
         super().__init__()

@@ -26,7 +26,7 @@ _Few = Annotated[int, Field(ge=1, le=64)]
 
 
 class Pcgcv1Shape(Model):
-    """Sizes of the network, by default those of the paper."""
+    """Sizes of the network PCGCv1, by default those of the paper."""
 
     # voxels along an edge of a cube
     cube_size: Annotated[int, Field(ge=8, le=256, multiple_of=8)] = 64
@@ -183,7 +183,12 @@ class Latents(NamedTuple):
 
 
 class PCGCv1(MultiRateNetwork):
-    """Transforms g_a, g_s, h_a, h_s; for each rate, an entropy bottleneck of z and gains of y."""
+    """The network PCGCv1, a PyTorch module with the parameters of one or several rates.
+
+    It has transforms g_a from a cube's occupancy to the latent y, g_s back, h_a from y to the
+    hyper-latent z, and h_s from z to the distributions of y; for each rate, gains of y and an
+    entropy bottleneck of z.
+    """
 
     Shape = Pcgcv1Shape
     shape: Pcgcv1Shape

@@ -34,7 +34,7 @@ _Few = Annotated[int, Field(ge=1, le=64)]
 
 
 class Pcgcv2Shape(Model):
-    """Sizes of the network, by default those of the paper."""
+    """Sizes of the network PCGCv2, by default those of the paper."""
 
     # of g_a at strides 1, 2, 4 and 8; g_s has the first three in reverse
     channels: tuple[_Channels, _Channels, _Channels, _Channels] = (16, 32, 64, 32)
@@ -154,7 +154,11 @@ class Pcgcv2Synthesis(nn.Module):
 
 
 class PCGCv2(MultiRateNetwork):
-    """Transforms g_a and g_s; for each rate, an entropy bottleneck and gains of y."""
+    """The network PCGCv2, a PyTorch module with the parameters of one or several rates.
+
+    It has an analysis transform g_a from voxels to the latent y, a synthesis transform g_s back
+    and, for each rate, gains of y and an entropy bottleneck.
+    """
 
     Shape = Pcgcv2Shape
     shape: Pcgcv2Shape

@@ -25,7 +25,27 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read trained weights: a shipped set by name, or a set or an authors' checkpoint by path."""
+    """Read trained weights of PCGCv2.
+
+    Parameters
+    ----------
+    where
+        Name of a set that comes with the package (``pcgcv2_objects`` or ``pcgcv2_rooms``), or the
+        path of a file: a set written by `Pcgcv2Training.export`, or a checkpoint (``.pth``) of the
+        network's authors.
+    device
+        Device on which the network runs, ``cpu`` or ``cuda``.
+
+    Returns
+    -------
+    Pcgcv2Weights
+        The network with its parameters, and all that `encode` and `decode` need of it.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or of another network, or the device does not exist.
+    """
     path = weights_path(where)
     weights = load_multi_rate(path, PCGCV2, PCGCv2, load_published)
     placed(weights.model, device)

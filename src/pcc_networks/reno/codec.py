@@ -138,19 +138,27 @@ OFFSET = 131072
 
 
 def encode(points: Floats, weights: RenoWeights, posq: float) -> bytes:
-    """Quantise points to a grid of step posQ, and encode the voxels losslessly.
+    """Round points to a grid, and encode the grid's voxels without loss.
 
     Parameters
     ----------
     points
-        (n, 3), n >= 1, in mm. Points of one voxel are merged.
+        Points (n, 3), n >= 1, in mm. Points of the same voxel are merged.
+    weights
+        Weights of `load_weights`.
     posq
-        Step of the grid in mm, a number in half precision.
+        Step of the grid in mm, called posQ by the authors: a positive number in half precision.
+
+    Returns
+    -------
+    bytes
+        The stream: an identifying header, then that of the authors' program.
 
     Raises
     ------
     InputError
-        If points are not finite or span more than 2**20 voxels, or posQ is not in half precision.
+        If the points are not finite or need more than 20 bits per coordinate, or `posq` is not a
+        positive number in half precision.
     """
     check_points(points, "reno.encode")
     if float(np.float16(posq)) != posq or posq <= 0:
@@ -166,9 +174,25 @@ def encode(points: Floats, weights: RenoWeights, posq: float) -> bytes:
 
 
 def decode(stream: bytes, weights: RenoWeights) -> Floats:
-    """Return the points (m, 3), in mm, of a stream made with these weights.
+    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
 
-    Raises InputError if the points are wrong because this machine computes differently.
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
+    weights
+        The weights with which the stream was made.
+
+    Returns
+    -------
+    array of float64
+        Points (m, 3), in mm: the distinct points of the encoder's grid, in Morton order.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or was made with other weights, or this machine computes
+        otherwise than the encoder's.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)

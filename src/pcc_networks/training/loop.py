@@ -99,7 +99,7 @@ L = TypeVar("L")
 
 
 class OtherTrainingError(InputError):
-    """Raised if a checkpoint belongs to another training."""
+    """Raised if a checkpoint belongs to a training with other settings, data or network."""
 
 
 class BaseTrainer(ABC, Generic[M, L]):
@@ -136,7 +136,8 @@ class BaseTrainer(ABC, Generic[M, L]):
         self.noise = torch.Generator().manual_seed(training.seed)
 
     @abstractmethod
-    def step(self, clouds: Sequence[Keys]) -> L: ...
+    def step(self, clouds: Sequence[Keys]) -> L:
+        """Do one step of the optimiser on a batch of voxels' Morton keys, and return the loss."""
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
@@ -158,6 +159,7 @@ class BaseTrainer(ABC, Generic[M, L]):
         return last + (first - last) * (1 + cosine) / 2
 
     def save(self, path: Path) -> None:
+        """Write the model, the optimiser and the random numbers to a checkpoint, a PyTorch file."""
         state = {
             "model": self.model.state_dict(),
             "optimiser": self.optimiser.state_dict(),
@@ -172,9 +174,10 @@ class BaseTrainer(ABC, Generic[M, L]):
         write_bytes(path, content.getvalue())
 
     def resume(self, path: Path) -> None:
-        """Continue from a checkpoint.
+        """Take up the state of a checkpoint that `save` wrote.
 
-        Raises OtherTrainingError if its network, settings or data differ.
+        Raises OtherTrainingError if its network, settings or `identity` differ, and InputError if
+        the file is not a checkpoint.
         """
         state = read_checkpoint(path, "not a checkpoint of a training")
         for name, expected in (
@@ -214,11 +217,29 @@ def train(
     every: int = 500,
     report: Callable[[int, L], None] = _ignore,
 ) -> None:
-    """Train to the last step; resume from the checkpoint if the file exists.
+    """Train a model to the last step of its settings, with checkpoints on the way.
 
-    `clouds` returns the batch of a step, which must depend on the step's number only, so that a
-    resumed training equals an uninterrupted one. `every` is the number of steps between
-    checkpoints; `report` gets each step's number and loss.
+    Parameters
+    ----------
+    trainer
+        The model with its optimiser, opened by the method `trainer` of the settings. If the file
+        `checkpoint` exists, it first takes up the state in that file.
+    clouds
+        Function that returns the batch of a step: Morton keys (n,) of the voxels of each example.
+        The batch must depend on the step's number only, so that a resumed training equals an
+        uninterrupted one.
+    checkpoint
+        File that is written every `every` steps and at the end.
+    every
+        Number of steps between checkpoints.
+    report
+        Function that is called after each step with the number of completed steps and the step's
+        loss.
+
+    Raises
+    ------
+    OtherTrainingError
+        If the checkpoint is of a training with other settings or data.
     """
     if checkpoint.exists():
         trainer.resume(checkpoint)

@@ -42,18 +42,21 @@ Lmbdas = Annotated[tuple[PositiveFloat, ...], Field(min_length=1), AfterValidato
 
 
 class BaseTraining(Model, ABC):
-    """Settings of every training.
+    """Settings that all trainings share.
 
     Parameters
     ----------
+    steps
+        Number of steps of the optimiser.
     batch_size
-        Cubes per step.
+        Number of cubes in a step.
     cube_size
-        Voxels along an edge of a cube.
+        Number of voxels along an edge of a cube.
     learning_rate, final_learning_rate
-        Learning rates at the start and the end of a cosine schedule.
+        Learning rates at the start and at the end of a cosine schedule.
     seed
-        Seed of initial weights, cubes, and noise that replaces rounding.
+        Seed of the initial weights, of the choice of cubes, and of the noise that replaces
+        rounding.
     """
 
     steps: PositiveInt = 2000
@@ -65,12 +68,14 @@ class BaseTraining(Model, ABC):
 
     @abstractmethod
     def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
-        """Open a trainer of a new model, on CUDA if available, otherwise on the CPU."""
+        """Open a trainer of a new model, on CUDA if PyTorch finds a device, else on the CPU."""
 
     @abstractmethod
-    def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
+    def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
+        """Return examples for training: random cubes of clouds, each an array of points (n, 3)."""
 
     def begin(self, model: Any, weights: Path) -> None:
+        """Copy a file of weights into a model; raise InputError if they have another shape."""
         from pcc_networks.weights_file import read_weights
 
         try:
@@ -83,7 +88,8 @@ class BaseTraining(Model, ABC):
         return tensors
 
     @abstractmethod
-    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None: ...
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write a model to a file that `load_weights` reads; `card` goes into its header."""
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
         """Return those rates of the codec that the trained weights support."""
