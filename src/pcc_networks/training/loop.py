@@ -29,22 +29,37 @@ Voxels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class CubeExamples:
-    """Random cubes cut from clouds on the integer grid; step and seed determine a batch."""
+    """Random cubes cut from clouds of voxels; the seed and a step's number determine a batch.
 
-    clouds: Sequence[NDArray[Any]]  # voxels (n, 3)
-    cube_size: int = 64  # voxels along an edge
-    batch_size: int = 4  # cubes of a batch
-    min_voxels: int = 200  # of a cube
-    # each cube keeps a log-uniformly drawn fraction of its voxels, so that training includes
-    # sparser clouds
+    Parameters
+    ----------
+    clouds
+        Voxels of each cloud: integers (n, 3).
+    cube_size
+        Number of voxels along an edge of a cube.
+    batch_size
+        Number of cubes in a batch.
+    min_voxels
+        Minimum number of voxels in a cube.
+    min_kept_fraction
+        Each cube keeps a random fraction of its voxels, between this number and 1, so that training
+        includes sparser clouds.
+    seed
+        Seed of all random choices.
+    """
+
+    clouds: Sequence[NDArray[Any]]
+    cube_size: int = 64
+    batch_size: int = 4
+    min_voxels: int = 200
     min_kept_fraction: float = 1.0
     seed: int = 1
     kind: ClassVar[str] = "training cubes"  # name of the stream of random numbers
 
     def batch(self, step: int) -> list[Keys]:
-        """Return a step's cubes, in random symmetries, as keys.
+        """Return the cubes of a step, mirrored and rotated at random, as Morton keys (n,) each.
 
-        Raises InputError if no cube has enough voxels.
+        Raises InputError if no cube with enough voxels is found.
         """
         rng = generator(self.seed, self.kind, str(step))
         return [self._cube(rng) for _ in range(self.batch_size)]
@@ -103,12 +118,19 @@ class OtherTrainingError(InputError):
 
 
 class BaseTrainer(ABC, Generic[M, L]):
-    """A model in training, with its optimiser, schedule and random numbers.
+    """A model in training, with its optimiser (Adam), learning rate and random numbers.
+
+    A subclass defines `step` and `row`.
 
     Parameters
     ----------
+    model
+        The network, whose parameters the training changes in place.
+    training
+        Settings of the training.
     groups
-        Parameter groups of the optimiser with factors of their learning rate (`lr_factor`).
+        Parameter groups for the optimiser, each with ``params`` and the factor ``lr_factor`` by
+        which the learning rate is multiplied. By default, all parameters are one group.
 
     Attributes
     ----------

@@ -102,7 +102,9 @@ class MultiRateTraining(BaseTraining):
     Parameters
     ----------
     lmbdas
-        Lagrangian weight of the distortion for each rate.
+        Lagrangian weight of the distortion for each rate: the larger, the more bits.
+    channels
+        Number of features at each stride of the network, multiples of four.
     min_kept_fraction
         Minimum fraction of voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
