@@ -26,6 +26,8 @@ _PUBLISHED = (".npz", ".pth", ".pt")
 
 
 class WeightsHeader(Model):
+    """Header of a file of trained weights, as JSON in the metadata of the safetensors file."""
+
     network: str  # name of the `NetworkType`
     shape: dict[str, Any]  # sizes of the network
     # Lagrangian weights of the rates, lowest bitrate first; empty for lossless networks
@@ -38,7 +40,10 @@ class WeightsHeader(Model):
 
 
 def header_of(path: Path) -> WeightsHeader:
-    """Return the header of a set of weights; raise InputError if the file is not a valid set."""
+    """Return the header of a file of weights, without reading the weights.
+
+    Raises InputError if the file does not exist, is damaged, or has no such header.
+    """
     refuse_special(path)
     try:
         state = path.stat()
@@ -62,6 +67,7 @@ def _header(path: Path, _mtime: int, size: int) -> WeightsHeader:
 
 
 def shipped() -> dict[str, Path]:
+    """Return the files of the weights that come with the package, by the name of the set."""
     folder = Path(str(files("pcc_networks").joinpath("weights")))
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
@@ -99,23 +105,29 @@ def weights_file(where: str) -> Path:
 
 @dataclass(frozen=True)
 class NetworkType:
+    """A kind of network, and how to recognise the files of its weights."""
+
     name: str  # in the headers of its sets
     # regular expression of the names of the authors' files, with one group
     published: str | None = None
     lmbda: Callable[[str], float] = float  # turns the group into the Lagrangian weight of the rate
 
     def has(self, path: Path) -> bool:
+        """Return whether a file has weights of this network, by its header or its name."""
         if path.suffix == SUFFIX:
             return header_of(path).network == self.name
         return self._published(path) is not None
 
     def files(self, where: str) -> list[Path]:
+        """Return those of `weights_files` that have weights of this network."""
         return [path for path in weights_files(where) if self.has(path)]
 
     def shipped(self) -> list[Path]:
+        """Return the files of this network's weights that come with the package."""
         return [path for path in shipped().values() if self.has(path)]
 
     def lmbdas_of(self, path: Path) -> tuple[float, ...]:
+        """Return the Lagrangian weights of a file's rates, the lowest bitrate first."""
         if path.suffix == SUFFIX:
             return header_of(path).lmbdas
         match = self._published(path)
@@ -141,3 +153,4 @@ PCGCV2 = NetworkType("pcgcv2", r"c8_a(\d+)_\d+\.pth", _tenths)
 OCTREE_NET = NetworkType("sparse_octree_net")
 RENO = NetworkType("reno", r"([\w.-]+)\.pt")
 """The authors' ``KITTIDetection.pt`` serves all rates."""
+NETWORKS = {network.name: network for network in (PCGCV1, PCGCV2, OCTREE_NET, RENO)}

@@ -1,6 +1,6 @@
-"""The entropy bottleneck: a learned factorised distribution of integers for each channel.
+"""The entropy bottleneck, a learned distribution of integers for each channel, and range coding.
 
-The cumulative distribution is a small monotone network.
+The cumulative distribution is a small monotone network. Range coding uses its integer tables only.
 
 References
 ----------
@@ -9,14 +9,19 @@ Ballé et al.: "Variational image compression with a scale hyperprior", ICLR 201
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import softplus
+
+from pointkit.errors import InputError
 
 FILTERS = (1, 3, 3, 3, 1)
 """Widths of the layers of the monotone network."""
@@ -81,3 +86,85 @@ def _frequency_table(cumulative: NDArray[np.float64]) -> FrequencyTable:
     masses = np.append(np.diff(cumulative[first : last + 1]), _TAIL_MASS)
     frequencies = np.maximum(np.rint(masses * 2**_TOTAL_BITS), 1).astype(np.int32)
     return FrequencyTable(first - _MAX_MAGNITUDE, frequencies)
+
+
+Integers = NDArray[np.int32]
+_ESCAPE_RANGE = 2**16
+_WORD_BYTES = 4
+
+
+def encode_latent(latent: Integers, tables: tuple[FrequencyTable, ...]) -> bytes:
+    return encode_groups(zip(latent.T, tables, strict=True))
+
+
+def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -> Integers:
+    columns = decode_groups(data, [(count, table) for table in tables])
+    return np.stack(columns, axis=1)
+
+
+def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
+    """Encode groups of integers (n,), each group with a table.
+
+    A value outside the table is coded as the escape symbol; the value, clipped to 16 bits, follows
+    the group.
+    """
+    import constriction
+
+    coder = constriction.stream.queue.RangeEncoder()
+    for values, table in groups:
+        escape = len(table.frequencies) - 1
+        symbols = values.astype(np.int64) - table.lowest
+        outside = (symbols < 0) | (symbols >= escape)
+        coded = np.where(outside, escape, symbols).astype(np.int32)
+        coder.encode(coded, _categorical(table))
+        if outside.any():
+            escaped = np.clip(values[outside] + _ESCAPE_RANGE // 2, 0, _ESCAPE_RANGE - 1)
+            coder.encode(escaped.astype(np.int32), _escape_model())
+    return bytes(coder.get_compressed().astype("<u4").tobytes())
+
+
+def decode_groups(data: bytes, groups: Iterable[tuple[int, FrequencyTable]]) -> list[Integers]:
+    with range_decoder(data, "features") as coder:
+        return [_decode_group(coder, count, table) for count, table in groups]
+
+
+@contextmanager
+def range_decoder(data: bytes, part: str) -> Iterator[Any]:
+    """Open a decoder; raise InputError if the data are damaged or not read to their end."""
+    import constriction
+
+    damaged = f"the stream is damaged ({part})"
+    if len(data) % _WORD_BYTES:
+        raise InputError(damaged)
+    words = np.frombuffer(data, dtype="<u4").astype(np.uint32)
+    coder = constriction.stream.queue.RangeDecoder(words)
+    try:
+        yield coder
+    except (AssertionError, ValueError) as error:  # constriction's errors for impossible data
+        raise InputError(damaged) from error
+    if not coder.maybe_exhausted():
+        raise InputError(damaged)
+
+
+def _decode_group(coder: Any, count: int, table: FrequencyTable) -> Integers:
+    escape = len(table.frequencies) - 1
+    symbols: Integers = coder.decode(_categorical(table), count)
+    values = symbols + np.int32(table.lowest)
+    outside = symbols == escape
+    if outside.any():
+        escaped = coder.decode(_escape_model(), int(outside.sum()))
+        values[outside] = escaped - _ESCAPE_RANGE // 2
+    return values
+
+
+def _categorical(table: FrequencyTable) -> Any:
+    import constriction
+
+    frequencies = table.frequencies.astype(np.float64)
+    return constriction.stream.model.Categorical(frequencies, perfect=False)
+
+
+def _escape_model() -> Any:
+    import constriction
+
+    return constriction.stream.model.Uniform(_ESCAPE_RANGE)

@@ -55,21 +55,23 @@ def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
 
 
 def choose_grid_level(points: Floats, mean_occupied_children: float, offset: float = 0.0) -> int:
-    """Choose the level of a cloud's grid by density.
+    """Choose how far to coarsen a cloud's grid to reach the density that the networks expect.
 
     Parameters
     ----------
     points
-        (n, 3), n >= 1, in steps of the finest grid.
+        Points (n, 3), n >= 1, in steps of the finest grid.
     mean_occupied_children
-        Desired mean number of occupied children per voxel; 1 or less keeps the input's grid.
+        Mean number of voxels that a voxel of twice the side shall hold: about 4 on a dense surface.
+        The finest grid is kept for 1 or less.
     offset
-        Octaves added to the level of that density; negative for a finer grid.
+        Octaves added to the level of that density, negative for a finer grid; an octave doubles the
+        side of a voxel.
 
     Returns
     -------
     int
-        Level in quarter octaves above the finest grid, 0 to `MAX_QUARTER_OCTAVES`.
+        Level of the grid in quarter octaves above the finest one, from 0 to 80.
     """
     if mean_occupied_children <= 1:
         return 0

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from pcc_networks import pcgcv1, pcgcv2
 from pcc_networks.adaptive_entropy import (
     Prior,
     decode_with_contexts,
@@ -17,12 +18,10 @@ from pcc_networks.adaptive_entropy import (
     factorised_prior,
     prior_of,
 )
-from pcc_networks.entropy_bottleneck import FrequencyTable
-from pcc_networks.range_coding import encode_latent
+from pcc_networks.entropy_bottleneck import FrequencyTable, encode_latent
 from pcc_networks.sparse.voxels import VoxelSet, morton_keys, pyramid
 from pointkit.errors import InputError
-from puckbench.codecs.registry import open_codec
-from tests.support.learned_codecs import changes, save_tiny, shell
+from tests.support.learned_codecs import save_tiny, shell
 
 LAPLACE = FrequencyTable(
     -6, np.array([1, 4, 16, 64, 256, 1024, 4096, 1024, 256, 64, 16, 4, 1, 1], np.int32)
@@ -118,23 +117,32 @@ def test_data_that_end_early_or_late_are_refused(damage: Callable[[bytes], bytes
         _decoded(damage(data), _plane(16), 2)
 
 
-@pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
-def test_a_stream_says_whether_it_was_coded_with_context_mixing(name: str, tmp_path: Path) -> None:
-    save_tiny(name, tmp_path / "tiny.safetensors")
-    with_them, without = (
-        open_codec(name, changes(name, tmp_path, context_mixing=contexts))
-        for contexts in (True, False)
+def test_streams_say_whether_they_were_coded_with_context_mixing(tmp_path: Path) -> None:
+    save_tiny("pcgcv1", tmp_path / "1.safetensors")
+    save_tiny("pcgcv2", tmp_path / "2.safetensors")
+    weights1 = pcgcv1.load_weights(tmp_path / "1.safetensors")
+    weights2 = pcgcv2.load_weights(tmp_path / "2.safetensors")
+    tools = pcgcv2.CodingTools
+    pairs = (
+        [
+            (pcgcv1.encode(shell(), weights1, 1, context_mixing=mixes), weights1)
+            for mixes in (True, False)
+        ],
+        [
+            (pcgcv2.encode(shell(), weights2, 1, tools=used), weights2)
+            for used in (tools.CHILD_PER_PARENT | tools.CONTEXT_MIXING, tools.CHILD_PER_PARENT)
+        ],
     )
-    streams = with_them.encode(shell(), "r2"), without.encode(shell(), "r2")
-    assert streams[0] != streams[1]
-    points = without.decode(streams[0]), with_them.decode(streams[1])
-    assert np.array_equal(*points)
+    for library, ((with_them, weights), (without, _)) in zip((pcgcv1, pcgcv2), pairs, strict=True):
+        assert with_them != without
+        first, second = (library.decode(stream, weights) for stream in (with_them, without))
+        assert np.array_equal(first, second)
 
 
 def test_cubes_too_far_apart_for_contexts_are_coded_without(tmp_path: Path) -> None:
-    save_tiny("pcgcv1_plus", tmp_path / "tiny.safetensors")
-    codec = open_codec("pcgcv1_plus", changes("pcgcv1_plus", tmp_path))
+    save_tiny("pcgcv1", tmp_path / "tiny.safetensors")
+    weights = pcgcv1.load_weights(tmp_path / "tiny.safetensors")
     far = np.array([2.0**24, 0, 0])
-    decoded = codec.decode(codec.encode(np.vstack([shell(), shell() + far]), "r2"))
-    near, beyond = np.split(decoded, 2)
+    stream = pcgcv1.encode(np.vstack([shell(), shell() + far]), weights, 1)
+    near, beyond = np.split(pcgcv1.decode(stream, weights), 2)
     assert np.array_equal(near + far, beyond)

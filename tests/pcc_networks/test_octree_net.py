@@ -1,8 +1,6 @@
 """The sparse octree net with random weights: properties that hold for all weights."""
 
 import struct
-import subprocess
-import sys
 import zlib
 from contextlib import suppress
 from dataclasses import replace
@@ -15,19 +13,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pcc_networks.octree_net.coder import decode_part, encode_part, split
-from pcc_networks.octree_net.fixed_point import UNITS, WEIGHT_UNITS
+from gpcc import decode_geometry, encode_geometry
+from gpcc.grid import input_grid
+from pcc_networks.octree_net.codec import decode, decode_part, encode, encode_part, split
 from pcc_networks.octree_net.mixing import code_symbols
-from pcc_networks.octree_net.model import OctreeNet, OctreeNetShape
+from pcc_networks.octree_net.model import UNITS, WEIGHT_UNITS, OctreeNet, OctreeNetShape
 from pcc_networks.octree_net.stream import OctreeNetStream, read_stream, write_stream
 from pcc_networks.octree_net.symbols import EVEN, ODD, groups_of, slots_of, symbols_of
 from pcc_networks.octree_net.training import bits_per_level
-from pcc_networks.octree_net.weights import load_weights, save_weights
+from pcc_networks.octree_net.weights import OctreeNetWeights, load_weights, save_weights
 from pcc_networks.sparse.thread_pool import thread_pool
 from pcc_networks.sparse.voxels import morton_keys, morton_voxels
 from pointkit.errors import InputError
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_of, open_codec
 from tests.support.learned_codecs import frequencies, octree_network, save_tiny, torch_threads
 
 
@@ -48,8 +45,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def codec(folder: Path) -> Codec:
-    return open_codec("sparse_octree_net", {"options": {"weights": str(folder)}})
+def weights(folder: Path) -> OctreeNetWeights:
+    return load_weights(folder / "tiny.safetensors")
 
 
 def test_symbols_hold_the_children() -> None:
@@ -154,7 +151,7 @@ def _coded_frequencies(model: OctreeNet, keys: np.ndarray) -> list[np.ndarray]:
         code_symbols(*run)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pcc_networks.octree_net.coder.code_symbols", noted)
+        patch.setattr("pcc_networks.octree_net.codec.code_symbols", noted)
         encode_part(keys, model)
     return runs
 
@@ -216,11 +213,12 @@ def _sorted(points: np.ndarray) -> np.ndarray:
     return points[np.lexsort(np.rint(points * 1e6).T)]
 
 
-@pytest.mark.parametrize("rate", ["r1", "r3", "r8"])
-def test_decoded_points_are_those_of_gpcc(codec: Codec, rate: str) -> None:
-    gpcc = open_codec("gpcc")
+@pytest.mark.parametrize("scale", [0.125, 0.375, 1])
+def test_decoded_points_are_those_of_gpcc(weights: OctreeNetWeights, scale: float) -> None:
     points = _shell(800)
-    result, expected = (c.decode(c.encode(points, rate)) for c in (codec, gpcc))
+    result = decode(encode(points, weights, scale), weights)
+    stream = encode_geometry(np.rint(points * scale).astype(np.int64), scale=scale)
+    expected = decode_geometry(stream).positions()
     np.testing.assert_allclose(_sorted(result), _sorted(expected), rtol=1e-12)
 
 
@@ -233,45 +231,24 @@ SPECIAL = {
 
 
 @pytest.mark.parametrize("name", SPECIAL)
-def test_special_clouds_come_back(codec: Codec, name: str) -> None:
+def test_special_clouds_come_back(weights: OctreeNetWeights, name: str) -> None:
     points = np.unique(SPECIAL[name], axis=0)
-    decoded = codec.decode(codec.encode(SPECIAL[name], "r8"))
+    grid = input_grid(points, unit=1.0, scale=1.0)
+    decoded = decode(encode(SPECIAL[name], weights, grid=grid), weights)
     assert np.array_equal(_sorted(decoded), _sorted(points))
 
 
-def test_a_cloud_that_spans_too_much_is_refused(codec: Codec) -> None:
+def test_a_cloud_that_spans_too_much_is_refused(weights: OctreeNetWeights) -> None:
     with pytest.raises(InputError, match="spans more than 20 bits"):
-        codec.encode(np.array([[0.0, 0, 0], [1.5e6, 0, 0]]), "r8")
+        encode(np.array([[0.0, 0, 0], [1.5e6, 0, 0]]), weights)
 
 
-def test_large_clouds_are_cut_into_parts(codec: Codec) -> None:
+def test_large_clouds_are_cut_into_parts() -> None:
     parts = split(KEYS, 1000)
     assert [len(part) for part in parts[:-1]] == [1000] * (len(parts) - 1)
     model = octree_network()
     decoded = [decode_part(encode_part(part, model), model) for part in parts]
     assert np.array_equal(np.concatenate(decoded), KEYS)
-
-
-def test_the_stream_names_its_codec(codec: Codec) -> None:
-    assert codec_of(codec.encode(_shell(300), "r4")) == "sparse_octree_net"
-
-
-def test_a_stream_decodes_in_a_fresh_process(codec: Codec, folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "a.bin").write_bytes(codec.encode(_shell(300), "r8"))
-    program = (
-        "import sys, numpy as np; from puckbench.codecs.registry import open_codec;"
-        "c = open_codec('sparse_octree_net', {'options': {'weights': sys.argv[1]}});"
-        "np.save(sys.argv[3], c.decode(open(sys.argv[2], 'rb').read()))"
-    )
-    command = [sys.executable, "-c", program, folder, tmp_path / "a.bin", tmp_path / "a.npy"]
-    subprocess.run(command, check=True)
-    decoded = codec.decode((tmp_path / "a.bin").read_bytes())
-    assert np.array_equal(np.load(tmp_path / "a.npy"), decoded)
-
-
-def test_missing_weights_are_named(tmp_path: Path) -> None:
-    options = {"options": {"weights": str(tmp_path)}}
-    assert "has no weights" in open_codec("sparse_octree_net", options).available().why
 
 
 def test_weights_come_back_as_they_were_used(folder: Path) -> None:
@@ -306,21 +283,21 @@ def _checked(body: bytes, stream: bytes) -> bytes:
 @settings(max_examples=150)
 @given(data=st.data(), checked=st.booleans())
 def test_damaged_streams_end_in_one_clean_error_or_points(
-    codec: Codec, data: st.DataObject, checked: bool
+    weights: OctreeNetWeights, data: st.DataObject, checked: bool
 ) -> None:
-    stream = codec.encode(_shell(300), "r5")
+    stream = encode(_shell(300), weights, 0.625)
     body = bytearray(stream[9:][: data.draw(st.integers(0, len(stream)))])
     for _ in range(data.draw(st.integers(1, 4))):
         if body:
             body[data.draw(st.integers(0, len(body) - 1))] = data.draw(st.integers(0, 255))
     damaged = _checked(bytes(body), stream) if checked else stream[:9] + bytes(body)
     with suppress(InputError):
-        decoded = codec.decode(damaged)
+        decoded = decode(damaged, weights)
         assert np.isfinite(decoded).all()
 
 
-def _coded(codec: Codec) -> OctreeNetStream:
-    return read_stream(codec.encode(_shell(300), "r5"))
+def _coded(weights: OctreeNetWeights) -> OctreeNetStream:
+    return read_stream(encode(_shell(300), weights, 0.625))
 
 
 @pytest.mark.parametrize(
@@ -335,15 +312,15 @@ def _coded(codec: Codec) -> OctreeNetStream:
     ],
 )
 def test_a_stream_with_impossible_numbers_is_refused(
-    codec: Codec, change: dict, fault: str
+    weights: OctreeNetWeights, change: dict, fault: str
 ) -> None:
-    coded = _coded(codec)
+    coded = _coded(weights)
     lying = replace(coded, parts=(replace(coded.parts[0], **change),))
     with pytest.raises(InputError, match=fault):
-        codec.decode(write_stream(replace(coded, parts=lying.parts)))
+        decode(write_stream(replace(coded, parts=lying.parts)), weights)
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), 5e-324, 1e-300])
-def test_a_stream_without_a_scale_is_refused(codec: Codec, scale: float) -> None:
+def test_a_stream_without_a_scale_is_refused(weights: OctreeNetWeights, scale: float) -> None:
     with pytest.raises(InputError, match="scale"):
-        codec.decode(write_stream(replace(_coded(codec), scale=scale)))
+        decode(write_stream(replace(_coded(weights), scale=scale)), weights)

@@ -7,13 +7,12 @@ import torch
 from numpy.typing import NDArray
 
 from pcc_networks.octree_net.causal_neighbourhood import CELLS, empty_state, find_neighbourhood
-from pcc_networks.octree_net.coder import decode_part, encode_part
-from pcc_networks.octree_net.fixed_point import UNITS
+from pcc_networks.octree_net.codec import decode_part, encode_part
 from pcc_networks.octree_net.inference import CHUNK_ROWS, compiled_network
-from pcc_networks.octree_net.model import OctreeNetShape
+from pcc_networks.octree_net.model import UNITS, OctreeNetShape
 from pcc_networks.octree_net.symbols import groups_of, slots_of, symbols_of
 from pcc_networks.sparse.convolution import neighbourhood_of
-from pcc_networks.sparse.kernel_map import voxel_kernel_map
+from pcc_networks.sparse.gather_scatter import voxel_kernel_map
 from pcc_networks.sparse.thread_pool import slices, thread_pool
 from pcc_networks.sparse.voxels import morton_keys, morton_voxels, pyramid
 from pointkit.coding.intrinsics import add_products

@@ -4,17 +4,27 @@ import numpy as np
 import pytest
 import torch
 
-from pcc_networks.octree_net.examples import OctreeExamples
-from pcc_networks.octree_net.fixed_point import MAX_SUM, largest_sum, quantised, quantised_weight
-from pcc_networks.octree_net.model import FixedPointLayer, OctreeNet, OctreeNetShape
-from pcc_networks.octree_net.training import OctreeNetTrainer, bits_per_level, limit_weights
-from pcc_networks.octree_net.training_settings import OctreeNetTraining
+from pcc_networks.octree_net.model import (
+    MAX_SUM,
+    FixedPointLayer,
+    OctreeNet,
+    OctreeNetShape,
+    largest_sum,
+    quantised,
+    quantised_weight,
+)
+from pcc_networks.octree_net.training import (
+    OctreeExamples,
+    OctreeNetTrainer,
+    bits_per_level,
+    limit_weights,
+)
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
 from pcc_networks.sparse.voxels import morton_keys, morton_voxels
-from pcc_networks.training.examples import random_symmetry
-from pcc_networks.training.loop import train
+from pcc_networks.training.loop import random_symmetry, train
+from pcc_networks.training.settings import OctreeNetTraining
 from pointkit.errors import InputError
-from puckbench.codecs.registry import open_training
+from pointkit.models import parsed
 
 
 def _room(points: int = 3000) -> np.ndarray:
@@ -117,4 +127,4 @@ def test_cubes_are_turned_into_their_symmetries(upright: bool, symmetries: int) 
 def test_other_numbers_of_symmetries_are_refused() -> None:
     assert OctreeNetTraining(symmetries=8).examples([_room()]).upright
     with pytest.raises(InputError, match=r"symmetries is 7, but must be 8 or 48"):
-        open_training("sparse_octree_net", None, {"symmetries": 7})
+        parsed(OctreeNetTraining, {"symmetries": 7}, "training")

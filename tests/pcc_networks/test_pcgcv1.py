@@ -10,22 +10,19 @@ import pytest
 import torch
 from torch.nn.functional import conv3d, conv_transpose3d, pad
 
-from pcc_networks.pcgcv1 import laplace
+from pcc_networks.pcgcv1 import hyper_prior
 from pcc_networks.pcgcv1.codec import decode, encode
 from pcc_networks.pcgcv1.cubes import cubes_of, occupancy
 from pcc_networks.pcgcv1.entropy_coding import decode_counts, encode_counts
+from pcc_networks.pcgcv1.hyper_prior import IntegerHyperSynthesis
 from pcc_networks.pcgcv1.inference import CpuTransforms
-from pcc_networks.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
 from pcc_networks.pcgcv1.model import HyperSynthesis, Pcgcv1Shape, StridedConv, TransposedConv
 from pcc_networks.pcgcv1.stream import BATCH, CubeBatch, Pcgcv1Stream, read_stream, write_stream
 from pcc_networks.pcgcv1.weights import Pcgcv1Weights, load_published, load_weights
-from pcc_networks.sparse.layers import top_k
+from pcc_networks.sparse.voxels import top_k
 from pointkit.errors import InputError
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_class, codec_of, open_codec
 from tests.support.learned_codecs import (
     TINY1,
-    changes,
     endure_damage,
     network1,
     save_tiny,
@@ -37,20 +34,10 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("folder")
-    save_tiny("pcgcv1_plus", path / "tiny.safetensors")
-    return path
-
-
-@pytest.fixture(scope="module")
-def weights(folder: Path) -> Pcgcv1Weights:
-    return load_weights(folder / "tiny.safetensors")
-
-
-@pytest.fixture
-def codec(folder: Path) -> Codec:
-    return open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder))
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Pcgcv1Weights:
+    path = tmp_path_factory.mktemp("folder") / "tiny.safetensors"
+    save_tiny("pcgcv1", path)
+    return load_weights(path)
 
 
 def _tensorflow_same(values: np.ndarray, kernel: np.ndarray) -> np.ndarray:
@@ -234,8 +221,8 @@ def _laplace_mass(integer: np.ndarray, location: float, scale: float) -> np.ndar
 
 @pytest.mark.parametrize("number", [0, 8, 15, 500, 700, 1023])
 def test_tables_hold_laplace_probabilities(number: int) -> None:
-    table = laplace.laplace_table(number)
-    scale = laplace.MIN_SCALE * 2 ** (10 * (number >> 4) / 63)
+    table = hyper_prior.laplace_table(number)
+    scale = hyper_prior.MIN_SCALE * 2 ** (10 * (number >> 4) / 63)
     integers = table.lowest + np.arange(len(table.frequencies) - 1)
     masses = _laplace_mass(integers, (number & 15) / 16, scale)
     shares = table.frequencies / table.frequencies.sum()
@@ -249,16 +236,18 @@ PINNED = 2262421923
 def test_the_tables_are_the_same_whole_numbers_everywhere() -> None:
     """A change of any frequency changes the format: streams of old versions would not decode."""
     check = 0
-    for number in range(laplace.SCALES * laplace.OFFSETS):
-        check = zlib.crc32(laplace.laplace_table(number).frequencies.astype("<i4").tobytes(), check)
+    for number in range(hyper_prior.SCALES * hyper_prior.OFFSETS):
+        check = zlib.crc32(
+            hyper_prior.laplace_table(number).frequencies.astype("<i4").tobytes(), check
+        )
     assert check == PINNED
 
 
 def test_a_value_gets_the_table_nearest_to_its_distribution() -> None:
-    units = laplace.UNITS
+    units = hyper_prior.UNITS
     location = np.array([0, round(2.49 * units), round(-0.26 * units), -units])
     scale = np.array([0, round(1.05 * units), 3 * units, 10**9])
-    chosen = laplace.build_indexes(location, scale)
+    chosen = hyper_prior.build_indexes(location, scale)
     assert chosen.centre.tolist() == [0, 2, -1, -1]
     assert (chosen.table & 15).tolist() == [0, 8, 12, 0]
     levels = 63 * (np.log2([1.05, 3]) + 5) / 10
@@ -267,7 +256,7 @@ def test_a_value_gets_the_table_nearest_to_its_distribution() -> None:
 
 def test_training_likelihood_agrees_with_the_closed_form() -> None:
     integers = np.arange(-5.0, 6)
-    result = laplace.likelihood(
+    result = hyper_prior.likelihood(
         torch.from_numpy(integers), torch.full((11,), 0.3), torch.full((11,), 0.8)
     )
     np.testing.assert_allclose(result, _laplace_mass(integers, 0.3, 0.8), rtol=1e-5)
@@ -336,12 +325,9 @@ def test_counts_come_back_in_few_bytes() -> None:
     assert len(data) < 1.75 * len(counts)
 
 
-def test_voxels_come_back_in_number_and_place(folder: Path) -> None:
-    codec = open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder, point_reconstruction=False))
+def test_voxels_come_back_in_number_and_place(weights: Pcgcv1Weights) -> None:
     points = shell() + np.array([1000, -500, 0])
-    stream = codec.encode(points, "r2")
-    decoded = codec.decode(stream)
-    assert codec_of(stream) == "pcgcv1_plus"
+    decoded = decode(encode(points, weights, 1, point_reconstruction=False), weights)
     assert len(np.unique(decoded, axis=0)) == len(decoded) == len(points)
     cubes, counts = np.unique(points // 16, axis=0, return_counts=True)
     result, kept = np.unique(decoded // 16, axis=0, return_counts=True)
@@ -349,12 +335,10 @@ def test_voxels_come_back_in_number_and_place(folder: Path) -> None:
     assert np.array_equal(kept, counts)
 
 
-def test_a_rate_may_be_coarser_and_keep_more(folder: Path) -> None:
-    codec, points = (
-        open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder, point_reconstruction=False)),
-        shell(),
-    )
-    decoded = codec.decode(codec.encode(points, "r1"))
+def test_a_rate_may_be_coarser_and_keep_more(weights: Pcgcv1Weights) -> None:
+    points = shell()
+    stream = encode(points, weights, 0, scale=0.5, rho=1.2, point_reconstruction=False)
+    decoded = decode(stream, weights)
     voxels = np.unique(np.rint(points / 2), axis=0)
     _, counts = np.unique(voxels // 16, axis=0, return_counts=True)
     kept = np.where(counts < 20, counts, np.rint(1.2 * counts))
@@ -362,18 +346,17 @@ def test_a_rate_may_be_coarser_and_keep_more(folder: Path) -> None:
     assert (decoded % 2 == 0).all()
 
 
-def test_points_of_sparse_cubes_are_coded_or_dropped(folder: Path) -> None:
+def test_points_of_sparse_cubes_are_coded_or_dropped(weights: Pcgcv1Weights) -> None:
     few = np.array([[100.0, 100, 100], [101, 102, 103]])
     points = np.vstack([shell(), few])
-    kept = open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder))
-    decoded = {tuple(row) for row in kept.decode(kept.encode(points, "r2"))}
+    decoded = {tuple(row) for row in decode(encode(points, weights, 1), weights)}
     assert {tuple(row) for row in few} <= decoded
-    original = open_codec("pcgcv1_plus", changes("pcgcv1_plus", folder, sparse_cubes=False))
-    left = {tuple(row // 16) for row in original.decode(original.encode(points, "r2"))}
+    without = encode(points, weights, 1, sparse_cubes=False)
+    left = {tuple(row // 16) for row in decode(without, weights)}
     assert not {tuple(row // 16) for row in few} & left
     with pytest.raises(InputError, match="sparse ones are dropped"):
-        original.encode(few, "r2")
-    assert np.array_equal(np.unique(kept.decode(kept.encode(few, "r2")), axis=0), few)
+        encode(few, weights, 1, sparse_cubes=False)
+    assert np.array_equal(np.unique(decode(encode(few, weights, 1), weights), axis=0), few)
 
 
 def test_threads_change_neither_the_stream_nor_the_decoded_points(weights: Pcgcv1Weights) -> None:
@@ -407,24 +390,6 @@ def test_another_machines_tables_end_in_an_error(weights: Pcgcv1Weights) -> None
         decode(write_stream(replace(coded, batches=(batch,))), weights)
 
 
-def test_pcc_arenas_rates() -> None:
-    rates = codec_class("pcgcv1").rates.values()
-    assert [(r["lmbda"], r["scale"], r["rho"]) for r in rates] == [
-        (0.75, 0.625, 1.15), (0.75, 1, 1.15), (2, 1, 1), (3.5, 1, 1), (6, 1, 1), (10, 1, 1),
-    ]  # fmt: skip
-
-
-def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None:
-    for alpha in ("0.75", "2", "6", "10"):
-        (tmp_path / f"a{alpha}b3.npz").touch()
-    options = {"options": {"weights": str(tmp_path)}}
-    ok, why = open_codec("pcgcv1", options).available()
-    assert not ok
-    assert "no weights for r4 (rates it has: r1, r2, r3, r5, r6)" in why
-    rest = {**options, "rates": ["r1", "r2", "r3", "r5", "r6"]}
-    assert open_codec("pcgcv1", rest).available().ok
-
-
 def _coded() -> Pcgcv1Stream:
     batches = (CubeBatch(7, b"hyper"), CubeBatch(9, b"latent"))
     return Pcgcv1Stream(
@@ -449,14 +414,17 @@ def test_a_small_stream_cannot_promise_many_cubes() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_damaged_streams_end_in_one_clean_error_or_points(codec: Codec, seed: int) -> None:
-    endure_damage(codec, codec.encode(shell(), "r2"), check=5, seed=seed)
+def test_damaged_streams_end_in_one_clean_error_or_points(
+    weights: Pcgcv1Weights, seed: int
+) -> None:
+    stream = encode(shell(), weights, 1)
+    endure_damage(lambda damaged: decode(damaged, weights), stream, check=5, seed=seed)
 
 
 @pytest.mark.parametrize("stream", [b"", b"PCG1", b"PCG2" + bytes(40)])
-def test_foreign_streams_are_refused(codec: Codec, stream: bytes) -> None:
+def test_foreign_streams_are_refused(weights: Pcgcv1Weights, stream: bytes) -> None:
     with pytest.raises(InputError, match=r"truncated|not a PCGCv1 stream"):
-        codec.decode(stream)
+        decode(stream, weights)
 
 
 def test_transposed_layers_match_torch_on_the_kept_part() -> None:

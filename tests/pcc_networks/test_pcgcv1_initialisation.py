@@ -6,11 +6,10 @@ import pytest
 import torch
 from torch import nn
 
-from pcc_networks.pcgcv1.initialisation import initialise, sphere
 from pcc_networks.pcgcv1.model import PCGCv1, Pcgcv1Shape
-from pcc_networks.pcgcv1.training import Pcgcv1Trainer
-from pcc_networks.pcgcv1.training_settings import Pcgcv1Training
+from pcc_networks.pcgcv1.training import Pcgcv1Trainer, initialise, sphere
 from pcc_networks.sparse.voxels import morton_keys, unique_keys
+from pcc_networks.training.settings import Pcgcv1Training
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 SIDE = 16

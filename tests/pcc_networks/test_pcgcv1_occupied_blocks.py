@@ -1,7 +1,5 @@
 """PCGCv1 when the stream holds the occupied blocks: tiny networks of random weights."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -9,20 +7,18 @@ from torch.nn.functional import max_pool3d
 
 from pcc_networks.catalogue import PCGCV1
 from pcc_networks.pcgcv1.codec import decode, encode
-from pcc_networks.pcgcv1.cubes import cubes_of
-from pcc_networks.pcgcv1.inference import CpuTransforms
-from pcc_networks.pcgcv1.model import coded_blocks
-from pcc_networks.pcgcv1.occupied_blocks import (
+from pcc_networks.pcgcv1.cubes import (
     blocks_of,
+    cubes_of,
     cubes_with_blocks,
     most_likely_per_block,
     pooled,
 )
+from pcc_networks.pcgcv1.inference import CpuTransforms
+from pcc_networks.pcgcv1.model import coded_blocks
 from pcc_networks.pcgcv1.training import rate_distortion_loss
 from pcc_networks.pcgcv1.weights import Pcgcv1Weights, load_weights
 from pcc_networks.weights_file import save_multi_rate
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import open_codec
 from tests.support.learned_codecs import (
     LMBDAS,
     TINY1,
@@ -37,21 +33,10 @@ WITH_BLOCKS = TINY1.model_copy(update={"occupied_blocks": True})
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("supported") / "tiny.safetensors"
-
-
-@pytest.fixture(scope="module")
-def weights(path: Path) -> Pcgcv1Weights:
+def weights(tmp_path_factory: pytest.TempPathFactory) -> Pcgcv1Weights:
+    path = tmp_path_factory.mktemp("supported") / "tiny.safetensors"
     save_multi_rate(path, PCGCV1, network1(WITH_BLOCKS), LMBDAS, {})
     return load_weights(path)
-
-
-@pytest.fixture
-def codec(path: Path, weights: Pcgcv1Weights) -> Codec:
-    rates = {"r1": {"lmbda": float(LMBDAS[0])}, "r2": {"lmbda": float(LMBDAS[1])}}
-    options = {"weights": str(path), "point_reconstruction": False}
-    return open_codec("pcgcv1_plus", {"options": options, "rates": rates})
 
 
 def _voxels(count: int = 300) -> np.ndarray:
@@ -100,9 +85,11 @@ def test_more_voxels_than_the_blocks_hold_are_not_made() -> None:
     assert len(most_likely_per_block(np.zeros(16**3, dtype=np.float32), blocks, 1000)) == 64
 
 
-def test_decoded_points_are_in_the_blocks_of_the_points_and_in_each(codec: Codec) -> None:
+def test_decoded_points_are_in_the_blocks_of_the_points_and_in_each(
+    weights: Pcgcv1Weights,
+) -> None:
     points = shell() + np.array([1000, -500, 0])
-    decoded = codec.decode(codec.encode(points, "r2"))
+    decoded = decode(encode(points, weights, 1, point_reconstruction=False), weights)
     assert len(decoded) == len(points)
     assert np.array_equal(np.unique(decoded // 4, axis=0), np.unique(points // 4, axis=0))
 
@@ -146,5 +133,8 @@ def test_blocks_without_voxels_cost_nothing_in_training() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_damaged_streams_end_in_one_clean_error_or_points(codec: Codec, seed: int) -> None:
-    endure_damage(codec, codec.encode(shell(), "r2"), check=5, seed=seed)
+def test_damaged_streams_end_in_one_clean_error_or_points(
+    weights: Pcgcv1Weights, seed: int
+) -> None:
+    stream = encode(shell(), weights, 1, point_reconstruction=False)
+    endure_damage(lambda damaged: decode(damaged, weights), stream, check=5, seed=seed)

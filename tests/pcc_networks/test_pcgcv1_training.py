@@ -9,8 +9,8 @@ import torch
 from pcc_networks.gains import initialise_gains
 from pcc_networks.pcgcv1.model import PCGCv1
 from pcc_networks.pcgcv1.training import BETA, Pcgcv1Trainer, dense_cubes, rate_distortion_loss
-from pcc_networks.pcgcv1.training_settings import Pcgcv1Training
 from pcc_networks.sparse.voxels import morton_keys, unique_keys
+from pcc_networks.training.settings import Pcgcv1Training
 from pointkit.errors import InputError
 from tests.support.learned_codecs import LMBDAS, TINY1
 

@@ -1,8 +1,5 @@
 """PCGCv2 with a tiny network of random weights: properties that hold for all weights."""
 
-import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,30 +8,33 @@ import pytest
 import torch
 
 from pcc_networks.catalogue import PCGCV2
-from pcc_networks.entropy_bottleneck import EntropyBottleneck, FrequencyTable, frequency_tables
+from pcc_networks.entropy_bottleneck import (
+    EntropyBottleneck,
+    FrequencyTable,
+    decode_latent,
+    encode_latent,
+    frequency_tables,
+)
 from pcc_networks.pcgcv2 import codec as pcgcv2_codec
 from pcc_networks.pcgcv2.codec import decode, encode, split
 from pcc_networks.pcgcv2.inference import analyse, synthesise
 from pcc_networks.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
 from pcc_networks.pcgcv2.stream import CodedBlock, Pcgcv2Stream, read_stream, write_coded
 from pcc_networks.pcgcv2.weights import _NAMES, Pcgcv2Weights, load_published, load_weights
-from pcc_networks.range_coding import decode_latent, encode_latent
-from pcc_networks.sparse.convolution import neighbourhood_of
-from pcc_networks.sparse.kernel_map import block_kernel_map, voxel_kernel_map
-from pcc_networks.sparse.layers import kept_children
 from pcc_networks.sparse.thread_pool import thread_pool
-from pcc_networks.sparse.voxels import keys_of_slots, morton_keys, pyramid, selected_children
+from pcc_networks.sparse.voxels import (
+    kept_children,
+    keys_of_slots,
+    morton_keys,
+    pyramid,
+    selected_children,
+)
 from pcc_networks.weights_file import save_multi_rate
 from pointkit.errors import InputError
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_of, open_codec
 from tests.support.learned_codecs import (
-    RATES,
     TINY2,
-    changes,
     endure_damage,
     network2,
-    save_tiny,
     shell,
     torch_threads,
 )
@@ -57,33 +57,17 @@ def _saved(path: Path, data: str) -> Pcgcv2Weights:
     return load_weights(path)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("folder")
-    save_tiny("pcgcv2_plus", path / "tiny.safetensors")
-    return path
-
-
-@pytest.fixture
-def codec(folder: Path) -> Codec:
-    return open_codec("pcgcv2_plus", changes("pcgcv2_plus", folder))
-
-
 def test_fused_layers_give_what_the_modules_give() -> None:
     model = network2()
     with thread_pool(2) as pool, torch.no_grad():
         result = analyse(model, KEYS, pool)
         sets, child_maps = pyramid(KEYS, SCALES)
-        neighbourhoods = [
-            neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets
-        ]
-        latent = model.g_a(neighbourhoods, child_maps)[:, 0]
+        latent = model.g_a(sets, child_maps, pool)
         np.testing.assert_allclose(result.y, latent.numpy(), rtol=1e-4, atol=1e-5)
         decoded = synthesise(model, result.y, result.coarse, result.counts, pool)
         features, parents = torch.from_numpy(result.y), sets[SCALES]
         for scale, keep in enumerate(reversed(result.counts)):
-            where = neighbourhood_of(parents.neighbours, block_kernel_map(), pool)
-            children, logits = model.g_s.scale(scale)(features, where)
+            children, logits = model.g_s.scale(scale)(features, parents, pool)
             kept = kept_children(logits.numpy(), keep)
             keys = keys_of_slots(parents.keys, kept)
             features = children.flatten(0, 1)[torch.from_numpy(kept)]
@@ -194,22 +178,19 @@ def test_a_checkpoint_that_lacks_a_layer_is_refused(tmp_path: Path) -> None:
         load_published(tmp_path / "c8_a1_32000.pth")
 
 
-def test_as_many_voxels_come_back_as_went_in_and_near_them(folder: Path) -> None:
-    codec = open_codec("pcgcv2_plus", changes("pcgcv2_plus", folder, point_reconstruction=False))
+def test_as_many_voxels_come_back_as_went_in_and_near_them(weights: Pcgcv2Weights) -> None:
     points = _shell() + 1000
-    for rate in codec.rates:
-        stream = codec.encode(points, rate)
-        decoded = codec.decode(stream)
-        assert codec_of(stream) == "pcgcv2_plus"
+    for rate in range(len(weights.lmbdas)):
+        decoded = decode(encode(points, weights, rate, point_reconstruction=False), weights)
         assert decoded.shape == points.shape
         assert len(np.unique(decoded, axis=0)) == len(points)
         coarse = np.unique(points // 8, axis=0)
         assert {tuple(v) for v in decoded // 8} <= {tuple(v) for v in coarse}
 
 
-def test_few_points_come_back_as_they_are(codec: Codec) -> None:
+def test_few_points_come_back_as_they_are(weights: Pcgcv2Weights) -> None:
     points = np.random.default_rng(0).random((64, 3)) * 1e6
-    decoded = codec.decode(codec.encode(points, "r1"))
+    decoded = decode(encode(points, weights), weights)
     assert np.array_equal(decoded, np.unique(points, axis=0))
 
 
@@ -252,26 +233,10 @@ def test_blocks_hold_every_voxel_once_and_no_coarse_voxel_twice(most: int) -> No
     assert max(map(len, parts)) <= most + 512
 
 
-def test_clouds_that_span_too_much_are_refused(codec: Codec) -> None:
+def test_clouds_that_span_too_much_are_refused(weights: Pcgcv2Weights) -> None:
     points = np.vstack([_shell(), [[2.0**21, 0, 0]]])
     with pytest.raises(InputError, match="spans more than"):
-        codec.encode(points, "r1")
-
-
-@pytest.mark.parametrize(
-    ("changes", "fault"),
-    [
-        ({"options": {"weights": "nowhere"}}, "no such folder"),
-        ({"options": {"weights": "."}, "rates": ["r1"]}, "no weights for r1"),
-    ],
-)
-def test_missing_weights_are_named(
-    changes: dict, fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    ok, why = open_codec("pcgcv2_plus", changes).available()
-    assert not ok
-    assert fault in why
+        encode(points, weights)
 
 
 def _coded() -> Pcgcv2Stream:
@@ -306,24 +271,14 @@ def test_a_small_stream_cannot_promise_many_voxels() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_damaged_streams_end_in_one_clean_error_or_points(codec: Codec, seed: int) -> None:
-    endure_damage(codec, codec.encode(_shell(), "r2"), check=6, seed=seed)
+def test_damaged_streams_end_in_one_clean_error_or_points(
+    weights: Pcgcv2Weights, seed: int
+) -> None:
+    stream = encode(_shell(), weights, 1)
+    endure_damage(lambda damaged: decode(damaged, weights), stream, check=6, seed=seed)
 
 
 @pytest.mark.parametrize("stream", [b"", b"PCG2", b"DRACO\x02\x02\x00\x01\x00\x00" + bytes(40)])
-def test_foreign_streams_are_refused(codec: Codec, stream: bytes) -> None:
+def test_foreign_streams_are_refused(weights: Pcgcv2Weights, stream: bytes) -> None:
     with pytest.raises(InputError, match=r"truncated|not a PCGCv2 stream"):
-        codec.decode(stream)
-
-
-def test_streams_decode_in_a_fresh_process(codec: Codec, folder: Path, tmp_path: Path) -> None:
-    stream = codec.encode(_shell(), "r1")
-    (tmp_path / "a.bin").write_bytes(stream)
-    command = [sys.executable, "-m", "puckbench", "decode", tmp_path / "a.bin", tmp_path / "a.ply"]
-    subprocess.run(
-        [*command, "--weights", folder, "--entry", json.dumps({"rates": RATES["pcgcv2_plus"]})],
-        check=True,
-    )
-    from cloud_files.clouds import read_cloud
-
-    assert np.array_equal(read_cloud(tmp_path / "a.ply").xyz, codec.decode(stream))
+        decode(stream, weights)

@@ -7,11 +7,10 @@ import torch
 from pcc_networks.gains import initialise_gains
 from pcc_networks.pcgcv2.model import PCGCv2
 from pcc_networks.pcgcv2.training import Pcgcv2Loss, Pcgcv2Trainer, rate_distortion_loss
-from pcc_networks.pcgcv2.training_settings import Pcgcv2Training
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
 from pcc_networks.sparse.voxels import morton_keys, morton_voxels
-from pcc_networks.training.examples import CubeExamples, join_clouds
-from pcc_networks.training.loop import train
+from pcc_networks.training.loop import CubeExamples, join_clouds, train
+from pcc_networks.training.settings import Pcgcv2Training
 from pointkit.errors import InputError
 from tests.support.learned_codecs import LMBDAS, TINY2
 
@@ -131,3 +130,21 @@ def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
         InputError, match="no cube of 8 voxels' side holds 200 voxels: give denser clouds"
     ):
         CubeExamples([_plane()], cube_size=8).batch(0)
+
+
+def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:
+    """Settings that it does not name, random numbers and the curve are those of the new run."""
+    training = Pcgcv2Training(lmbdas=LMBDAS, steps=4, channels=TINY2.channels)
+    with thread_pool(1) as pool:
+        old = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
+        old.done = 3
+        old.save(tmp_path / "a.pt")
+        state = torch.load(tmp_path / "a.pt", weights_only=True)
+        kept = {name: state[name] for name in ("model", "optimiser", "done")}
+        settings = {name: training.model_dump()[name] for name in ("steps", "seed")}
+        torch.save({**kept, "training": settings}, tmp_path / "b.pt")
+        new = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
+        new.resume(tmp_path / "b.pt")
+    assert new.done == 3
+    for name, value in old.model.state_dict().items():
+        assert torch.equal(new.model.state_dict()[name], value)

@@ -15,26 +15,28 @@ import pytest
 import torch
 from torch.nn import functional
 
-from pcc_networks.reno import coder as coder_module
-from pcc_networks.reno.coder import decode_tree, encode_tree
-from pcc_networks.reno.inference import predicted, prior_features, target_features
-from pcc_networks.reno.layers import convolution, cumulate, exponential, head
+from gpcc import decode_geometry, encode_geometry
+from pcc_networks.reno import codec as coder_module
+from pcc_networks.reno.codec import OFFSET, decode, decode_tree, encode, encode_tree
+from pcc_networks.reno.inference import (
+    convolution,
+    cumulate,
+    exponential,
+    head,
+    predicted,
+    prior_features,
+    target_features,
+)
 from pcc_networks.reno.range_coder import decode_symbols, encode_symbols
 from pcc_networks.reno.stream import read_stream, write_stream
-from pcc_networks.reno.weights import load_weights
+from pcc_networks.reno.weights import RenoWeights, load_weights
 from pcc_networks.sparse.thread_pool import thread_pool
 from pcc_networks.sparse.voxels import morton_keys, morton_voxels, parents_of, pyramid
 from pointkit.errors import InputError
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_of, open_codec
 from tests.support.learned_codecs import endure_damage, reno_state, sealed, shell, torch_threads
 
-METRES = 0.2 * shell()
+MILLIMETRES = 200.0 * shell()
 KEYS = np.unique(morton_keys(shell().astype(np.int64) + 64))
-
-
-def _codec(weights: Path, **options: Any) -> Codec:
-    return open_codec("reno", {"options": {"weights": str(weights), **options}})
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +49,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def codec(folder: Path) -> Codec:
-    return _codec(folder)
+def weights(folder: Path) -> RenoWeights:
+    return load_weights(folder / "KITTIDetection.pt")
 
 
 class Reference:
@@ -210,25 +212,17 @@ def test_symbols_take_their_ideal_length() -> None:
     assert np.array_equal(decode_symbols(data, cumulative), symbols)
 
 
-@pytest.mark.parametrize("rate", ["1mm", "4mm", "64mm", "512mm"])
-def test_points_are_those_of_gpcc(codec: Codec, rate: str, folder: Path) -> None:
-    length = float(rate[:-2]) / 1000
-    points = np.random.default_rng(2).normal(size=(700, 3)) * [40, 30, 2]
-    ours = _with_rate(folder, length)
-    gpcc = open_codec("gpcc", {"metric_rates": {"r1": {"step_m": length}}})
-    result, expected = (item.decode(item.encode(points, "r1")) for item in (ours, gpcc))
-    np.testing.assert_allclose(_sorted(result), _sorted(expected), atol=1e-9)
-    assert list(codec.metric_rates) == [f"{1 << n}mm" for n in range(9, 1, -1)]
-    assert not codec.rates
-
-
-def _with_rate(folder: Path, length: float) -> Codec:
-    changes = {"options": {"weights": str(folder)}, "metric_rates": {"r1": {"step_m": length}}}
-    return open_codec("reno", changes)
+@pytest.mark.parametrize("posq", [1, 4, 64, 512])
+def test_points_are_those_of_gpcc(weights: RenoWeights, posq: int) -> None:
+    points = np.random.default_rng(2).normal(size=(700, 3)) * [40_000, 30_000, 2000]
+    result = decode(encode(points, weights, posq), weights)
+    steps = np.rint((points + OFFSET) / posq).astype(np.int64)
+    expected = decode_geometry(encode_geometry(steps)).positions() * posq - OFFSET
+    np.testing.assert_allclose(_sorted(result), _sorted(expected), atol=1e-6)
 
 
 def _sorted(points: np.ndarray) -> np.ndarray:
-    steps = np.rint(points * 1e6)
+    steps = np.rint(points * 1e3)
     return points[np.lexsort(steps.T)]
 
 
@@ -238,30 +232,29 @@ def _sorted(points: np.ndarray) -> np.ndarray:
      [[9000.0, 0, 0], [9400, 100, 0]]],
     ids=["one", "near", "beyond", "far"],
 )  # fmt: skip
-def test_clouds_beyond_the_authors_grid_come_back(codec: Codec, points: list[list[float]]) -> None:
-    cloud = np.array(points)
-    result = codec.decode(codec.encode(cloud, "8mm"))
-    assert np.abs(_sorted(result) - _sorted(cloud)).max() <= 0.004 + 1e-9
+def test_clouds_beyond_the_authors_grid_come_back(
+    weights: RenoWeights, points: list[list[float]]
+) -> None:
+    cloud = 1000 * np.array(points)
+    result = decode(encode(cloud, weights, 8), weights)
+    assert np.abs(_sorted(result) - _sorted(cloud)).max() <= 4 + 1e-6
 
 
-def test_values_that_the_stream_cannot_hold_are_refused(codec: Codec, folder: Path) -> None:
+def test_values_that_the_stream_cannot_hold_are_refused(weights: RenoWeights) -> None:
     with pytest.raises(InputError, match="needs more than 20 bits per coordinate at posQ 8"):
-        codec.encode(np.array([[0.0, 0, 0], [9000, 0, 0]]), "8mm")
+        encode(np.array([[0.0, 0, 0], [9e6, 0, 0]]), weights, 8)
     with pytest.raises(InputError, match=r"posQ 4097 is not a number in half precision"):
-        _with_rate(folder, 4.097).encode(METRES, "r1")
-    with pytest.raises(InputError, match="rates such as 512mm are lengths, and the cloud is"):
-        codec.check_frame("scaled", "8mm")
+        encode(MILLIMETRES, weights, 4097)
 
 
-def test_streams_are_the_same_with_any_number_of_threads(folder: Path, codec: Codec) -> None:
+def test_streams_are_the_same_with_any_number_of_threads(weights: RenoWeights) -> None:
     """And on any machine: of these weights, which NumPy makes, the bytes are known."""
     streams = []
     for threads in (1, 3):
         with torch_threads(threads):
-            streams.append(codec.encode(METRES, "64mm"))
+            streams.append(encode(MILLIMETRES, weights, 64))
     stream = streams[0]
     assert streams[1] == stream
-    assert codec_of(stream) == "reno"
     tree = read_stream(stream).tree
     assert sha256(b"".join(tree.symbols)).hexdigest()[:16] == KNOWN
 
@@ -294,9 +287,9 @@ def test_a_machine_without_fused_multiplications_computes_the_same() -> None:
 
 
 def test_a_machine_that_computes_otherwise_says_so(
-    codec: Codec, monkeypatch: pytest.MonkeyPatch
+    weights: RenoWeights, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stream = codec.encode(METRES, "32mm")
+    stream = encode(MILLIMETRES, weights, 32)
     real, calls = coder_module.predicted, []
 
     def otherwise(*arguments: Any) -> np.ndarray:
@@ -308,13 +301,13 @@ def test_a_machine_that_computes_otherwise_says_so(
 
     monkeypatch.setattr(coder_module, "predicted", otherwise)
     with pytest.raises(InputError, match="this machine does not compute as the encoder's did"):
-        codec.decode(stream)
+        decode(stream, weights)
     assert len(calls) >= 7
 
 
-def test_each_damage_ends_in_one_error(codec: Codec) -> None:
-    stream = codec.encode(METRES, "512mm")
-    endure_damage(codec, stream, 5, seed=1)
+def test_each_damage_ends_in_one_error(weights: RenoWeights) -> None:
+    stream = encode(MILLIMETRES, weights, 512)
+    endure_damage(lambda damaged: decode(damaged, weights), stream, 5, seed=1)
     coded = read_stream(stream)
     tree = coded.tree
     for changed, fault in (
@@ -328,11 +321,11 @@ def test_each_damage_ends_in_one_error(codec: Codec) -> None:
         (replace(tree, base=np.repeat(tree.base, 64, axis=0)), "its header"),
     ):
         with pytest.raises(InputError, match=fault):
-            codec.decode(write_stream(replace(coded, tree=changed)))
+            decode(write_stream(replace(coded, tree=changed)), weights)
     with pytest.raises(InputError, match="its header"):
-        codec.decode(write_stream(replace(coded, posq=float("nan"))))
+        decode(write_stream(replace(coded, posq=float("nan"))), weights)
     with pytest.raises(InputError, match="its length"):
-        codec.decode(sealed(stream + b"!", 5))
+        decode(sealed(stream + b"!", 5), weights)
 
 
 def test_what_a_decoder_would_refuse_is_not_encoded(
@@ -345,25 +338,7 @@ def test_what_a_decoder_would_refuse_is_not_encoded(
         encode_tree(KEYS, weights)
 
 
-def test_one_of_the_three_sets_codes_and_all_decode(folder: Path, codec: Codec) -> None:
-    streams = {}
-    for name in ("KITTIDetection", "SemanticKITTI", "Ford"):
-        own = _codec(folder, trained_on=name)
-        assert own.available().ok
-        assert own.weights_of("8mm").startswith(f"{name} ")
-        streams[name] = own.encode(METRES, "64mm")
-        assert streams[name] == _codec(folder / f"{name}.pt").encode(METRES, "64mm")
-        assert len(codec.decode(streams[name])) == len(codec.decode(streams["KITTIDetection"]))
-    assert len(set(streams.values())) == 3
-    alone = _codec(folder / "Ford.pt")
-    with pytest.raises(InputError, match="made with other weights"):
-        alone.decode(streams["SemanticKITTI"])
-
-
-def test_missing_and_foreign_weights_are_named(tmp_path: Path, folder: Path) -> None:
-    why = open_codec("reno").available().why
-    assert why == "no weights in data/reno_weights: fetch them (puckbench data reno_weights)"
-    assert "has no weights for 512mm" in _codec(tmp_path).available().why
+def test_foreign_weights_are_named(tmp_path: Path, folder: Path) -> None:
     state = torch.load(folder / "Ford.pt")
     faults: dict[str, Any] = {
         "less": {name: value for name, value in state.items() if name != "pred_head_s0.0.bias"},
@@ -377,5 +352,5 @@ def test_missing_and_foreign_weights_are_named(tmp_path: Path, folder: Path) -> 
     (tmp_path / "text.pt").write_text("text")
     for name in (*faults, "text"):
         with pytest.raises(InputError, match=rf"{name}\.pt: not a checkpoint of RENO") as raised:
-            _codec(tmp_path / f"{name}.pt").encode(METRES, "8mm")
+            load_weights(tmp_path / f"{name}.pt")
         assert "\n" not in str(raised.value)

@@ -7,18 +7,29 @@ import pytest
 import torch
 from torch.nn.functional import conv3d, conv_transpose3d
 
-from pcc_networks.sparse.convolution import Neighbourhood, convolve, neighbourhood_of
-from pcc_networks.sparse.gather_scatter import TorchGatherScatter
-from pcc_networks.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
-from pcc_networks.sparse.layers import (
+from pcc_networks.sparse.convolution import (
     GenerativeTransposedConvolution,
+    Neighbourhood,
     PointwiseConvolution,
     StridedConvolution,
-    kept_children,
-    top_k,
+    convolve,
+    neighbourhood_of,
+)
+from pcc_networks.sparse.gather_scatter import (
+    KernelMap,
+    TorchGatherScatter,
+    block_kernel_map,
+    voxel_kernel_map,
 )
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
-from pcc_networks.sparse.voxels import VoxelSet, morton_keys, morton_voxels, pyramid
+from pcc_networks.sparse.voxels import (
+    VoxelSet,
+    kept_children,
+    morton_keys,
+    morton_voxels,
+    pyramid,
+    top_k,
+)
 
 SIDE = 16
 CHILDREN = np.array([[child & 1, child >> 1 & 1, child >> 2] for child in range(8)])

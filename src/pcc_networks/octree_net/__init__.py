@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from pcc_networks.octree_net.stream import OctreeNetStream as OctreeNetStream
     from pcc_networks.octree_net.stream import read_stream as read_stream
     from pcc_networks.octree_net.stream import write_stream as write_stream
-    from pcc_networks.octree_net.training_settings import OctreeNetTraining as OctreeNetTraining
     from pcc_networks.octree_net.weights import OctreeNetWeights as OctreeNetWeights
     from pcc_networks.octree_net.weights import load_weights as load_weights
     from pcc_networks.octree_net.weights import save_weights as save_weights
@@ -22,6 +21,5 @@ __getattr__, __dir__, __all__ = lazy(
     codec=("decode", "encode"),
     model=("OctreeNet", "OctreeNetShape"),
     stream=("OctreeNetStream", "read_stream", "write_stream"),
-    training_settings=("OctreeNetTraining",),
     weights=("OctreeNetWeights", "load_weights", "save_weights"),
 )

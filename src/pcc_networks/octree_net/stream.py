@@ -51,6 +51,8 @@ class CodedPart:
 
 @dataclass(frozen=True)
 class OctreeNetStream:
+    """The parts of a stream, still coded, and the numbers in its header."""
+
     digest: bytes  # of the weights
     scale: float
     origin: tuple[int, int, int]
@@ -59,6 +61,7 @@ class OctreeNetStream:
 
 
 def write_stream(content: OctreeNetStream) -> bytes:
+    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
     if sum(part.count for part in content.parts) > _MAX_TOTAL:
         raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
     _check(content.parts)
@@ -74,7 +77,11 @@ def write_stream(content: OctreeNetStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> OctreeNetStream:
-    """Parse a stream; raise InputError if it is damaged, or of another codec or version."""
+    """Divide a stream into its parts, of which nothing is decoded yet.
+
+    Returns an `OctreeNetStream`. Raises InputError if the stream is damaged, or of another codec or
+    version.
+    """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, scale, x, y, z, has_grid = _HEADER.unpack(reader.take(_HEADER.size))
     grid = _read_grid(reader) if has_grid else InputGrid()

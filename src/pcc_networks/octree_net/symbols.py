@@ -6,13 +6,9 @@ odd sum. Only children of different symbols share faces, so that one symbol pred
 
 from __future__ import annotations
 
-from decimal import Decimal
-from functools import cache
-
 import numpy as np
 from numpy.typing import NDArray
 
-from pcc_networks.octree_net.fixed_point import UNITS
 from pcc_networks.sparse.voxels import Keys, occupancies, slots_of_occupancies
 
 Symbols = NDArray[np.uint8]
@@ -26,8 +22,6 @@ GROUPS = 4
 are in different groups, so that the first group shows where a plane lies."""
 _GROUP = np.array([0, 1, 2, 3, 3, 2, 1, 0])
 _CODES = np.arange(256)
-_FREQUENCY_BITS = 16
-_MIN_FREQUENCY = 8
 
 
 def _half(children: tuple[int, ...]) -> Symbols:
@@ -54,11 +48,3 @@ def groups_of(keys: Keys) -> list[NDArray[np.int64]]:
 
 def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
     return slots_of_occupancies(_CODE[first, second])
-
-
-@cache
-def powers_of_two() -> Frequencies:
-    """Return 2**(16 - d / UNITS), rounded, for d = 0, 1, ..., down to `_MIN_FREQUENCY`."""
-    steps = range((_FREQUENCY_BITS - 3) * UNITS + 1)
-    exact = [Decimal(2) ** (_FREQUENCY_BITS - Decimal(d) / UNITS) for d in steps]
-    return np.array([round(power) for power in exact], dtype=np.int32)

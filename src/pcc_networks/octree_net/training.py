@@ -1,4 +1,4 @@
-"""Training of the sparse octree net: the loss (bits of a batch's symbols) and the optimiser step.
+"""Training of the sparse octree net: examples, the loss (bits of symbols), and the optimiser step.
 
 Training uses the codec's fixed-point arithmetic, so that rounding weights to integers changes
 nothing.
@@ -8,21 +8,66 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import cross_entropy
 
-from pcc_networks.octree_net.fixed_point import MAX_ACTIVATION, MAX_SUM, WEIGHT_UNITS
-from pcc_networks.octree_net.model import FixedPointLayer, OctreeNet, as_index
+from pcc_networks.octree_net.model import (
+    MAX_ACTIVATION,
+    MAX_SUM,
+    WEIGHT_UNITS,
+    FixedPointLayer,
+    OctreeNet,
+    as_index,
+)
 from pcc_networks.octree_net.symbols import Symbols, groups_of, symbols_of
 from pcc_networks.sparse.convolution import Neighbourhood, neighbourhood_of
-from pcc_networks.sparse.kernel_map import voxel_kernel_map
+from pcc_networks.sparse.gather_scatter import voxel_kernel_map
 from pcc_networks.sparse.thread_pool import ThreadPool
-from pcc_networks.sparse.voxels import Keys, pyramid
-from pcc_networks.training.examples import join_clouds
-from pcc_networks.training.loop import BaseTrainer
+from pcc_networks.sparse.voxels import Keys, morton_keys, pyramid, unique_keys
+from pcc_networks.training.loop import (
+    BaseTrainer,
+    CubeExamples,
+    Voxels,
+    join_clouds,
+    random_symmetry,
+)
 from pcc_networks.training.settings import BaseTraining
+from pointkit.geometry.cloud import Floats
+
+
+@dataclass(frozen=True)
+class OctreeExamples(CubeExamples):
+    """Training examples: random cubes of points (n, 3) on grids of random scales."""
+
+    cube_size: int = 128
+    batch_size: int = 2
+    min_voxels: int = 500
+    finest: float = 1.0  # scales of grids are drawn log-uniformly from `coarsest` to `finest`
+    coarsest: float = 0.125
+    upright: bool = False  # rotate cubes about the vertical axis only
+    kind: ClassVar[str] = "octree training cubes"
+
+    def _crop(self, points: Floats, rng: np.random.Generator) -> Keys | None:
+        scale = self.finest * (self.coarsest / self.finest) ** rng.random()
+        centre = points[rng.integers(len(points))]
+        corner = centre * scale - rng.random(3) * self.cube_size
+        voxels = _voxels(points, corner / scale, scale, self.cube_size)
+        keys = unique_keys(morton_keys(random_symmetry(voxels, self.cube_size, rng, self.upright)))
+        return keys if len(keys) >= self.min_voxels else None
+
+
+def _voxels(points: Floats, corner: Floats, scale: float, size: int) -> Voxels:
+    inside = np.ones(len(points), dtype=bool)
+    for axis in range(3):
+        column = points[:, axis]
+        inside &= (column > corner[axis]) & (column < corner[axis] + size / scale)
+    return np.floor((points[inside] - corner) * scale).astype(np.int64).clip(0, size - 1)
+
 
 _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
 """Maximum sum of an output feature's absolute weights that keeps the feature's sums exact."""

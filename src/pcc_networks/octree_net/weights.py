@@ -8,8 +8,7 @@ from typing import Any
 from torch import Tensor
 
 from pcc_networks.catalogue import OCTREE_NET, weights_path
-from pcc_networks.octree_net.fixed_point import MAX_WEIGHT, UNITS, WEIGHT_UNITS
-from pcc_networks.octree_net.model import OctreeNet, OctreeNetShape
+from pcc_networks.octree_net.model import MAX_WEIGHT, UNITS, WEIGHT_UNITS, OctreeNet, OctreeNetShape
 from pcc_networks.weights_file import read_weights, write_weights
 from pointkit.errors import InputError, naming
 from pointkit.models import parsed
@@ -17,13 +16,30 @@ from pointkit.models import parsed
 
 @dataclass(frozen=True)
 class OctreeNetWeights:
+    """Trained weights of the sparse octree net, with their name in streams and model card."""
+
     model: OctreeNet
     digest: bytes
     card: Mapping[str, Any]
 
 
 def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
-    """Write a network's weights as integers; raise InputError if sums might be inexact."""
+    """Write a network's weights, as integers, to a safetensors file.
+
+    Parameters
+    ----------
+    path
+        File to write; an existing file is replaced as a whole.
+    model
+        The trained network.
+    card
+        Model card, such as the training data, that is kept in the file's header as JSON.
+
+    Raises
+    ------
+    InputError
+        If the weights are so large that sums might be inexact.
+    """
     model.check_exact()
     header_fields = {
         "network": OCTREE_NET.name,
@@ -39,9 +55,23 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
 
 
 def load_weights(where: str | Path) -> OctreeNetWeights:
-    """Read trained weights: a shipped set by name, or a file by path.
+    """Read trained weights of the sparse octree net.
 
-    Raises InputError if they are damaged, of another network, or too large for exact sums.
+    Parameters
+    ----------
+    where
+        Name of a set that comes with the package (``sparse_octree_net_rooms``), or the path of a
+        file that `save_weights` wrote.
+
+    Returns
+    -------
+    OctreeNetWeights
+        The network with its parameters, for `encode` and `decode`.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, of another network, or has weights too large for exact sums.
     """
     path = weights_path(where)
     contents = read_weights(path)

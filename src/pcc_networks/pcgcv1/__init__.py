@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from pcc_networks.pcgcv1.stream import Pcgcv1Stream as Pcgcv1Stream
     from pcc_networks.pcgcv1.stream import read_stream as read_stream
     from pcc_networks.pcgcv1.stream import write_stream as write_stream
-    from pcc_networks.pcgcv1.training_settings import Pcgcv1Training as Pcgcv1Training
     from pcc_networks.pcgcv1.weights import Pcgcv1Weights as Pcgcv1Weights
     from pcc_networks.pcgcv1.weights import load_weights as load_weights
 
@@ -26,6 +25,5 @@ __getattr__, __dir__, __all__ = lazy(
     codec=("decode", "encode"),
     model=("PCGCv1", "Pcgcv1Shape"),
     stream=("Pcgcv1Stream", "read_stream", "write_stream"),
-    training_settings=("Pcgcv1Training",),
     weights=("Pcgcv1Weights", "load_weights"),
 )

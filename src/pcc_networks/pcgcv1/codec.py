@@ -8,7 +8,21 @@ from numpy.typing import NDArray
 
 from gpcc.lossless import decode_voxels, encode_voxels
 from pcc_networks.grid_level import choose_grid_level, voxel_size
-from pcc_networks.pcgcv1.cubes import OccupiedCubes, cubes_of, occupancy, sibling_blocks_of
+from pcc_networks.pcgcv1.cubes import (
+    STRIDE,
+    Bools,
+    CodedCubes,
+    OccupiedCubes,
+    blocks_of,
+    cubes_of,
+    cubes_with_all_blocks,
+    cubes_with_blocks,
+    most_likely_per_block,
+    occupancy,
+    pooled,
+    rows_of,
+    sibling_blocks_of,
+)
 from pcc_networks.pcgcv1.entropy_coding import (
     checksum,
     decode_conditional,
@@ -19,19 +33,8 @@ from pcc_networks.pcgcv1.entropy_coding import (
     encode_hyper,
     latent_positions,
 )
-from pcc_networks.pcgcv1.laplace import TableIndexes, joined
+from pcc_networks.pcgcv1.hyper_prior import TableIndexes, joined
 from pcc_networks.pcgcv1.model import Pcgcv1Shape
-from pcc_networks.pcgcv1.occupied_blocks import (
-    STRIDE,
-    Bools,
-    CodedCubes,
-    blocks_of,
-    cubes_with_all_blocks,
-    cubes_with_blocks,
-    most_likely_per_block,
-    pooled,
-    rows_of,
-)
 from pcc_networks.pcgcv1.stream import (
     BATCH,
     CubeBatch,
@@ -50,8 +53,8 @@ from pcc_networks.point_reconstruction import (
     points_per_voxel,
     reconstructed_points,
 )
-from pcc_networks.sparse.layers import top_k
 from pcc_networks.sparse.thread_pool import ThreadPool, slices, thread_pool
+from pcc_networks.sparse.voxels import top_k
 from pcc_networks.weights_file import check_made_with, check_rate
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, check_points
@@ -80,32 +83,42 @@ def encode(
     Parameters
     ----------
     points
-        (n, 3), n >= 1, in steps of the finest grid.
+        Points (n, 3), n >= 1, in steps of the finest grid. Points are rounded to the grid, and
+        those in the same voxel are merged.
+    weights
+        Weights of `load_weights`.
     rate
-        Index of the rate in ``weights.lmbdas``, lowest bitrate first.
+        Index of the rate in ``weights.lmbdas``; 0 has the fewest bits.
     scale
-        Voxels per step of the finest grid, before coarsening.
+        Factor by which points are multiplied before anything else.
     mean_occupied_children
-        The grid is coarsened until voxels have this mean number of occupied children; by default
-        it is the input's grid.
+        The grid is coarsened until a voxel of twice the side holds this many voxels, on average
+        (see `choose_grid_level`). By default, and for 1 or less, it is the finest grid.
     grid_level_offset
-        Number of further levels of coarsening (`choose_grid_level`).
+        Octaves by which the grid is then coarsened further, or refined if negative; an octave
+        doubles the side of a voxel.
     rho
-        Decoded voxels per occupied voxel.
+        Number of decoded voxels per occupied voxel.
     min_points
-        Minimum voxels of a cube that the network codes.
+        Minimum number of voxels in a cube that the network codes.
     sparse_cubes
-        Code cubes with fewer voxels losslessly; the authors drop such cubes.
+        Whether to code the voxels of other cubes without loss; the authors' program drops them.
     context_mixing
-        Mix the Laplace distributions of the latent with adaptive contexts.
+        Whether to adapt the distributions of the latent to what was coded before.
     point_reconstruction
-        Decode as many points as were encoded, placed in the decoded voxels; otherwise one point at
-        the centre of each voxel.
+        Whether to decode about as many points as were encoded, on the surface that the decoded
+        voxels show. Otherwise, one point is decoded at the centre of each voxel.
+
+    Returns
+    -------
+    bytes
+        The stream, which contains all that `decode` needs but the weights.
 
     Raises
     ------
     InputError
-        If points are not finite, exceed 30-bit integers, or are all dropped.
+        If points are not finite, exceed 30-bit integers, or are all dropped, or the weights do not
+        have the rate.
     """
     check_points(points, "pcgcv1.encode")
     check_rate(weights, rate)
@@ -158,7 +171,27 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv1Weights) -> Floats:
-    """Return the points (m, 3) of a stream made with these weights."""
+    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
+
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
+    weights
+        The weights with which the stream was made.
+
+    Returns
+    -------
+    array of float64
+        Points (m, 3) in the encoder's units: as many as were encoded, about, or one at the centre
+        of each decoded voxel, as the encoder chose.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or was made with other weights, or this machine computes
+        other probabilities than the encoder's.
+    """
     content = read_stream(stream)
     check_made_with(weights, content.digest, content.rate)
     shape, density = weights.model.shape, content.points_per_voxel

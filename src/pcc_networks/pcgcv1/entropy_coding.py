@@ -13,17 +13,16 @@ from pcc_networks.adaptive_entropy import (
     encode_with_contexts,
     prior_of,
 )
-from pcc_networks.entropy_bottleneck import FrequencyTable
-from pcc_networks.pcgcv1.cubes import Int64s
-from pcc_networks.pcgcv1.laplace import OFFSETS, SCALES, TableIndexes, laplace_table
-from pcc_networks.pcgcv1.occupied_blocks import Bools, CodedCubes
-from pcc_networks.range_coding import (
+from pcc_networks.entropy_bottleneck import (
+    FrequencyTable,
     decode_groups,
     decode_latent,
     encode_groups,
     encode_latent,
     range_decoder,
 )
+from pcc_networks.pcgcv1.cubes import Bools, CodedCubes, Int64s
+from pcc_networks.pcgcv1.hyper_prior import OFFSETS, SCALES, TableIndexes, laplace_table
 from pcc_networks.sparse.voxels import AXIS_BITS, NeighbourTable, morton_keys, pyramid
 
 Integers = NDArray[np.int32]

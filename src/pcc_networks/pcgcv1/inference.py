@@ -2,6 +2,8 @@
 
 A vector unit computes sixteen output channels at once; layers with fewer channels compute p
 adjacent voxels jointly, by a kernel of 3x3x(2 + p) voxels with stride p and p times the channels.
+Training and GPUs use the model's own layers, which take four times as long on a CPU and, as their
+sums are rounded in another order, decode other points from the same stream.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import conv3d, max_pool3d, pad
 
+from pcc_networks.pcgcv1.cubes import STRIDE, Bools
 from pcc_networks.pcgcv1.model import (
     Conv,
     PCGCv1,
@@ -25,7 +28,7 @@ from pcc_networks.pcgcv1.model import (
     VoxceptionResNet,
     coded_blocks,
 )
-from pcc_networks.pcgcv1.occupied_blocks import STRIDE, Bools
+from pcc_networks.weights_file import device_of
 
 _LANES = 16
 _TILE = 4
@@ -318,3 +321,22 @@ def _add_branches(rows: Tensor, out1: Tensor, out2: Tensor, out: MatrixConv) -> 
 
 def _rows(features: Tensor) -> Tensor:
     return features.permute(0, 2, 3, 4, 1).view(-1, features.shape[1])
+
+
+class DeviceTransforms:
+    def __init__(self, model: PCGCv1) -> None:
+        self._model, self._device = model, device_of(model)
+
+    def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
+        with torch.inference_mode():
+            latents = self._model.latents(self._to_device(occupied)[None, None], rate)
+            return quantised(latents.y.cpu()), quantised(latents.z.cpu())
+
+    def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
+        with torch.inference_mode():
+            y = self._to_device(y_hat)[None].float() / self._model.gain(rate)
+            logits: Floats32 = self._model.g_s(y).flatten().cpu().numpy()
+        return logits
+
+    def _to_device(self, values: Floats32 | Integers) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(values)).to(self._device)

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, max_pool3d, pad
 
 from pcc_networks.gains import MultiRateNetwork
-from pcc_networks.pcgcv1.occupied_blocks import STRIDE
+from pcc_networks.pcgcv1.cubes import STRIDE
 from pointkit.models import Model
 
 _Channels = Annotated[int, Field(ge=1, le=1024)]
@@ -26,7 +26,7 @@ _Few = Annotated[int, Field(ge=1, le=64)]
 
 
 class Pcgcv1Shape(Model):
-    """Sizes of the network, by default those of the paper."""
+    """Sizes of the network PCGCv1, by default those of the paper."""
 
     # voxels along an edge of a cube
     cube_size: Annotated[int, Field(ge=8, le=256, multiple_of=8)] = 64
@@ -175,8 +175,20 @@ class HyperSynthesis(nn.Module):
         return LaplaceParameters(self.location(features), self.scale(features).abs())
 
 
+class Latents(NamedTuple):
+    y: Tensor
+    z: Tensor
+    blocks: Tensor  # ones where y is coded, else zeros
+    hyper_blocks: Tensor  # ones where z is coded, else zeros
+
+
 class PCGCv1(MultiRateNetwork):
-    """Transforms g_a, g_s, h_a, h_s; for each rate, an entropy bottleneck of z and gains of y."""
+    """The network PCGCv1, a PyTorch module with the parameters of one or several rates.
+
+    It has transforms g_a from a cube's occupancy to the latent y, g_s back, h_a from y to the
+    hyper-latent z, and h_s from z to the distributions of y; for each rate, gains of y and an
+    entropy bottleneck of z.
+    """
 
     Shape = Pcgcv1Shape
     shape: Pcgcv1Shape
@@ -189,6 +201,13 @@ class PCGCv1(MultiRateNetwork):
 
     def gain(self, rate: int) -> Tensor:
         return super().gain(rate)[:, None, None, None]
+
+    def latents(self, x: Tensor, rate: int) -> Latents:
+        """Transform cubes x (n, 1, size, size, size) to y, times the gains of a rate, and z."""
+        blocks = coded_blocks(self.shape, x)
+        hyper_blocks = max_pool3d(blocks, 2)
+        y = self.g_a(x) * self.gain(rate) * blocks
+        return Latents(y, self.h_a(y) * hyper_blocks, blocks, hyper_blocks)
 
 
 def coded_blocks(shape: Pcgcv1Shape, x: Tensor) -> Tensor:

@@ -43,6 +43,8 @@ class CubeBatch:
 
 @dataclass(frozen=True)
 class Pcgcv1Stream:
+    """The parts of a PCGCv1 stream, still coded, and the numbers in its header."""
+
     digest: bytes  # of the weights
     rate: int  # index among those of the weights
     scale: float  # voxels per step of the input
@@ -57,6 +59,7 @@ class Pcgcv1Stream:
 
 
 def write_stream(content: Pcgcv1Stream) -> bytes:
+    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
     parts = (content.positions, content.counts, content.sparse, content.latent)
     numbers = [*map(len, parts), content.cubes]
     body = _HEADER.pack(
@@ -97,7 +100,11 @@ def max_sparse(content: Pcgcv1Stream) -> int:
 
 
 def read_stream(stream: bytes) -> Pcgcv1Stream:
-    """Parse a stream; raise InputError if it is damaged, or of another codec or version."""
+    """Divide a stream into its parts, of which nothing is decoded yet.
+
+    Returns a `Pcgcv1Stream`. Raises InputError if the stream is damaged, or of another codec or
+    version.
+    """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, rate, scale, context_mixing, points_per_voxel = _HEADER.unpack(
         reader.take(_HEADER.size)

@@ -1,29 +1,91 @@
-"""Training of PCGCv1: the rate-distortion loss and the optimiser step.
+"""Training of PCGCv1: initial weights, the rate-distortion loss, and the optimiser step.
+
+PyTorch's initialisation gives the latent a standard deviation of 0.05, far below the noise that
+replaces rounding, and the network does not learn. Therefore each layer's weights in turn are
+divided by the standard deviation of the layer's output for an example (layer-sequential
+unit-variance initialisation).
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
 dominates. R is the bits of latent and hyper-latent per point; D (as in the paper) is ``beta * cross
 entropy of empty voxels + cross entropy of occupied voxels``. Cross entropies are means in nats,
 without voxels that the decoder knows to be empty. Uniform noise replaces rounding.
+
+References
+----------
+Mishkin, Matas: "All you need is a good init", ICLR 2016.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
-from torch.nn.functional import interpolate, max_pool3d, softplus
+from torch import Tensor, nn
+from torch.nn.functional import interpolate, softplus
 
 from pcc_networks.gains import parameter_groups
-from pcc_networks.pcgcv1.laplace import likelihood
-from pcc_networks.pcgcv1.model import PCGCv1, coded_blocks
-from pcc_networks.pcgcv1.occupied_blocks import STRIDE
-from pcc_networks.pcgcv1.training_settings import Pcgcv1Training
+from pcc_networks.pcgcv1.cubes import STRIDE
+from pcc_networks.pcgcv1.hyper_prior import likelihood
+from pcc_networks.pcgcv1.model import PCGCv1
 from pcc_networks.sparse.voxels import Keys, morton_voxels
 from pcc_networks.training.loop import BaseTrainer
+from pcc_networks.training.settings import Pcgcv1Training
+
+_DEVIATIONS = {"conv1_2": 0.3, "conv2_3": 0.3, "g_a.conv_out": 4.0, "h_a.conv3": 3.0,
+               "g_s.conv_out": 0.5}  # fmt: skip
+"""Standard deviations other than one: of residuals, of values to be rounded, and of logits."""
+_EMPTY_PER_OCCUPIED = 3.0
+"""Empty voxels per occupied voxel according to the initial logits."""
+
+
+def initialise(model: PCGCv1, cube_size: int) -> None:
+    """Scale a new model's weights so that each layer's output for a sphere has unit variance."""
+    with torch.no_grad(), _rescaled(model):
+        y = model.g_a(sphere(cube_size))
+        model.h_s(model.h_a(y))
+        model.g_s(y)
+        if model.g_s.conv_out.bias is not None:
+            model.g_s.conv_out.bias.fill_(-math.log(_EMPTY_PER_OCCUPIED))
+
+
+def sphere(size: int) -> Tensor:
+    axis = torch.arange(size) - (size - 1) / 2
+    radius = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2).sqrt()
+    return ((radius - 0.4 * size).abs() < 0.5).float()[None, None]
+
+
+@contextmanager
+def _rescaled(model: nn.Module) -> Iterator[None]:
+    hooks = [
+        layer.register_forward_hook(_rescaler(name))
+        for name, layer in model.named_modules()
+        if isinstance(layer, (nn.Conv3d, nn.ConvTranspose3d))
+    ]
+    try:
+        yield
+    finally:
+        for hook in hooks:
+            hook.remove()
+
+
+def _rescaler(name: str) -> Callable[[Any, Any, Tensor], Tensor]:
+    deviation = next((d for end, d in _DEVIATIONS.items() if name.endswith(end)), 1.0)
+
+    def rescale(layer: nn.Conv3d, _: Any, output: Tensor) -> Tensor:
+        if layer.bias is not None:
+            bias = layer.bias[:, None, None, None]
+            output = output - bias
+            layer.bias.zero_()
+        factor = deviation / output.std().clamp_min(1e-6)
+        layer.weight.mul_(factor)
+        return output * factor
+
+    return rescale
+
 
 BETA = 3.0
 _MIN_RATE_WEIGHT = 0.01
@@ -41,10 +103,8 @@ def rate_distortion_loss(
     model: PCGCv1, x: Tensor, rate: int, lmbda: float, noise: torch.Generator,
     beta: float = BETA, rate_weight: float = 1.0,
 ) -> Pcgcv1Loss:  # fmt: skip
-    blocks = coded_blocks(model.shape, x)
-    hyper_blocks = max_pool3d(blocks, 2)
-    y = model.g_a(x) * model.gain(rate) * blocks
-    z_hat = _with_noise(model.h_a(y), noise) * hyper_blocks
+    y, z, blocks, hyper_blocks = model.latents(x, rate)
+    z_hat = _with_noise(z, noise) * hyper_blocks
     y_hat = _with_noise(y, noise) * blocks
     y_likelihoods = likelihood(y_hat, *model.h_s(z_hat))
     z_rows = z_hat.movedim(1, -1).flatten(0, 3)[hyper_blocks.flatten() > 0]

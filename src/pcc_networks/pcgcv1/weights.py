@@ -20,12 +20,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pcc_networks.catalogue import PCGCV1, weights_path
-from pcc_networks.device import DeviceName, placed
-from pcc_networks.pcgcv1.device_inference import DeviceTransforms
-from pcc_networks.pcgcv1.inference import CpuTransforms
-from pcc_networks.pcgcv1.integer_hyper_decoder import IntegerHyperSynthesis
+from pcc_networks.pcgcv1.hyper_prior import IntegerHyperSynthesis
+from pcc_networks.pcgcv1.inference import CpuTransforms, DeviceTransforms
 from pcc_networks.pcgcv1.model import PCGCv1, Pcgcv1Shape
-from pcc_networks.weights_file import MultiRateWeights, load_multi_rate
+from pcc_networks.weights_file import DeviceName, MultiRateWeights, load_multi_rate, placed
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 
@@ -52,14 +50,33 @@ _KERNEL_AXES = (4, 3, 0, 1, 2)
 
 @dataclass(frozen=True)
 class Pcgcv1Weights(MultiRateWeights[PCGCv1]):
+    """Trained weights of PCGCv1 for one or several rates, ready for `encode` and `decode`."""
+
     network: CpuTransforms | DeviceTransforms  # transforms g_a, g_s and h_a
     hyper_synthesis: IntegerHyperSynthesis  # transform h_s in integers
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
-    """Read trained weights: a shipped set by name, or a set or an authors' archive by path.
+    """Read trained weights of PCGCv1.
 
-    The transform h_s stays on the CPU, where its sums are exact.
+    Parameters
+    ----------
+    where
+        Name of a set that comes with the package (``pcgcv1_mixed``), or the path of a file: a set
+        written by `Pcgcv1Training.export`, or an archive (``.npz``) of the network's authors.
+    device
+        Device on which the network runs, ``cpu`` or ``cuda``. The transform h_s stays on the CPU,
+        where its sums are exact.
+
+    Returns
+    -------
+    Pcgcv1Weights
+        The network with its parameters, and all that `encode` and `decode` need of it.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or of another network, or the device does not exist.
     """
     path = weights_path(where)
     weights = load_multi_rate(path, PCGCV1, PCGCv1, load_published)

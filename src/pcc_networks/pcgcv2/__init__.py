@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from pcc_networks.pcgcv2.stream import Pcgcv2Stream as Pcgcv2Stream
     from pcc_networks.pcgcv2.stream import read_stream as read_stream
     from pcc_networks.pcgcv2.stream import write_coded as write_coded
-    from pcc_networks.pcgcv2.training_settings import Pcgcv2Training as Pcgcv2Training
     from pcc_networks.pcgcv2.weights import Pcgcv2Weights as Pcgcv2Weights
     from pcc_networks.pcgcv2.weights import load_weights as load_weights
 
@@ -27,6 +26,5 @@ __getattr__, __dir__, __all__ = lazy(
     codec=("decode", "encode"),
     model=("PCGCv2", "Pcgcv2Shape"),
     stream=("CodingTools", "Pcgcv2Stream", "read_stream", "write_coded"),
-    training_settings=("Pcgcv2Training",),
     weights=("Pcgcv2Weights", "load_weights"),
 )

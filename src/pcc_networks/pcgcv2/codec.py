@@ -10,6 +10,7 @@ from pcc_networks.adaptive_entropy import (
     encode_with_contexts,
     factorised_prior,
 )
+from pcc_networks.entropy_bottleneck import decode_latent, encode_latent
 from pcc_networks.grid_level import choose_grid_level, voxel_size, voxelised
 from pcc_networks.pcgcv2.inference import analyse, synthesise
 from pcc_networks.pcgcv2.model import SCALES
@@ -30,7 +31,6 @@ from pcc_networks.point_reconstruction import (
     points_per_voxel,
     reconstructed_points,
 )
-from pcc_networks.range_coding import decode_latent, encode_latent
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
 from pcc_networks.sparse.voxels import (
     AXIS_BITS,
@@ -65,20 +65,36 @@ def encode(
     Parameters
     ----------
     points
-        (n, 3), n >= 1, in steps of the finest grid.
+        Points (n, 3), n >= 1, in steps of the finest grid. Points are rounded to the grid, and
+        those in the same voxel are merged. Up to 64 points are stored as they are.
+    weights
+        Weights of `load_weights`.
     rate
-        Index of the rate in ``weights.lmbdas``, lowest bitrate first.
-    mean_occupied_children, grid_level_offset
-        Choice of the voxel grid, see `choose_grid_level`; by default the input's grid.
+        Index of the rate in ``weights.lmbdas``; 0 has the fewest bits.
+    mean_occupied_children
+        The grid is coarsened until a voxel of twice the side holds this many voxels, on average
+        (see `choose_grid_level`). By default, and for 1 or less, it is the finest grid.
+    grid_level_offset
+        Octaves by which the grid is then coarsened further, or refined if negative; an octave
+        doubles the side of a voxel.
     rho
-        Decoded voxels per occupied voxel.
+        Number of decoded voxels per occupied voxel.
+    tools
+        Coding tools that the authors' program lacks; ``CodingTools(0)`` codes as it does.
     point_reconstruction
-        Decode as many points as were encoded, instead of voxel centres.
+        Whether to decode about as many points as were encoded, on the surface that the decoded
+        voxels show. Otherwise, one point is decoded at the centre of each voxel.
+
+    Returns
+    -------
+    bytes
+        The stream, which contains all that `decode` needs but the weights.
 
     Raises
     ------
     InputError
-        If points are not finite, exceed 32-bit integers, or span more than 2**20 voxels.
+        If points are not finite, exceed 32-bit integers, or span more than 2**20 voxels, or the
+        weights do not have the rate.
     """
     check_points(points, "pcgcv2.encode")
     check_rate(weights, rate)
@@ -101,7 +117,26 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv2Weights) -> Floats:
-    """Return the points (m, 3) of a stream made with these weights."""
+    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
+
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
+    weights
+        The weights with which the stream was made.
+
+    Returns
+    -------
+    array of float64
+        Points (m, 3) in the encoder's units: as many as were encoded, about, or one at the centre
+        of each decoded voxel, as the encoder chose.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or was made with other weights.
+    """
     content = read_stream(stream)
     if not isinstance(content, Pcgcv2Stream):
         return content

@@ -1,7 +1,9 @@
 """Inference of PCGCv2 without gradients; on a CPU, with fused layers.
 
 Pointwise convolutions are computed within an adjacent 3x3x3 convolution; biases and ReLUs are
-applied while a chunk of rows is in the cache; layers reuse memory.
+applied while a chunk of rows is in the cache; layers reuse memory. Training and GPUs use the
+model's own layers, whose sums are rounded in another order: on a CPU they would decode other voxels
+from the streams that exist.
 """
 
 from __future__ import annotations
@@ -15,17 +17,21 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pcc_networks.device import device_of
 from pcc_networks.pcgcv2.model import SCALES, InceptionResNet, PCGCv2
 from pcc_networks.point_reconstruction import SiblingBlocks, sibling_blocks
-from pcc_networks.sparse.convolution import Neighbourhood, matrices_of, neighbourhood_of
-from pcc_networks.sparse.gather_scatter import Matrices
-from pcc_networks.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
-from pcc_networks.sparse.layers import (
+from pcc_networks.sparse.convolution import (
     GenerativeTransposedConvolution,
+    Neighbourhood,
     SparseConvolution,
     StridedConvolution,
-    kept_children,
+    matrices_of,
+    neighbourhood_of,
+)
+from pcc_networks.sparse.gather_scatter import (
+    KernelMap,
+    Matrices,
+    block_kernel_map,
+    voxel_kernel_map,
 )
 from pcc_networks.sparse.thread_pool import Scratch, ThreadPool
 from pcc_networks.sparse.voxels import (
@@ -34,10 +40,12 @@ from pcc_networks.sparse.voxels import (
     ChildMap,
     Keys,
     VoxelSet,
+    kept_children,
     morton_voxels,
     pyramid,
     selected_children,
 )
+from pcc_networks.weights_file import device_of
 
 _CHUNK_ROWS = 4096
 """Rows of a chunk in layers without neighbours."""
@@ -179,14 +187,11 @@ def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
             neighbours = sets[scale + 1].neighbours
             neighbourhood = neighbourhood_of(neighbours, voxel_kernel_map(), pool)
             features = _analysis_scale(model, scale, features, child_map, neighbourhood)
+        y = features[:, 0]
     else:
-        neighbourhoods = [
-            neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool, device_of(model))
-            for voxels in sets
-        ]
-        features = model.g_a(neighbourhoods, child_maps)
+        y = model.g_a(sets, child_maps, pool)
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
-    return AnalysisResult(features[:, 0].cpu().numpy().copy(), sets[SCALES], counts)
+    return AnalysisResult(y.cpu().numpy().copy(), sets[SCALES], counts)
 
 
 def _conv0(model: PCGCv2, voxels: VoxelSet, pool: ThreadPool) -> Tensor:
@@ -280,10 +285,10 @@ def _synthesis_scale(
     model: PCGCv2, scale: int, features: Tensor, parents: VoxelSet, pool: ThreadPool
 ) -> tuple[Tensor, Tensor]:
     layers, kernel_map = model.g_s.scale(scale), block_kernel_map()
-    neighbourhood = neighbourhood_of(parents.neighbours, kernel_map, pool, features.device)
     if not is_fused(model):
-        children, logits = layers(features, neighbourhood)
+        children, logits = layers(features, parents, pool)
         return children, logits
+    neighbourhood = neighbourhood_of(parents.neighbours, kernel_map, pool)
     buffers = _buffers(pool, len(parents), CHILDREN, layers.conv.kernel.shape[2])
     _upsample(features, layers.up, pool, buffers.first)
     convolved(

@@ -6,7 +6,7 @@ have the authors' names. Gains are not in the paper (see `gains`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated, cast
 
@@ -15,14 +15,17 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from pcc_networks.gains import MultiRateNetwork
-from pcc_networks.sparse.convolution import Neighbourhood
-from pcc_networks.sparse.layers import (
+from pcc_networks.sparse.convolution import (
     GenerativeTransposedConvolution,
+    Neighbourhood,
     PointwiseConvolution,
     SparseConvolution,
     StridedConvolution,
+    neighbourhood_of,
 )
-from pcc_networks.sparse.voxels import ChildMap
+from pcc_networks.sparse.gather_scatter import block_kernel_map, voxel_kernel_map
+from pcc_networks.sparse.thread_pool import ThreadPool
+from pcc_networks.sparse.voxels import ChildMap, VoxelSet
 from pointkit.models import Model
 
 SCALES = 3
@@ -31,7 +34,7 @@ _Few = Annotated[int, Field(ge=1, le=64)]
 
 
 class Pcgcv2Shape(Model):
-    """Sizes of the network, by default those of the paper."""
+    """Sizes of the network PCGCv2, by default those of the paper."""
 
     # of g_a at strides 1, 2, 4 and 8; g_s has the first three in reverse
     channels: tuple[_Channels, _Channels, _Channels, _Channels] = (16, 32, 64, 32)
@@ -102,17 +105,19 @@ class Pcgcv2Analysis(nn.Module):
     def scale(self, scale: int) -> AnalysisScale:
         return cast(AnalysisScale, self.scales[scale])
 
-    def forward(self, neighbourhoods: list[Neighbourhood], child_maps: list[ChildMap]) -> Tensor:
-        """Transform occupied voxels at stride 1 to y (m, 1, latent_channels) at stride 8."""
+    def forward(
+        self, sets: Sequence[VoxelSet], child_maps: Sequence[ChildMap], pool: ThreadPool
+    ) -> Tensor:
+        """Transform the voxels of strides 1, 2, 4 and 8 (`pyramid`) to y (m, latent_channels)."""
         kernel = self.conv0.kernel
-        features: Tensor = self.conv0(
-            kernel.new_ones(len(child_maps[0].slots), 1, 1), neighbourhoods[0]
-        )
+        around = [
+            neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool, kernel.device)
+            for voxels in sets
+        ]
+        features: Tensor = self.conv0(kernel.new_ones(len(sets[0]), 1, 1), around[0])
         for scale in range(SCALES):
-            features = self.scale(scale)(
-                features.relu(), child_maps[scale], neighbourhoods[scale + 1]
-            )
-        return features
+            features = self.scale(scale)(features.relu(), child_maps[scale], around[scale + 1])
+        return features[:, 0]
 
 
 class SynthesisScale(nn.Module):
@@ -123,7 +128,12 @@ class SynthesisScale(nn.Module):
         self.blocks = InceptionResNetBlocks(inner, blocks)
         self.conv_cls = SparseConvolution(inner, 1)
 
-    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, features: Tensor, parents: VoxelSet, pool: ThreadPool
+    ) -> tuple[Tensor, Tensor]:
+        """Transform features (m, c) to features (m, 8, d) and logits (m, 8) of all children."""
+        table, kernel_map = parents.neighbours, block_kernel_map()
+        neighbourhood = neighbourhood_of(table, kernel_map, pool, features.device)
         children = self.conv(self.up(features).relu(), neighbourhood).relu()
         children = self.blocks(children, neighbourhood)
         return children, self.conv_cls(children, neighbourhood)[:, :, 0]
@@ -144,7 +154,11 @@ class Pcgcv2Synthesis(nn.Module):
 
 
 class PCGCv2(MultiRateNetwork):
-    """Transforms g_a and g_s; for each rate, an entropy bottleneck and gains of y."""
+    """The network PCGCv2, a PyTorch module with the parameters of one or several rates.
+
+    It has an analysis transform g_a from voxels to the latent y, a synthesis transform g_s back
+    and, for each rate, gains of y and an entropy bottleneck.
+    """
 
     Shape = Pcgcv2Shape
     shape: Pcgcv2Shape

@@ -59,6 +59,8 @@ ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
 
 @dataclass(frozen=True)
 class Pcgcv2Stream:
+    """The blocks of a PCGCv2 stream, still coded, and the numbers in its header."""
+
     digest: bytes  # of the weights
     rate: int  # index among those of the weights
     origin: tuple[int, int, int]  # voxel that was subtracted
@@ -77,6 +79,7 @@ def write_raw(points: Floats) -> bytes:
 
 
 def write_coded(coded: Pcgcv2Stream) -> bytes:
+    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
     numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
@@ -89,8 +92,9 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream, or return the points (n, 3) of a small cloud.
+    """Divide a stream into its parts, of which nothing is decoded yet.
 
+    Returns a `Pcgcv2Stream`; of a cloud that was too small for the network, its points (n, 3).
     Raises InputError if the stream is damaged, or of another codec or version.
     """
     kind, body = _FRAMING.unframed(stream)

@@ -21,20 +21,17 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from pcc_networks.gains import parameter_groups
 from pcc_networks.pcgcv2.model import SCALES, PCGCv2
-from pcc_networks.sparse.convolution import neighbourhood_of
-from pcc_networks.sparse.kernel_map import block_kernel_map, voxel_kernel_map
-from pcc_networks.sparse.layers import kept_children
 from pcc_networks.sparse.thread_pool import ThreadPool
 from pcc_networks.sparse.voxels import (
     CHILDREN,
     Keys,
     VoxelSet,
+    kept_children,
     keys_of_slots,
     pyramid,
     selected_children,
 )
-from pcc_networks.training.examples import join_clouds
-from pcc_networks.training.loop import BaseTrainer
+from pcc_networks.training.loop import BaseTrainer, join_clouds
 from pcc_networks.training.settings import MultiRateTraining
 
 SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
@@ -52,11 +49,7 @@ def rate_distortion_loss(
 ) -> Pcgcv2Loss:
     device = model.log_gains.device
     sets, child_maps = pyramid(keys, SCALES, pool)
-    neighbourhoods = [
-        neighbourhood_of(v.neighbours, voxel_kernel_map(), pool, device) for v in sets
-    ]
-    y = model.g_a(neighbourhoods, child_maps)[:, 0]
-    scaled = y * model.gain(rate)
+    scaled = model.g_a(sets, child_maps, pool) * model.gain(rate)
     y_hat = scaled + torch.rand(scaled.shape, generator=noise).to(device) - 0.5
     bits = -model.entropy_bottleneck(rate).likelihood(y_hat).log2().sum()
     cross_entropies = _cross_entropies(model, y_hat / model.gain(rate), sets, pool)
@@ -71,10 +64,7 @@ def _cross_entropies(
 ) -> list[Tensor]:
     cross_entropies, parents = [], sets[SCALES]
     for scale in range(SCALES):
-        neighbourhood = neighbourhood_of(
-            parents.neighbours, block_kernel_map(), pool, features.device
-        )
-        children, logits = model.g_s.scale(scale)(features, neighbourhood)
+        children, logits = model.g_s.scale(scale)(features, parents, pool)
         occupied_keys = sets[SCALES - 1 - scale].keys
         occupied = _occupied(parents, occupied_keys)
         target = torch.from_numpy(occupied).to(logits)

@@ -8,9 +8,14 @@ import torch
 from torch import Tensor
 
 from pcc_networks.catalogue import PCGCV2, weights_path
-from pcc_networks.device import DeviceName, placed
 from pcc_networks.pcgcv2.model import SCALES, PCGCv2, Pcgcv2Shape
-from pcc_networks.weights_file import MultiRateWeights, load_multi_rate, read_checkpoint
+from pcc_networks.weights_file import (
+    DeviceName,
+    MultiRateWeights,
+    load_multi_rate,
+    placed,
+    read_checkpoint,
+)
 from pointkit.errors import InputError
 
 Pcgcv2Weights = MultiRateWeights[PCGCv2]
@@ -20,7 +25,27 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read trained weights: a shipped set by name, or a set or an authors' checkpoint by path."""
+    """Read trained weights of PCGCv2.
+
+    Parameters
+    ----------
+    where
+        Name of a set that comes with the package (``pcgcv2_objects`` or ``pcgcv2_rooms``), or the
+        path of a file: a set written by `Pcgcv2Training.export`, or a checkpoint (``.pth``) of the
+        network's authors.
+    device
+        Device on which the network runs, ``cpu`` or ``cuda``.
+
+    Returns
+    -------
+    Pcgcv2Weights
+        The network with its parameters, and all that `encode` and `decode` need of it.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or of another network, or the device does not exist.
+    """
     path = weights_path(where)
     weights = load_multi_rate(path, PCGCV2, PCGCv2, load_published)
     placed(weights.model, device)

@@ -6,35 +6,159 @@ axis, are divided by the grid step (posQ in the program) and rounded, ties to ev
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pcc_networks.reno.coder import decode_tree, encode_tree
-from pcc_networks.reno.stream import RenoStream, read_stream, write_stream
-from pcc_networks.reno.weights import RenoWeights
-from pcc_networks.sparse.voxels import AXIS_BITS, morton_keys, morton_voxels, unique_keys
+from pcc_networks.reno.inference import (
+    Cumulative,
+    Occupancy,
+    Symbols,
+    predicted,
+    prior_features,
+    target_features,
+)
+from pcc_networks.reno.range_coder import decode_symbols, encode_symbols
+from pcc_networks.reno.stream import (
+    MAX_BASE,
+    MAX_LEVEL,
+    CodedTree,
+    RenoStream,
+    check_work,
+    max_nodes,
+    read_stream,
+    write_stream,
+)
+from pcc_networks.reno.weights import VALUES, RenoWeights
+from pcc_networks.sparse.thread_pool import thread_pool
+from pcc_networks.sparse.voxels import (
+    AXIS_BITS,
+    Keys,
+    children_voxels,
+    keys_of_slots,
+    morton_keys,
+    morton_voxels,
+    occupancies,
+    parents_of,
+    pyramid,
+    slots_of_occupancies,
+    unique_keys,
+)
 from pcc_networks.weights_file import check_digest
 from pointkit.errors import NARROWER, InputError
 from pointkit.geometry.cloud import Floats, check_points
+
+Code = Callable[[int, Cumulative], Symbols]
+"""Function that codes and returns the first or second symbols of a level."""
+OTHER_RESULT = (
+    "the stream decodes to other points than were coded: this machine does not compute as the "
+    "encoder's did (or the stream is damaged)"
+)
+
+
+def encode_tree(keys: Keys, weights: RenoWeights) -> CodedTree:
+    """Encode voxels given as Morton keys; the result does not depend on the number of threads."""
+    levels = list(_levels(keys))
+    base, occupancy = levels[0]
+    symbols: list[bytes] = []
+    level_symbols = [half for _, codes in levels[1:] for half in (codes % VALUES, codes // VALUES)]
+
+    def code(number: int, frequencies: Cumulative) -> Symbols:
+        symbols.append(encode_symbols(level_symbols[number], frequencies))
+        return level_symbols[number]
+
+    nodes = [len(level) for level, _ in levels[1:]]
+    if max(nodes, default=0) > MAX_LEVEL:
+        raise InputError(f"the cloud has more than {MAX_LEVEL} voxels")
+    _traverse(weights, base, occupancy, len(nodes), code, sum(nodes))
+    tree = CodedTree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _checksum(keys))
+    check_work(tree, sum(nodes))
+    return tree
+
+
+def decode_tree(tree: CodedTree, weights: RenoWeights) -> Keys:
+    """Decode the keys of voxels; raise InputError if they differ from the encoded keys."""
+
+    def code(number: int, frequencies: Cumulative) -> Symbols:
+        return decode_symbols(tree.symbols[number], frequencies)
+
+    base, levels = morton_keys(tree.base), len(tree.symbols) // 2
+    try:
+        keys = _traverse(weights, base, tree.occupancy, levels, code, max_nodes(tree))
+    except InputError as error:
+        raise InputError(OTHER_RESULT) from error
+    if len(keys) != tree.count or _checksum(keys) != tree.check:
+        raise InputError(OTHER_RESULT)
+    return keys
+
+
+def _traverse(
+    weights: RenoWeights,
+    keys: Keys,
+    occupancy: Occupancy,
+    levels: int,
+    code: Code,
+    max_nodes: int,
+) -> Keys:
+    with thread_pool() as pool:
+        level = pyramid(keys, 0)[0][0]
+        for number in range(levels):
+            slots = slots_of_occupancies(occupancy)
+            max_nodes -= len(slots)
+            if max_nodes < 0 or len(slots) > MAX_LEVEL:
+                raise InputError("the stream has too many voxels")
+            prior = prior_features(weights, occupancy, level.neighbours, pool)
+            level = children_voxels(level, keys_of_slots(level.keys, slots), pool)
+            features = target_features(weights, prior, slots, level.neighbours, pool)
+            first = code(2 * number, predicted(weights, 0, features, pool))
+            second = code(2 * number + 1, predicted(weights, 1, features, pool, first))
+            occupancy = first + VALUES * second
+            if not occupancy.all():
+                raise InputError("the stream has a voxel without children")
+    return keys_of_slots(level.keys, slots_of_occupancies(occupancy))
+
+
+def _levels(keys: Keys) -> Iterator[tuple[Keys, Occupancy]]:
+    levels: list[tuple[Keys, Occupancy]] = []
+    while not levels or len(levels[-1][0]) >= MAX_BASE:
+        occupancy = occupancies(keys)
+        keys = parents_of(keys)[0]
+        levels.append((keys, occupancy))
+    return reversed(levels)
+
+
+def _checksum(keys: Keys) -> int:
+    return zlib.crc32(np.ascontiguousarray(keys, "<i8").tobytes())
+
 
 OFFSET = 131072
 """Distance from the corner of the authors' grid to the origin along each axis, in mm."""
 
 
 def encode(points: Floats, weights: RenoWeights, posq: float) -> bytes:
-    """Quantise points to a grid of step posQ, and encode the voxels losslessly.
+    """Round points to a grid, and encode the grid's voxels without loss.
 
     Parameters
     ----------
     points
-        (n, 3), n >= 1, in mm. Points of one voxel are merged.
+        Points (n, 3), n >= 1, in mm. Points of the same voxel are merged.
+    weights
+        Weights of `load_weights`.
     posq
-        Step of the grid in mm, a number in half precision.
+        Step of the grid in mm, called posQ by the authors: a positive number in half precision.
+
+    Returns
+    -------
+    bytes
+        The stream: an identifying header, then that of the authors' program.
 
     Raises
     ------
     InputError
-        If points are not finite or span more than 2**20 voxels, or posQ is not in half precision.
+        If the points are not finite or need more than 20 bits per coordinate, or `posq` is not a
+        positive number in half precision.
     """
     check_points(points, "reno.encode")
     if float(np.float16(posq)) != posq or posq <= 0:
@@ -50,9 +174,25 @@ def encode(points: Floats, weights: RenoWeights, posq: float) -> bytes:
 
 
 def decode(stream: bytes, weights: RenoWeights) -> Floats:
-    """Return the points (m, 3), in mm, of a stream made with these weights.
+    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
 
-    Raises InputError if the points are wrong because this machine computes differently.
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
+    weights
+        The weights with which the stream was made.
+
+    Returns
+    -------
+    array of float64
+        Points (m, 3), in mm: the distinct points of the encoder's grid, in Morton order.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or was made with other weights, or this machine computes
+        otherwise than the encoder's.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)

@@ -1,14 +1,140 @@
+"""Compiled layers of RENO: convolutions, and heads that return cumulative frequencies.
+
+Encoder and decoder agree to the last bit: the order of IEEE 754 operations does not depend on the
+number of threads (see `add_products`), and the exponential function, which libraries round
+differently, is computed here.
+"""
+
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pcc_networks.reno.layers import Cumulative, Symbols, convolution, head
 from pcc_networks.reno.weights import VALUES, Floats32, RenoWeights
 from pcc_networks.sparse.thread_pool import Scratch, ThreadPool
-from pcc_networks.sparse.voxels import NeighbourTable
+from pcc_networks.sparse.voxels import OFFSETS, NeighbourTable
+from pointkit.coding.intrinsics import add_products
+from pointkit.compiling import compiled
+
+Symbols = NDArray[np.uint8]
+Cumulative = NDArray[np.int32]
+"""Cumulative frequencies (n, 17) of symbols: from 0 to 65,536, strictly increasing."""
+CDF_BITS = 16
+_BLOCK_ROWS = 128
+"""Rows whose sums fit the first-level cache."""
+_ZERO = np.float32(0)
+_SPREAD = float(2**CDF_BITS - VALUES)
+"""Total frequency, minus 1 for each of the 16 values."""
+_LEAST_EXPONENT = 64
+_POWERS = 2.0 ** np.arange(-_LEAST_EXPONENT, 1)
+_TERMS = np.array([1 / math.factorial(n) for n in range(13, -1, -1)])
+_LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
+
+
+@cache
+def convolution(channels: int) -> Callable[..., None]:
+    """Compile a 3x3x3 convolution and ReLU; a residual may be added before the ReLU.
+
+    Features outside the set of voxels are zero. A sum starts with the residual; neighbours follow
+    in the order of offsets, x fastest.
+    """
+
+    def convolve(
+        table: NeighbourTable, features: Floats32, kernel: Floats32, residual: Floats32, first: int,
+        last: int, result: Floats32,
+    ) -> None:  # fmt: skip
+        sums = np.empty(_BLOCK_ROWS * channels, np.float32)
+        targets, sources = np.empty(_BLOCK_ROWS, np.int64), np.empty(_BLOCK_ROWS, np.int64)
+        for start in range(first, last, _BLOCK_ROWS):
+            count = min(_BLOCK_ROWS, last - start)
+            for k in range(count * channels):
+                sums[k] = residual[start * channels + k] if len(residual) > 0 else _ZERO
+            for offset in range(OFFSETS):
+                pairs = 0
+                for i in range(count):
+                    neighbour = table[offset, start + i]
+                    # overwritten by the next neighbour if there is none
+                    targets[pairs], sources[pairs] = i, neighbour
+                    pairs += neighbour >= 0
+                add_products(
+                    sums, targets, features, sources, pairs, kernel, offset * channels * channels,
+                    channels, channels,
+                )  # fmt: skip
+            for k in range(count * channels):
+                result[start * channels + k] = max(sums[k], _ZERO)
+
+    return compiled(convolve)
+
+
+@cache
+def head(channels: int) -> Callable[..., None]:
+    def predict(
+        features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
+        logits: Floats32, logits_bias: Floats32, embedding: Floats32, symbols: Symbols,
+        predicted: Cumulative,
+    ) -> None:  # fmt: skip
+        inputs, result = np.empty((2, _BLOCK_ROWS * channels), np.float32)
+        sums = np.empty(_BLOCK_ROWS * VALUES, np.float32)
+        all_rows = np.arange(_BLOCK_ROWS)
+        for start in range(first, last, _BLOCK_ROWS):
+            count = min(_BLOCK_ROWS, last - start)
+            for i in range(count):
+                for j in range(channels):
+                    value = features[(start + i) * channels + j]
+                    if len(symbols) > 0:
+                        value += embedding[np.int64(symbols[start + i]) * channels + j]
+                    inputs[i * channels + j] = value
+                    result[i * channels + j] = hidden_bias[j]
+            add_products(result, all_rows, inputs, all_rows, count, hidden, 0, channels, channels)
+            for k in range(count * channels):
+                inputs[k] = max(result[k], _ZERO)
+            for k in range(count * VALUES):
+                sums[k] = logits_bias[k % VALUES]
+            add_products(sums, all_rows, inputs, all_rows, count, logits, 0, channels, VALUES)
+            for i in range(count):
+                cumulate(sums, i * VALUES, predicted[start + i])
+
+    return compiled(predict)
+
+
+@compiled
+def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
+    """Compute the cumulative frequencies (17,) of 16 logits, rounded as in the authors' program.
+
+    The cumulative softmax is multiplied by 2^16 - 16 and rounded; then 1 is added to each value's
+    frequency. Logits that are not finite give equal frequencies.
+    """
+    max_logit = np.float64(logits[at])
+    for j in range(1, VALUES):
+        max_logit = max(max_logit, np.float64(logits[at + j]))
+    total = 0.0
+    for j in range(VALUES):
+        total += exponential(np.float64(logits[at + j]) - max_logit)
+    cumulative = 0.0
+    for j in range(VALUES):
+        share = cumulative / total if total >= 1.0 and total <= VALUES else j / VALUES
+        out[j] = np.int64(math.floor(share * _SPREAD + 0.5)) + j
+        cumulative += exponential(np.float64(logits[at + j]) - max_logit)
+    out[VALUES] = 2**CDF_BITS
+
+
+@compiled
+def exponential(x: float) -> float:
+    """Return the exponential of x <= 0, accurate to about 1e-14; below -44 it is 0."""
+    if not -44.0 < x <= 0.0:
+        return 0.0 * x  # NaN for a NaN or infinite x
+    power = math.floor(x * _LOG2_E + 0.5)
+    remainder = x - power * _LN_2
+    total = _TERMS[0]
+    for k in range(1, len(_TERMS)):
+        total = total * remainder + _TERMS[k]
+    result: float = total * _POWERS[np.int64(power) + _LEAST_EXPONENT]
+    return result
+
 
 Occupancy = NDArray[np.uint8]
 """(n,), bit ``x + 2 y + 4 z`` for each child of a voxel."""

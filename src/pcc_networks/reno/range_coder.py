@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pcc_networks.reno.layers import CDF_BITS, Cumulative, Symbols
+from pcc_networks.reno.inference import CDF_BITS, Cumulative, Symbols
 from pointkit.compiling import compiled
 from pointkit.errors import InputError
 

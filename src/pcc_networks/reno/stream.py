@@ -48,6 +48,8 @@ class CodedTree:
 
 @dataclass(frozen=True)
 class RenoStream:
+    """The octree of a RENO stream, still coded, and the numbers in its header."""
+
     digest: bytes  # of the weights
     posq: float  # step in mm
     offsets: Triple  # of the grid, in 131,072 mm
@@ -55,6 +57,7 @@ class RenoStream:
 
 
 def write_stream(content: RenoStream) -> bytes:
+    """Return the bytes of a stream from its parts."""
     tree = content.tree
     parts = [
         _HEADER.pack(content.digest, tree.count, tree.check),
@@ -68,7 +71,11 @@ def write_stream(content: RenoStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> RenoStream:
-    """Parse a stream; raise InputError if it is damaged, or of another codec or version."""
+    """Divide a stream into its parts, of which nothing is decoded yet.
+
+    Returns a `RenoStream`. Raises InputError if the stream is damaged, or of another codec or
+    version.
+    """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, count, check = _HEADER.unpack(reader.take(_HEADER.size))
     offsets = (reader.signed(), reader.signed(), reader.signed())

@@ -28,6 +28,8 @@ flattened from (inputs, outputs)."""
 
 @dataclass(frozen=True)
 class RenoWeights:
+    """Parameters of RENO as flat arrays of 32-bit floats, and their name in streams."""
+
     digest: bytes  # 8 bytes by which streams name the network
     channels: int  # of the features, c
     occupancy_embedding: Floats32  # (256, c), of a voxel's occupancy
@@ -38,10 +40,28 @@ class RenoWeights:
     heads: tuple[Head, Head]  # of first and of second symbols
 
 
-def load_weights(path: Path) -> RenoWeights:
+def load_weights(path: str | Path) -> RenoWeights:
+    """Read a checkpoint (``.pt``) of RENO's authors; it runs none of the file's code.
+
+    Parameters
+    ----------
+    path
+        File such as ``KITTIDetection.pt``.
+
+    Returns
+    -------
+    RenoWeights
+        The network's parameters, for `encode` and `decode`.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or not a checkpoint of RENO.
+    """
     from pcc_networks.weights_file import digest_of, read_checkpoint
     from pointkit.files import read_bytes
 
+    path = Path(path)
     checkpoint = read_checkpoint(path, _FAULT)
     try:
         arrays = _arrays(checkpoint)

@@ -1,22 +1,25 @@
+"""Sparse 3x3x3 convolution with gradients, and the layers that the networks are made of."""
+
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
 from pcc_networks.sparse.gather_scatter import (
     CompiledGatherScatter,
     GatherScatter,
+    KernelMap,
     Matrices,
     TorchGatherScatter,
 )
-from pcc_networks.sparse.kernel_map import KernelMap
 from pcc_networks.sparse.thread_pool import Scratch, ThreadPool
-from pcc_networks.sparse.voxels import CENTRE, NeighbourTable
+from pcc_networks.sparse.voxels import CENTRE, CHILDREN, OFFSETS, ChildMap, NeighbourTable
 
 _CHUNK_FLOATS = 2**20
 """Approximate number of gathered features of a chunk. Larger chunks do not fit the caches of small
@@ -155,3 +158,59 @@ def _kernel_gradient(features: Tensor, gradient: Tensor, neighbourhood: Neighbou
     chunk_rows = 4 * neighbourhood.chunk_rows(widths[0])
     chunks = neighbourhood.pool.map_chunks(len(features), chunk_rows, work)
     return torch.stack(chunks).sum(dim=0) if len(chunks) > 1 else chunks[0]
+
+
+class SparseLayer(nn.Module):
+    """A layer with a kernel (offsets, c, d), offsets with x fastest, and a bias (d,)."""
+
+    offsets = OFFSETS
+
+    def __init__(self, in_channels: int, out_channels: int, offsets: int | None = None) -> None:
+        super().__init__()
+        offsets = offsets or self.offsets
+        spread = 1 / math.sqrt(offsets * in_channels)
+        self.kernel = nn.Parameter(
+            torch.empty(offsets, in_channels, out_channels).uniform_(-spread, spread)
+        )
+        self.bias = nn.Parameter(torch.zeros(out_channels))
+
+
+class SparseConvolution(SparseLayer):
+    """3x3x3 convolution of features (n, children, c) to (n, children, d) at the same voxels."""
+
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        return convolve(features, self.kernel, self.bias, neighbourhood)
+
+
+class PointwiseConvolution(SparseLayer):
+    """1x1x1 convolution of features (n, children, c) to (n, children, d)."""
+
+    offsets = 1
+
+    def forward(self, features: Tensor) -> Tensor:
+        return features @ self.kernel[0] + self.bias
+
+
+class StridedConvolution(SparseLayer):
+    """2x2x2 convolution with stride 2, from a set of voxels to the next coarser set."""
+
+    offsets = CHILDREN
+
+    def forward(self, features: Tensor, child_map: ChildMap) -> Tensor:
+        blocks = features.new_zeros(CHILDREN * (len(child_map.first) - 1), features.shape[2])
+        slots = torch.from_numpy(child_map.slots).to(features.device)
+        blocks = blocks.index_copy(0, slots, features[:, 0])
+        sums = blocks.view(len(child_map.first) - 1, -1) @ self.kernel.flatten(0, 1) + self.bias
+        return sums[:, None]
+
+
+class GenerativeTransposedConvolution(SparseLayer):
+    """Transposed 2x2x2 convolution with stride 2, from voxels to all their children."""
+
+    offsets = CHILDREN
+
+    def matrix(self) -> Tensor:
+        return self.kernel.transpose(0, 1).flatten(1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        return (features @ self.matrix()).view(len(features), CHILDREN, -1) + self.bias

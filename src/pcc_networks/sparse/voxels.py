@@ -141,6 +141,38 @@ def selected_children(
     return children_voxels(kept_parents, keys_of_slots(parents.keys, slots), pool)
 
 
+def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+    """Return the ascending indices of the `count` >= 1 largest logits; ties go to lower indices."""
+    if count >= len(logits):
+        return np.arange(len(logits))
+    least = np.partition(logits, len(logits) - count)[len(logits) - count]
+    selected = logits > least
+    ties = np.flatnonzero(logits == least)
+    selected[ties[: count - np.count_nonzero(selected)]] = True
+    return np.flatnonzero(selected)
+
+
+def kept_children(
+    logits: NDArray[np.float32], count: int, child_per_parent: bool = True
+) -> NDArray[np.int64]:
+    """Return the ascending slots (8 * parent + child) of the `count` most likely children.
+
+    The logits are (m, 8). With `child_per_parent`, each parent's most likely child has priority;
+    otherwise a parent may lose all children.
+    """
+    if not child_per_parent:
+        return top_k(logits.reshape(-1), count)
+    best = logits.argmax(axis=1)
+    rows = np.arange(len(logits))
+    if count <= len(logits):
+        selected = top_k(logits[rows, best], count)
+        slots: NDArray[np.int64] = CHILDREN * selected + best[selected]
+        return slots
+    ranked = logits.copy()
+    ranked[rows, best] = np.inf
+    return top_k(ranked.reshape(-1), count)
+
+
 @cache
 def _ring_parents() -> NDArray[np.int64]:
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1

@@ -1,3 +1,5 @@
+"""Examples cut from clouds, and the loop that trains a model on them, with checkpoints."""
+
 from __future__ import annotations
 
 import io
@@ -5,34 +7,130 @@ import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pcc_networks.device import placed
-from pcc_networks.sparse.voxels import Keys
+from pcc_networks.sparse.voxels import Keys, morton_keys
 from pcc_networks.training.settings import BaseTraining
-from pcc_networks.weights_file import read_checkpoint
+from pcc_networks.weights_file import placed, read_checkpoint
 from pointkit.errors import InputError
 from pointkit.files import write_bytes
+from pointkit.seeding import generator
+
+_ATTEMPTS = 50
+Voxels = NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True)
+class CubeExamples:
+    """Random cubes cut from clouds of voxels; the seed and a step's number determine a batch.
+
+    Parameters
+    ----------
+    clouds
+        Voxels of each cloud: integers (n, 3).
+    cube_size
+        Number of voxels along an edge of a cube.
+    batch_size
+        Number of cubes in a batch.
+    min_voxels
+        Minimum number of voxels in a cube.
+    min_kept_fraction
+        Each cube keeps a random fraction of its voxels, between this number and 1, so that training
+        includes sparser clouds.
+    seed
+        Seed of all random choices.
+    """
+
+    clouds: Sequence[NDArray[Any]]
+    cube_size: int = 64
+    batch_size: int = 4
+    min_voxels: int = 200
+    min_kept_fraction: float = 1.0
+    seed: int = 1
+    kind: ClassVar[str] = "training cubes"  # name of the stream of random numbers
+
+    def batch(self, step: int) -> list[Keys]:
+        """Return the cubes of a step, mirrored and rotated at random, as Morton keys (n,) each.
+
+        Raises InputError if no cube with enough voxels is found.
+        """
+        rng = generator(self.seed, self.kind, str(step))
+        return [self._cube(rng) for _ in range(self.batch_size)]
+
+    def _cube(self, rng: np.random.Generator) -> Keys:
+        for _ in range(_ATTEMPTS):
+            keys = self._crop(self.clouds[int(rng.integers(len(self.clouds)))], rng)
+            if keys is not None:
+                return keys
+        raise InputError(
+            f"no cube of {self.cube_size} voxels' side holds {self.min_voxels} voxels: give denser "
+            "clouds, scale those in metres (puckbench prepare), or give options with coarser grids "
+            '("mean_occupied_children": [2], where the codec has it) or larger cubes '
+            '("cube_size": 256)'
+        )
+
+    def _crop(self, voxels: NDArray[Any], rng: np.random.Generator) -> Keys | None:
+        size = self.cube_size
+        centre = voxels[rng.integers(len(voxels))]
+        corner = centre - rng.integers(0, size, 3)
+        inside = voxels[((voxels >= corner) & (voxels < corner + size)).all(axis=1)] - corner
+        inside = inside[rng.random(len(inside)) < self.min_kept_fraction ** rng.random()]
+        if len(inside) < self.min_voxels:
+            return None
+        return np.unique(morton_keys(random_symmetry(inside, size, rng)))
+
+
+def random_symmetry(
+    voxels: Voxels, size: int, rng: np.random.Generator, upright: bool = False
+) -> Voxels:
+    """Apply a random symmetry of a cube to voxels: one of 48, or of the 8 that keep the z axis."""
+    axes = 2 if upright else 3
+    symmetric = voxels.copy()
+    mirrored = np.where(
+        rng.integers(0, 2, axes) == 1, size - 1 - voxels[:, :axes], voxels[:, :axes]
+    )
+    symmetric[:, :axes] = mirrored[:, rng.permutation(axes)]
+    return symmetric
+
+
+def join_clouds(clouds: Sequence[Keys]) -> Keys:
+    """Join the Morton keys of clouds so that no two clouds touch."""
+    bits = max(int(keys[-1]).bit_length() for keys in clouds)
+    cell = 3 * (-(-bits // 3) + 1)  # twice the side, which leaves a gap
+    if cell + (len(clouds) - 1).bit_length() > 60:
+        raise InputError("the training clouds are too large for one batch")
+    return np.concatenate([keys | i << cell for i, keys in enumerate(clouds)])
+
 
 M = TypeVar("M", bound=nn.Module)
 L = TypeVar("L")
 
 
 class OtherTrainingError(InputError):
-    """Raised if a checkpoint belongs to another training."""
+    """Raised if a checkpoint belongs to a training with other settings, data or network."""
 
 
 class BaseTrainer(ABC, Generic[M, L]):
-    """A model in training, with its optimiser, schedule and random numbers.
+    """A model in training, with its optimiser (Adam), learning rate and random numbers.
+
+    A subclass defines `step` and `row`.
 
     Parameters
     ----------
+    model
+        The network, whose parameters the training changes in place.
+    training
+        Settings of the training.
     groups
-        Parameter groups of the optimiser with factors of their learning rate (`lr_factor`).
+        Parameter groups for the optimiser, each with ``params`` and the factor ``lr_factor`` by
+        which the learning rate is multiplied. By default, all parameters are one group.
 
     Attributes
     ----------
@@ -60,7 +158,8 @@ class BaseTrainer(ABC, Generic[M, L]):
         self.noise = torch.Generator().manual_seed(training.seed)
 
     @abstractmethod
-    def step(self, clouds: Sequence[Keys]) -> L: ...
+    def step(self, clouds: Sequence[Keys]) -> L:
+        """Do one step of the optimiser on a batch of voxels' Morton keys, and return the loss."""
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
@@ -82,6 +181,7 @@ class BaseTrainer(ABC, Generic[M, L]):
         return last + (first - last) * (1 + cosine) / 2
 
     def save(self, path: Path) -> None:
+        """Write the model, the optimiser and the random numbers to a checkpoint, a PyTorch file."""
         state = {
             "model": self.model.state_dict(),
             "optimiser": self.optimiser.state_dict(),
@@ -96,9 +196,10 @@ class BaseTrainer(ABC, Generic[M, L]):
         write_bytes(path, content.getvalue())
 
     def resume(self, path: Path) -> None:
-        """Continue from a checkpoint.
+        """Take up the state of a checkpoint that `save` wrote.
 
-        Raises OtherTrainingError if its network, settings or data differ.
+        Raises OtherTrainingError if its network, settings or `identity` differ, and InputError if
+        the file is not a checkpoint.
         """
         state = read_checkpoint(path, "not a checkpoint of a training")
         for name, expected in (
@@ -138,11 +239,29 @@ def train(
     every: int = 500,
     report: Callable[[int, L], None] = _ignore,
 ) -> None:
-    """Train to the last step; resume from the checkpoint if the file exists.
+    """Train a model to the last step of its settings, with checkpoints on the way.
 
-    `clouds` returns the batch of a step, which must depend on the step's number only, so that a
-    resumed training equals an uninterrupted one. `every` is the number of steps between
-    checkpoints; `report` gets each step's number and loss.
+    Parameters
+    ----------
+    trainer
+        The model with its optimiser, opened by the method `trainer` of the settings. If the file
+        `checkpoint` exists, it first takes up the state in that file.
+    clouds
+        Function that returns the batch of a step: Morton keys (n,) of the voxels of each example.
+        The batch must depend on the step's number only, so that a resumed training equals an
+        uninterrupted one.
+    checkpoint
+        File that is written every `every` steps and at the end.
+    every
+        Number of steps between checkpoints.
+    report
+        Function that is called after each step with the number of completed steps and the step's
+        loss.
+
+    Raises
+    ------
+    OtherTrainingError
+        If the checkpoint is of a training with other settings or data.
     """
     if checkpoint.exists():
         trainer.resume(checkpoint)

@@ -7,20 +7,22 @@ The fields of a codec's subclass of `BaseTraining` are the options of a configur
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt
 
-from pcc_networks.catalogue import NetworkType
+from pcc_networks.catalogue import PCGCV1, PCGCV2, NetworkType
 from pointkit.errors import InputError
 from pointkit.models import Model
 
 if TYPE_CHECKING:
-    from pcc_networks.training.examples import CubeExamples
-    from pcc_networks.training.loop import BaseTrainer
+    from pcc_networks.octree_net.training import OctreeExamples, OctreeNetTrainer
+    from pcc_networks.pcgcv1.training import Pcgcv1Trainer
+    from pcc_networks.pcgcv2.training import Pcgcv2Trainer
+    from pcc_networks.training.loop import BaseTrainer, CubeExamples
     from pointkit.geometry.cloud import Floats
 
 _MIN_VOXELS, _SIZE = 200, 64
@@ -40,18 +42,21 @@ Lmbdas = Annotated[tuple[PositiveFloat, ...], Field(min_length=1), AfterValidato
 
 
 class BaseTraining(Model, ABC):
-    """Settings of every training.
+    """Settings that all trainings share.
 
     Parameters
     ----------
+    steps
+        Number of steps of the optimiser.
     batch_size
-        Cubes per step.
+        Number of cubes in a step.
     cube_size
-        Voxels along an edge of a cube.
+        Number of voxels along an edge of a cube.
     learning_rate, final_learning_rate
-        Learning rates at the start and the end of a cosine schedule.
+        Learning rates at the start and at the end of a cosine schedule.
     seed
-        Seed of initial weights, cubes, and noise that replaces rounding.
+        Seed of the initial weights, of the choice of cubes, and of the noise that replaces
+        rounding.
     """
 
     steps: PositiveInt = 2000
@@ -63,12 +68,14 @@ class BaseTraining(Model, ABC):
 
     @abstractmethod
     def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
-        """Open a trainer of a new model, on CUDA if available, otherwise on the CPU."""
+        """Open a trainer of a new model, on CUDA if PyTorch finds a device, else on the CPU."""
 
     @abstractmethod
-    def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
+    def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
+        """Return examples for training: random cubes of clouds, each an array of points (n, 3)."""
 
     def begin(self, model: Any, weights: Path) -> None:
+        """Copy a file of weights into a model; raise InputError if they have another shape."""
         from pcc_networks.weights_file import read_weights
 
         try:
@@ -81,7 +88,8 @@ class BaseTraining(Model, ABC):
         return tensors
 
     @abstractmethod
-    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None: ...
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write a model to a file that `load_weights` reads; `card` goes into its header."""
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
         """Return those rates of the codec that the trained weights support."""
@@ -94,7 +102,9 @@ class MultiRateTraining(BaseTraining):
     Parameters
     ----------
     lmbdas
-        Lagrangian weight of the distortion for each rate.
+        Lagrangian weight of the distortion for each rate: the larger, the more bits.
+    channels
+        Number of features at each stride of the network, multiples of four.
     min_kept_fraction
         Minimum fraction of voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
@@ -111,7 +121,7 @@ class MultiRateTraining(BaseTraining):
 
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
         from pcc_networks.grid_level import on_dense_grids
-        from pcc_networks.training.examples import CubeExamples
+        from pcc_networks.training.loop import CubeExamples
 
         voxels = [v for cloud in clouds for v in on_dense_grids(cloud, self.mean_occupied_children)]
         return CubeExamples(
@@ -132,3 +142,118 @@ class MultiRateTraining(BaseTraining):
         """Return the rates with a trained lambda; if there are none, a rate per trained lambda."""
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
         return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}
+
+
+class Pcgcv1Training(MultiRateTraining):
+    """Settings for training PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
+
+    Cubes may be smaller than the codec's, since the network is convolutional.
+
+    Parameters
+    ----------
+    rate_warm_up
+        Fraction of the steps during which the rate's weight in the loss grows to 1; with weight 1
+        from the start, the network learns not to use its latent.
+    """
+
+    network = PCGCV1
+    batch_size: PositiveInt = 2
+    cube_size: Annotated[int, Field(gt=0, multiple_of=8)] = 64
+    lmbdas: Lmbdas = (0.75, 2.0, 3.5, 6.0, 10.0)
+    channels: tuple[Channels, Channels, Channels] = (16, 32, 64)
+    rate_warm_up: PositiveFloat = 0.5
+
+    @contextmanager
+    def trainer(self) -> Iterator[Pcgcv1Trainer]:
+        import torch
+
+        from pcc_networks.gains import initialise_gains
+        from pcc_networks.pcgcv1.model import PCGCv1, Pcgcv1Shape
+        from pcc_networks.pcgcv1.training import Pcgcv1Trainer, initialise
+        from pcc_networks.training.loop import on_device
+
+        torch.manual_seed(self.seed)
+        rates = len(self.lmbdas)
+        model = PCGCv1(Pcgcv1Shape(channels=self.channels, rates=rates, occupied_blocks=True))
+        initialise(model, self.cube_size)
+        initialise_gains(model, self.lmbdas)
+        yield Pcgcv1Trainer(on_device(model), self)
+
+
+class Pcgcv2Training(MultiRateTraining):
+    """Settings for training PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
+
+    network = PCGCV2
+    channels: tuple[Channels, Channels, Channels, Channels] = (16, 32, 64, 32)
+
+    @contextmanager
+    def trainer(self) -> Iterator[Pcgcv2Trainer]:
+        import torch
+
+        from pcc_networks.gains import initialise_gains
+        from pcc_networks.pcgcv2.model import PCGCv2, Pcgcv2Shape
+        from pcc_networks.pcgcv2.training import Pcgcv2Trainer
+        from pcc_networks.sparse.thread_pool import thread_pool
+        from pcc_networks.training.loop import on_device
+
+        torch.manual_seed(self.seed)
+        model = PCGCv2(Pcgcv2Shape(channels=self.channels, rates=len(self.lmbdas)))
+        initialise_gains(model, self.lmbdas)
+        with thread_pool() as pool:
+            yield Pcgcv2Trainer(on_device(model), self, pool)
+
+
+class OctreeNetTraining(BaseTraining):
+    """Settings for training the sparse octree net; `cube_size` should be a power of two.
+
+    Parameters
+    ----------
+    scales
+        Scales of the coarsest and of the finest grid from which cubes are cut.
+    convolutions
+        Number of convolutions before the first group of voxels of a level.
+    symmetries
+        Number of random symmetries of examples: all 48, or the 8 about the vertical axis.
+    """
+
+    steps: PositiveInt = 3000
+    batch_size: PositiveInt = 2
+    cube_size: PositiveInt = 128
+    learning_rate: PositiveFloat = 3e-3
+    scales: tuple[PositiveFloat, PositiveFloat] = (0.1, 1.1)
+    channels: PositiveInt = 32
+    convolutions: PositiveInt = 1
+    symmetries: Literal[8, 48] = 48
+
+    @contextmanager
+    def trainer(self) -> Iterator[OctreeNetTrainer]:
+        import torch
+
+        from pcc_networks.octree_net.model import OctreeNet, OctreeNetShape
+        from pcc_networks.octree_net.training import OctreeNetTrainer
+        from pcc_networks.sparse.thread_pool import thread_pool
+        from pcc_networks.training.loop import on_device
+
+        torch.manual_seed(self.seed)
+        model = OctreeNet(OctreeNetShape(channels=self.channels, convolutions=self.convolutions))
+        with thread_pool() as pool:
+            yield OctreeNetTrainer(on_device(model), self, pool)
+
+    def examples(self, clouds: Sequence[Floats]) -> OctreeExamples:
+        from pcc_networks.octree_net.training import OctreeExamples
+
+        coarsest, finest = self.scales
+        return OctreeExamples(
+            clouds, self.cube_size, self.batch_size, seed=self.seed, coarsest=coarsest,
+            finest=finest, upright=self.symmetries == 8,
+        )  # fmt: skip
+
+    def parameters(self, tensors: Mapping[str, Any]) -> Mapping[str, Any]:
+        from pcc_networks.octree_net.weights import parameters
+
+        return parameters(tensors)
+
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        from pcc_networks.octree_net.weights import save_weights
+
+        save_weights(path, model, card)

@@ -10,13 +10,11 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, Protocol, TypedDict, TypeVar
 
 import numpy as np
 from pydantic import Field
 
-from pcc_networks.catalogue import SUFFIX, NetworkType, header_of
-from pcc_networks.device import DeviceName, why_not
 from pointkit.errors import InputError
 from pointkit.files import sha256
 from pointkit.geometry.cloud import Floats
@@ -24,14 +22,29 @@ from pointkit.models import Model
 from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
 from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
+if TYPE_CHECKING:
+    from pcc_networks.catalogue import NetworkType
+
 CODE = ("puckbench.codecs.base",)
 
-_NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
+_NEEDED = {"pcc_networks": "pcc_networks", "torch": "PyTorch", "constriction": "constriction"}
 _INSTALL = "pip install 'puckbench[learned]', or make learned where its Makefile is"
 _DIGITS = 16
 PUBLISHED_WEIGHTS = "data/pcgc_weights"
 """Folder to which `puckbench data pcgc_weights` writes the weights of PCGCv1's and PCGCv2's
 authors."""
+
+
+def not_installed() -> str:
+    """Return which packages of the learned codecs are missing and how to install them, or ""."""
+    missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
+    return f"{' and '.join(missing)} not installed: {_INSTALL}" if missing else ""
+
+
+def require_networks() -> None:
+    """Raise InputError, with the command that installs it, if `pcc_networks` is not installed."""
+    if find_spec("pcc_networks") is None:
+        raise InputError(not_installed())
 
 
 class Weights(Protocol):
@@ -68,7 +81,8 @@ class Learned(Codec, Generic[W]):
     `weights` selects several files, the encoder uses the first in alphabetical order.
     """
 
-    network: NetworkType
+    network: ClassVar[str]
+    """Name of the network in the files of its weights (`pcc_networks.catalogue.NETWORKS`)."""
     published_weights: ClassVar[str] = ""
     """Folder to which `puckbench data` writes the weights of the codec's authors."""
     Options: type[LearnedOptions] = LearnedOptions
@@ -81,9 +95,8 @@ class Learned(Codec, Generic[W]):
         self._sets: dict[Path, W] = {}
 
     def available(self) -> Availability:
-        missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
-        if missing:
-            return Availability(False, f"{' and '.join(missing)} not installed: {_INSTALL}")
+        if missing := not_installed():
+            return Availability(False, missing)
         rates = self.rates or self.metric_rates
         try:
             lacking = [name for name, rate in rates.items() if self._path(rate) is None]
@@ -100,7 +113,16 @@ class Learned(Codec, Generic[W]):
         return f"{path.stem} {_digest(path)}" if path else ""
 
     def weights_files(self) -> list[Path]:
-        return self.network.files(self._where())
+        return [] if find_spec("pcc_networks") is None else self._files()
+
+    def _files(self) -> list[Path]:
+        return self._network().files(self._where())
+
+    def _network(self) -> NetworkType:
+        require_networks()
+        from pcc_networks.catalogue import NETWORKS
+
+        return NETWORKS[self.network]
 
     def _where(self) -> str:
         where = self.options.weights
@@ -111,8 +133,8 @@ class Learned(Codec, Generic[W]):
 
     def _known_files(self) -> Iterator[Path]:
         """Yield files to search for a stream's weights: those of the option, then shipped ones."""
-        yield from self.weights_files()
-        yield from self.network.shipped()
+        yield from self._files()
+        yield from self._network().shipped()
 
     def load(self) -> None:
         for parameters in self.rates.values():
@@ -145,7 +167,7 @@ class Learned(Codec, Generic[W]):
         return self._sets[path]
 
     def _path(self, parameters: Parameters) -> Path | None:
-        return next(iter(self.weights_files()), None)
+        return next(iter(self._files()), None)
 
     @abstractmethod
     def _read(self, path: Path) -> W: ...
@@ -153,7 +175,7 @@ class Learned(Codec, Generic[W]):
 
 class PublishedOptions(LearnedOptions):
     weights: str = Field(PUBLISHED_WEIGHTS, description="a folder with the authors' weights")
-    device: DeviceName = Field("cpu", description="device on which the network runs")
+    device: Literal["cpu", "cuda"] = Field("cpu", description="device on which the network runs")
 
 
 class LearnedByLambda(Learned[R]):
@@ -173,13 +195,17 @@ class LearnedByLambda(Learned[R]):
 
     def available(self) -> Availability:
         availability = super().available()
-        reason = why_not(self.options.device) if availability.ok else ""
-        return Availability(False, reason) if reason else availability
+        if not availability.ok or self.options.device == "cpu":
+            return availability
+        from pcc_networks.weights_file import why_not
+
+        reason = why_not(self.options.device)
+        return Availability(not reason, reason)
 
     def _known_files(self) -> Iterator[Path]:
         yield from super()._known_files()
         if Path(PUBLISHED_WEIGHTS).is_dir():
-            yield from self.network.files(PUBLISHED_WEIGHTS)
+            yield from self._network().files(PUBLISHED_WEIGHTS)
 
     def _as_read(self, points: Floats) -> Floats:
         """Truncate points (n, 3) to integers, as the authors' PLY readers do."""
@@ -190,7 +216,7 @@ class LearnedByLambda(Learned[R]):
         return GridArguments()
 
     def _path(self, parameters: Parameters) -> Path | None:
-        return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
+        return self._network().by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
         weights = self._weights(parameters)
@@ -264,5 +290,7 @@ def _trial_cloud() -> Floats:
 
 def _digest(path: Path) -> str:
     """Return the digest in a weights file's header or, without a header, the file's SHA-256."""
+    from pcc_networks.catalogue import SUFFIX, header_of
+
     kept = header_of(path).digest if path.suffix == SUFFIX else None
     return kept or sha256(path)[:_DIGITS]

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from pcc_networks.catalogue import PCGCV1
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Line, Pace, Parameters
 from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda, PublishedOptions
@@ -63,9 +62,9 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
     Options: type[Pcgcv1Options] = Pcgcv1Options
     options: Pcgcv1Options
     magic = b"PCG1"
-    training = "pcc_networks.pcgcv1.training_settings:Pcgcv1Training"
+    training = "pcc_networks.training:Pcgcv1Training"
     version = "PCGCv1, stream version 4"
-    network = PCGCV1
+    network = "pcgcv1"
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)

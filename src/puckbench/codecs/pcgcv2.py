@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from pcc_networks.catalogue import PCGCV2
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Line, Pace, Parameters
 from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda
@@ -58,9 +57,9 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
         "r7": {"lmbda": 10},
     }
     magic = b"PCG2"
-    training = "pcc_networks.pcgcv2.training_settings:Pcgcv2Training"
+    training = "pcc_networks.training:Pcgcv2Training"
     version = "PCGCv2, stream version 6"
-    network = PCGCV2
+    network = "pcgcv2"
     grid = 1.0
 
     def _tools(self) -> CodingTools:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
-from pcc_networks.catalogue import RENO
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Line, Memory, Pace, Parameters, lengths
 from puckbench.codecs.learned import Learned, LearnedOptions
@@ -63,7 +62,7 @@ class Reno(Learned["RenoWeights"]):
     memory = Memory(1000, 1500)
     pace = Pace(0.3, 12.0)
     version = "RENO, stream version 1"
-    network = RENO
+    network = "reno"
     published_weights = PUBLISHED_WEIGHTS
 
     def load(self) -> None:
@@ -75,7 +74,7 @@ class Reno(Learned["RenoWeights"]):
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _path(self, parameters: Parameters) -> Path | None:
-        files, name = self.weights_files(), self.options.trained_on
+        files, name = self._files(), self.options.trained_on
         is_file = Path(self.options.weights).is_file()
         return next((path for path in files if is_file or path.stem == name), None)
 

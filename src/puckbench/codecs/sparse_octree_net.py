@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from gpcc.grid import input_grid
-from pcc_networks.catalogue import OCTREE_NET
 from pointkit.geometry.cloud import Floats
 from puckbench.codecs.base import Memory, Parameters, lengths
 from puckbench.codecs.gpcc import EIGHTHS, UnitOptions
@@ -53,9 +52,9 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
     magic = b"PBON"
     most_steps = float(2**20 - 2)
     memory = Memory(1500, 3000)
-    training = "pcc_networks.octree_net.training_settings:OctreeNetTraining"
+    training = "pcc_networks.training:OctreeNetTraining"
     version = "sparse_octree_net, stream version 3"
-    network = OCTREE_NET
+    network = "sparse_octree_net"
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)

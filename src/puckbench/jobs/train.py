@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from cloud_files.clouds import read_cloud
-from pcc_networks.catalogue import weights_file
-from pcc_networks.device import why_not
-from pcc_networks.training.settings import BaseTraining
 from pointkit.errors import InputError
 from pointkit.files import sha256, write_json
 from pointkit.geometry.cloud import Floats
+from puckbench.codecs.learned import require_networks
 from puckbench.codecs.registry import entry, open_codec, open_training
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.jobs.codec_jobs import codec_plugins, with_options
@@ -22,6 +20,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
     from pcc_networks.training.loop import BaseTrainer
+    from pcc_networks.training.settings import BaseTraining
 
 CODE = (
     *(*CLOUD_FILES, *CODEC, "puckbench.jobs.training_log", "puckbench.jobs.validation"),
@@ -62,6 +61,7 @@ class Train(Job):
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
     ) -> dict[str, Any]:
         """Train, resuming from a checkpoint beside `weights`; write weights and a model card."""
+        require_networks()
         from pcc_networks.training.loop import train
         from puckbench.jobs.training_log import TrainingLog
 
@@ -99,6 +99,8 @@ class Train(Job):
     def _check_entry(self) -> None:
         """Raise InputError if the codec's options are not valid, or its device is not here."""
         device: Any = getattr(open_codec(self.codec, self.changes).options, "device", "cpu")
+        from pcc_networks.weights_file import why_not
+
         if reason := why_not(device):
             raise InputError(f"codec {self.codec}: {reason}")
 
@@ -109,6 +111,8 @@ class Train(Job):
         if self.code is not None:
             trainer.identity["code"] = self.code
         if self.start is not None:
+            from pcc_networks.catalogue import weights_file
+
             start = weights_file(self.start)
             training.begin(trainer.model, start)
             trainer.identity["start"] = sha256(start)

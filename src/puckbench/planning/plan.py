@@ -7,13 +7,13 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args
 
-from pcc_networks.catalogue import weights_file
 from pointkit.errors import NARROWER, InputError, among, closest, naming
 from pointkit.files import sha256
 from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
+from puckbench.codecs.learned import require_networks
 from puckbench.codecs.registry import open_training
 from puckbench.datasets.base import DataSet
 from puckbench.datasets.recordings import recording_files
@@ -443,7 +443,12 @@ class Plan:
         if start in self.trainings:
             return str(self.results / "weights" / f"{start}.safetensors")
         refuse_paths(filter(None, [start]))
-        return None if start is None else str(weights_file(start))
+        if start is None:
+            return None
+        require_networks()
+        from pcc_networks.catalogue import weights_file
+
+        return str(weights_file(start))
 
     def _clouds(self, where: str, name: str) -> list[tuple[str, str]]:
         if name not in self.config.datasets:

@@ -30,15 +30,15 @@ class TrainingJobs:
         """Plan a training, which discards checkpoints of other code."""
         training = self.plan.trainings[name]
         module = module_of(training_class(training.codec, training.entry))
+        codec = module_of(place_of(training.codec, training.entry))
         record = Train(
             codec=training.codec,
             changes=training.entry,
             options=training.settings,
             start=training.start,
             validate_every=training.validate_every,
-            code=code_version(module, "pcc_networks.training"),
+            code=code_version(module, codec, "pcc_networks.training"),
         )
-        codec = module_of(place_of(training.codec, training.entry))
         start = self.plan.digest_of(self.given_start(name))
         also = [*training.clouds, *training.validate, start]
         return planned(record, module, codec, also=also)

@@ -207,8 +207,8 @@ from puckbench.codecs.registry import open_codec
 
 def compiled():
     loops = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]
-    names = ("pcc_networks", "pointkit")
-    ours = [each for each in loops if each.py_func.__module__.startswith(names)]
+    packages = ("gpcc.", "pcc_networks.", "pointkit.")
+    ours = [each for each in loops if each.py_func.__module__.startswith(packages)]
     return {each.py_func.__qualname__: len(each.signatures) for each in ours}
 
 directions = np.random.default_rng(0).normal(size=(3000, 3))

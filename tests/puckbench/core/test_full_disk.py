@@ -62,7 +62,7 @@ def _draw(path: Path) -> None:
 
 
 def _train(path: Path) -> None:
-    from pcc_networks.pcgcv2.training_settings import Pcgcv2Training
+    from pcc_networks.training.settings import Pcgcv2Training
 
     with Pcgcv2Training(lmbdas=(1.0,), channels=(4, 8, 8, 8), steps=1).trainer() as trainer:
         trainer.save(path)

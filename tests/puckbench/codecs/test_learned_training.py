@@ -10,11 +10,7 @@ import torch
 
 from cloud_files.clouds import write_cloud
 from pcc_networks.catalogue import header_of
-from pcc_networks.pcgcv2.model import PCGCv2
-from pcc_networks.pcgcv2.training import Pcgcv2Trainer
-from pcc_networks.pcgcv2.training_settings import Pcgcv2Training
 from pcc_networks.pcgcv2.weights import load_weights
-from pcc_networks.sparse.thread_pool import thread_pool
 from pcc_networks.weights_file import read_weights
 from pointkit.errors import InputError
 from pointkit.files import read_json
@@ -23,7 +19,7 @@ from pointkit.registry import trust
 from puckbench.cli import main
 from puckbench.codecs.registry import open_codec, open_training
 from puckbench.jobs.validation import faults, peak_of, validation
-from tests.support.learned_codecs import LMBDAS, TINY2
+from tests.support.learned_codecs import LMBDAS
 
 SMALL: dict[str, dict[str, Any]] = {
     "pcgcv1_plus": {"cube_size": 32, "batch_size": 1, "channels": [4, 8, 8], "lmbdas": [10, 2]},
@@ -182,27 +178,9 @@ def test_other_files_are_no_checkpoints(content: bytes, cloud: Path) -> None:
     assert _train(cloud, "pcgcv2_plus", 2) == 2
 
 
-def test_a_checkpoint_that_says_less_is_taken_up(tmp_path: Path) -> None:
-    """Settings that it does not name, random numbers and the curve are those of the new run."""
-    training = Pcgcv2Training(lmbdas=LMBDAS, steps=4, channels=TINY2.channels)
-    with thread_pool(1) as pool:
-        old = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
-        old.done = 3
-        old.save(tmp_path / "a.pt")
-        state = torch.load(tmp_path / "a.pt", weights_only=True)
-        kept = {name: state[name] for name in ("model", "optimiser", "done")}
-        settings = {name: training.model_dump()[name] for name in ("steps", "seed")}
-        torch.save({**kept, "training": settings}, tmp_path / "b.pt")
-        new = Pcgcv2Trainer(PCGCv2(TINY2), training, pool)
-        new.resume(tmp_path / "b.pt")
-    assert new.done == 3
-    for name, value in old.model.state_dict().items():
-        assert torch.equal(new.model.state_dict()[name], value)
-
-
 def test_a_training_of_ones_own_is_named_in_the_codecs_entry(cloud: Path) -> None:
     (cloud.parent / "mine.py").write_text(
-        "from pcc_networks.pcgcv2.training_settings import Pcgcv2Training\n"
+        "from pcc_networks.training.settings import Pcgcv2Training\n"
         "class Mine(Pcgcv2Training):\n    pass\n"
     )
     entry = {"training": f"{cloud.parent}/mine.py:Mine"}
