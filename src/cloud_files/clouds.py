@@ -12,7 +12,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from cloud_files.archives import read_archive
 from cloud_files.content import COMPRESSED, plain_suffix, read_content, unpacked
 from cloud_files.descriptions import read_description, sidecar, write_description
 from cloud_files.ply import has_faces, read_ply, write_vertices
@@ -43,16 +42,6 @@ def cloud_bytes(cloud: PointCloud) -> bytes:
         path = Path(folder, "cloud.ply")
         write_cloud(path, cloud, describe=False)
         return path.read_bytes()
-
-
-def read_archived_cloud(archive: Path, name: str) -> PointCloud:
-    members = read_archive(archive)
-    if name not in members:
-        raise InputError(f"{archive}: has no member {name}")
-    with TemporaryDirectory() as folder, naming(archive):
-        path = Path(folder, name)
-        path.write_bytes(members[name])
-        return read_cloud(path)
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:

@@ -96,12 +96,6 @@ def _description(path: Path) -> NDArray[np.float64]:
     return _cloud(path.with_suffix(".ply"))
 
 
-def _checkpoint(path: Path) -> None:
-    from cloud_files.tensorflow_checkpoints import read_variables
-
-    read_variables(path.read_bytes(), bytes(1000))
-
-
 # ---- whole files
 
 
@@ -227,12 +221,6 @@ def _write_description(path: Path) -> None:
     _write_cloud(path.with_suffix(".ply"))
 
 
-def _write_checkpoint(path: Path) -> None:
-    from tests.support.tensorflow_checkpoint import checkpoint
-
-    path.write_bytes(checkpoint({"layer/kernel": np.ones((2, 3), np.float32)})[0])
-
-
 def _las_kinds() -> Iterable[Write]:
     return [partial(_write_las, point_format=kind) for kind in (0, 1, 3, 6, 7)]
 
@@ -265,7 +253,6 @@ READERS = {
     "read description": FileReader(
         ".json", (_write_description,), _description, _write_description
     ),
-    "read checkpoint": FileReader(".index", (_write_checkpoint,), _checkpoint),
 }
 """Readers by the names that benchmarks/checks/fuzz.py gives them."""
 if find_spec("pye57") is not None:

@@ -46,6 +46,12 @@ def _weights(path: Path) -> None:
     read_weights(path)
 
 
+def _checkpoint(path: Path) -> None:
+    from puckbench.datasets.tensorflow_checkpoints import read_variables
+
+    read_variables(path.read_bytes(), bytes(1000))
+
+
 # ---- whole files
 
 
@@ -106,6 +112,12 @@ def _write_weights(path: Path) -> None:
     save_tiny("pcgcv1", path)
 
 
+def _write_checkpoint(path: Path) -> None:
+    from tests.support.tensorflow_checkpoint import checkpoint
+
+    path.write_bytes(checkpoint({"layer/kernel": np.ones((2, 3), np.float32)})[0])
+
+
 READERS = {
     "read pcap": FileReader(".pcap", (_write_capture,), _recording),
     "read pcapng": FileReader(".pcapng", (_write_pcapng,), _recording),
@@ -120,5 +132,6 @@ READERS = {
     "read scan": FileReader(".parquet", (_write_scan,), _scan),
     "read configuration": FileReader(".yaml", (_write_configuration,), _configuration),
     "read weights": FileReader(".safetensors", (_write_weights,), _weights),
+    "read checkpoint": FileReader(".index", (_write_checkpoint,), _checkpoint),
 }
 """Readers by the names that benchmarks/checks/fuzz.py gives them."""

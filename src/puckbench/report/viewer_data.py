@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cloud_files.archives import SUFFIX as ARCHIVE
-from cloud_files.clouds import read_archived_cloud, read_cloud
+from cloud_files.clouds import read_cloud
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.seeding import generator
+from puckbench.core.archives import SUFFIX as ARCHIVE
+from puckbench.core.archives import read_archived_cloud
 from puckbench.figures.style import FigureStyle
 from puckbench.report.contents import Contents, Example
 from puckbench.report.plot_data import codec_payload, round_significant

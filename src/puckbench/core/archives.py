@@ -5,10 +5,13 @@ import zipfile
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from cloud_files.clouds import read_cloud
 from pointkit.damage import reading
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes, written_whole
+from pointkit.geometry.cloud import PointCloud
 
 SUFFIX = ".zip"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -36,3 +39,13 @@ def read_archive(path: Path) -> dict[str, bytes]:
         if sum(member.file_size for member in members) > len(data):
             raise InputError("a damaged archive: its members are larger than the file")
         return {member.filename: archive.read(member) for member in members}
+
+
+def read_archived_cloud(archive: Path, name: str) -> PointCloud:
+    members = read_archive(archive)
+    if name not in members:
+        raise InputError(f"{archive}: has no member {name}")
+    with TemporaryDirectory() as folder, naming(archive):
+        path = Path(folder, name)
+        path.write_bytes(members[name])
+        return read_cloud(path)
