@@ -1,3 +1,5 @@
+"""Names of fields in files: their encoding, and their form in PLY."""
+
 from __future__ import annotations
 
 import re
@@ -6,10 +8,10 @@ from itertools import filterfalse
 
 
 def decoded(name: bytes) -> str:
-    """Return the text of an encoded field name.
+    """Return the name of a field as text.
 
     A name that is not valid UTF-8 is decoded as Windows-1252, the usual encoding of Windows in
-    Western Europe; bytes that are invalid there, too, become U+FFFD.
+    Western Europe; bytes that are invalid there, too, become U+FFFD (the replacement character).
     """
     try:
         return name.decode()
@@ -18,6 +20,10 @@ def decoded(name: bytes) -> str:
 
 
 def ascii_name(name: str) -> str:
-    """Return a name as PLY permits: letters without accents, digits and underscores."""
+    """Return a name in the form that PLY permits.
+
+    Letters lose their accents, and all characters but letters, digits and underscores become
+    underscores.
+    """
     letters = filterfalse(unicodedata.combining, unicodedata.normalize("NFKD", name))
     return re.sub(r"\W+", "_", "".join(letters), flags=re.ASCII)
