@@ -11,7 +11,6 @@ from pointkit.lazy import lazy
 
 if TYPE_CHECKING:
     from cloud_files.clouds import read_cloud as read_cloud
-    from cloud_files.clouds import read_unchecked_cloud as read_unchecked_cloud
     from cloud_files.clouds import write_cloud as write_cloud
     from cloud_files.evd import write_evd as write_evd
     from cloud_files.float32_frames import write_float32_frame as write_float32_frame
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
 __getattr__, __dir__, __all__ = lazy(
     __name__,
-    clouds=("read_cloud", "read_unchecked_cloud", "write_cloud"),
+    clouds=("read_cloud", "write_cloud"),
     evd=("write_evd",),
     float32_frames=("write_float32_frame",),
     las=("write_las",),

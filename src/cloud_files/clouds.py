@@ -44,7 +44,7 @@ def cloud_bytes(cloud: PointCloud) -> bytes:
         return path.read_bytes()
 
 
-def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
+def write_cloud(path: str | Path, cloud: PointCloud, describe: bool = True) -> None:
     """Write a cloud as a binary PLY file, and its description beside the PLY file.
 
     Both files appear only when both are complete.
@@ -65,6 +65,7 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
     InputError
         The suffix of `path` is that of another format, or a file cannot be written.
     """
+    path = Path(path)
     if path.suffix.lower() in (*SUFFIXES[1:], *COMPRESSED):
         raise InputError(f"{path}: only PLY files are written; name it .ply")
     columns = {
@@ -121,8 +122,9 @@ def read_cloud(
         The file is missing, damaged, empty or a mesh, or points are not finite. The message is one
         line that begins with the file's name.
     """
-    cloud = read_unchecked_cloud(Path(path), keep_missing, drop_invalid, bin_columns)
-    return checked_cloud(cloud, Path(path))
+    path = Path(path)
+    cloud = read_unchecked_cloud(path, keep_missing, drop_invalid, bin_columns)
+    return checked_cloud(cloud, path)
 
 
 def checked_cloud(cloud: UncheckedCloud, path: Path) -> PointCloud:

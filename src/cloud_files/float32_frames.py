@@ -72,7 +72,7 @@ def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
     return {name: rows[:, place] for place, name in enumerate(names) if name != "_"}
 
 
-def write_float32_frame(path: Path, columns: Columns) -> None:
+def write_float32_frame(path: str | Path, columns: Columns) -> None:
     """Write a frame as KITTI does: x, y, z and intensity of each point as float32.
 
     `columns` are arrays (n,) by name; other names than these four are not written.

@@ -37,7 +37,7 @@ _COLUMN_NAMES = {
 }
 
 
-def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+def write_las(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Write the returns of a LiDAR as a LAS or LAZ file, by the suffix of `path`.
 
     Parameters
@@ -54,7 +54,7 @@ def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     InputError
         The points lie more than 214 km apart.
     """
-    write_bytes(path, las_bytes(_las_data(columns), path.suffix.lower() == ".laz"))
+    write_bytes(path, las_bytes(_las_data(columns), Path(path).suffix.lower() == ".laz"))
 
 
 def las_bytes(las: Any, is_compressed: bool) -> bytes:

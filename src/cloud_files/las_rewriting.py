@@ -35,8 +35,8 @@ _OF_CHUNKS = "copc"
 
 
 def rewrite_las(
-    path: Path,
-    source: Path,
+    path: str | Path,
+    source: str | Path,
     points: NDArray[np.float64],
     rows: NDArray[np.int64],
     metres_per_unit: float = 1.0,
@@ -67,7 +67,7 @@ def rewrite_las(
     """
     import laspy
 
-    with unpacked(source) as plain:
+    with unpacked(Path(source)) as plain:
         parts = parse_isolated(parse_las_file, plain, "LAS file").columns
     las = laspy.read(BytesIO(parts["bytes"].tobytes()))
     steps = np.rint(
@@ -78,7 +78,7 @@ def rewrite_las(
     las.points = las.points[np.maximum(rows, 0)]
     las.points.array[rows < 0] = 0
     las.X, las.Y, las.Z = steps.astype(np.int32).T
-    is_compressed = path.suffix.lower() == ".laz"
+    is_compressed = Path(path).suffix.lower() == ".laz"
     content = bytearray(las_bytes(las, is_compressed))
     if is_compressed and las.point_format.id in _LAYERED_WAVEFORMS:
         _check_compressed(las, bytes(content), path)
@@ -97,7 +97,7 @@ def _units(header: Any, metres_per_unit: float) -> NDArray[np.float64]:
     return np.array([horizontal, horizontal, units.vertical or METRE])
 
 
-def _check_compressed(las: Any, content: bytes, path: Path) -> None:
+def _check_compressed(las: Any, content: bytes, path: str | Path) -> None:
     import laspy
 
     back = laspy.read(BytesIO(content)).points.array

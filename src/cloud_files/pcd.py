@@ -44,7 +44,7 @@ DATA binary
 """
 
 
-def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+def write_pcd(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Write a binary PCD file with a field for each column.
 
     `columns` are arrays (n,) of numbers by name. x, y and z are written as float32, as programs

@@ -185,7 +185,7 @@ def read_ply(path: Path) -> dict[str, NDArray[Any]]:
     return {name: rows[name] for name in names if name not in lists}
 
 
-def write_ply(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+def write_ply(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Write a binary PLY file of vertices, with a property for each column.
 
     `columns` are arrays (n,) by name, of a type that PLY has: integers and floating-point numbers

@@ -18,7 +18,7 @@ _TUM, _KITTI = 8, 12
 _NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
 
 
-def read_poses(path: Path) -> tuple[Floats | None, Floats]:
+def read_poses(path: str | Path) -> tuple[Floats | None, Floats]:
     """Read the poses of a sensor from a file of TUM's or KITTI's kind.
 
     Returns the times (n,) in seconds, or None for KITTI's kind, which has none, and the matrices
@@ -26,7 +26,7 @@ def read_poses(path: Path) -> tuple[Floats | None, Floats]:
     InputError if a line is not a pose, or the times do not increase.
     """
     with naming(path):
-        return poses_of(read_bytes(path))
+        return poses_of(read_bytes(Path(path)))
 
 
 def files_of_poses(path: str | Path) -> list[Path]:
@@ -41,7 +41,7 @@ def files_of_poses(path: str | Path) -> list[Path]:
     return [path, *found[:1]]
 
 
-def read_lidar_poses(path: Path) -> Floats:
+def read_lidar_poses(path: str | Path) -> Floats:
     """Read the poses of a LiDAR from a file of TUM's or KITTI's kind.
 
     KITTI's poses are those of a camera, whose z axis points forward. They are converted to the

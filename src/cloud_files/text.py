@@ -78,7 +78,7 @@ def read_csv(path: Path) -> Columns:
     return {name.lower(): values for name, values in read_text(path).items()}
 
 
-def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+def write_csv(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Write a CSV file: a line of names, then a line for each point.
 
     `columns` are arrays (n,) by name. Numbers have as few digits as give the same value back.

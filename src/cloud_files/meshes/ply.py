@@ -84,7 +84,7 @@ def _check_ids(path: Path, ids: NDArray[np.int32], count: int) -> None:
         raise InputError(f"{path}: a face has a label that {sidecar(path).name} does not list")
 
 
-def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
+def write_mesh(path: str | Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
     """Write a mesh as a binary PLY file, and a description of it beside the PLY file.
 
     Both files appear only when both are complete.
@@ -105,6 +105,7 @@ def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> N
     InputError
         The mesh is empty, without area or not finite, or the files cannot be written.
     """
+    path = Path(path)
     check_mesh(mesh, str(path))
     counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f8")

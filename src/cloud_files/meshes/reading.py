@@ -32,7 +32,7 @@ SUFFIXES = tuple(sorted((".ply", *READERS)))
 """Suffixes of readable mesh files; compressed files have a second suffix."""
 
 
-def read_mesh(path: Path, up: str = "z") -> Mesh:
+def read_mesh(path: str | Path, up: str = "z") -> Mesh:
     """Read a mesh file, divide its faces into triangles and rotate it so that z points up.
 
     Elements that are not read (such as lines and curves) are told in a warning.
@@ -59,7 +59,7 @@ def read_mesh(path: Path, up: str = "z") -> Mesh:
         or not finite. The message is one line that begins with the file's name.
     """
     mesh, report = read_mesh_report(path, up)
-    warn_of_skipped(path, report["skipped"])
+    warn_of_skipped(Path(path), report["skipped"])
     return mesh
 
 
@@ -70,7 +70,7 @@ def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
         _LOG.warning("%s: left out: %s", path, ", ".join(parts))
 
 
-def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
+def read_mesh_report(path: str | Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     """Read a mesh as `read_mesh` does, but without warnings, and describe what the file holds.
 
     Returns
@@ -83,6 +83,7 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
+    path = Path(path)
     read = _reader(path)
     with unpacked(path) as plain, np.errstate(invalid="ignore", over="ignore"):
         polygons = read(plain)
