@@ -48,8 +48,11 @@ def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dic
     beside = sidecar(path)
     if beside == path or not beside.exists():
         return None
-    about = _read_if_of_puckbench(beside)
-    if about is None:
+    try:
+        about = read_json(beside)
+    except InputError:
+        about = None
+    if not isinstance(about, dict) or _KIND_KEY not in about:
         _log.warning("%s: %s beside it is not its description: not used", path, beside.name)
         return None
     for name, count in (counts or {}).items():
@@ -58,11 +61,3 @@ def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dic
             _log.warning("%s: %d %s, but %s: not used", path, count, name, mismatch)
             return None
     return {name: value for name, value in about.items() if name != _KIND_KEY}
-
-
-def _read_if_of_puckbench(path: Path) -> dict[str, Any] | None:
-    try:
-        about = read_json(path)
-    except InputError:
-        return None
-    return about if isinstance(about, dict) and _KIND_KEY in about else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import platform
+import re
 import struct
 import sys
 from pathlib import Path
@@ -12,9 +13,11 @@ import laspy
 import numpy as np
 import pytest
 
+import cloud_files
 from cloud_files import content
 from cloud_files.clouds import SUFFIXES, read_cloud, write_cloud
 from cloud_files.e57 import parse_e57
+from cloud_files.meshes import SUFFIXES as MESHES
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.point_columns import cloud_from_columns
@@ -309,3 +312,9 @@ def test_a_damaged_file_is_named_in_one_line(name: str, tmp_path: Path) -> None:
 def test_every_format_has_a_test() -> None:
     source = Path(__file__).read_text(encoding="utf-8")
     assert all(suffix in source for suffix in set(SUFFIXES) - {".asc", ".pts"})
+
+
+def test_the_readme_lists_every_format() -> None:
+    readme = Path(cloud_files.__file__).with_name("README.md").read_text(encoding="utf-8")
+    listed = {suffix for suffix in re.findall(r"`(\.\w+)`", readme)}
+    assert {*SUFFIXES, *MESHES, *content.COMPRESSED} <= listed

@@ -24,11 +24,7 @@ _WIDTHS = {"SCALAR": 1, "VEC3": 3}
 _JSON, _BINARY = b"JSON", b"BIN\0"
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _HARMLESS = (
-    "KHR_materials_",
-    "KHR_texture_",
-    "KHR_lights_",
-    "KHR_mesh_quantization",
-    "EXT_texture_",
+    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_mesh_quantization", "EXT_texture_"),
 )
 """Prefixes of extensions that are supported or do not affect the triangles."""
 _DAMAGE = (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError)
