@@ -23,8 +23,6 @@ _MOVED = {
     "puckbench.geometry": "pointkit.geometry",
     "puckbench.gpcc": "gpcc",
     "puckbench.io": "cloud_files, pointkit or puck.recordings",
-    "puckbench.io.archives": "puckbench.core.archives",
-    "puckbench.io.tensorflow_checkpoints": "puckbench.datasets.tensorflow_checkpoints",
     "puckbench.learned": "pcc_networks",
     "puckbench.lidar": "virtual_lidar, pointkit.lidar or puck.recordings",
     "puckbench.primitives": "primitive_codec",

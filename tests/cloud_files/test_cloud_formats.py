@@ -316,5 +316,5 @@ def test_every_format_has_a_test() -> None:
 
 def test_the_readme_lists_every_format() -> None:
     readme = Path(cloud_files.__file__).with_name("README.md").read_text(encoding="utf-8")
-    listed = {suffix for suffix in re.findall(r"`(\.\w+)`", readme)}
+    listed = set(re.findall(r"`(\.\w+)`", readme))
     assert {*SUFFIXES, *MESHES, *content.COMPRESSED} <= listed

@@ -1,3 +1,5 @@
+"""Archives of results: uncompressed ZIP files, such as the streams of one curve."""
+
 from __future__ import annotations
 
 import struct
@@ -5,13 +7,10 @@ import zipfile
 from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from cloud_files.clouds import read_cloud
 from pointkit.damage import reading
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes, written_whole
-from pointkit.geometry.cloud import PointCloud
 
 SUFFIX = ".zip"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -21,7 +20,10 @@ _REGULAR_FILE = 0o100644 << 16
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write members (bytes by name) to a zip archive; equal members give identical files."""
+    """Write an uncompressed ZIP file with these members, contents by name.
+
+    Equal members give the same bytes, whenever they are written.
+    """
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, data in members.items():
             member = zipfile.ZipInfo(name, _EPOCH)
@@ -30,7 +32,10 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_archive(path: Path) -> dict[str, bytes]:
-    """Return the members of an archive (bytes by name); raise InputError if any is compressed."""
+    """Return the members of an archive, contents by name.
+
+    Raises InputError if the file is damaged, or a member is compressed or larger than the file.
+    """
     data = read_bytes(path)
     with naming(path), reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:
         members = archive.infolist()
@@ -39,13 +44,3 @@ def read_archive(path: Path) -> dict[str, bytes]:
         if sum(member.file_size for member in members) > len(data):
             raise InputError("a damaged archive: its members are larger than the file")
         return {member.filename: archive.read(member) for member in members}
-
-
-def read_archived_cloud(archive: Path, name: str) -> PointCloud:
-    members = read_archive(archive)
-    if name not in members:
-        raise InputError(f"{archive}: has no member {name}")
-    with TemporaryDirectory() as folder, naming(archive):
-        path = Path(folder, name)
-        path.write_bytes(members[name])
-        return read_cloud(path)
