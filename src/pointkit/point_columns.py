@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Container, Iterable, Mapping
+from itertools import filterfalse
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.field_names import ascii_name
 from pointkit.geometry.cloud import Floats, UncheckedCloud
 
 Columns = dict[str, NDArray[Any]]
@@ -115,6 +116,28 @@ def default_columns(rows: NDArray[Any]) -> Columns:
         names += [*colours, "intensity"]
     names += [f"column_{place + 1}" for place in range(len(names), count)]
     return {name: rows[:, place] for place, name in enumerate(names)}
+
+
+def decoded(name: bytes) -> str:
+    """Return the name of a field as text.
+
+    A name that is not valid UTF-8 is decoded as Windows-1252, the usual encoding of Windows in
+    Western Europe; bytes that are invalid there, too, become U+FFFD (the replacement character).
+    """
+    try:
+        return name.decode()
+    except UnicodeDecodeError:
+        return name.decode("cp1252", "replace")
+
+
+def ascii_name(name: str) -> str:
+    """Return a name in the form that PLY permits.
+
+    Letters lose their accents, and all characters but letters, digits and underscores become
+    underscores.
+    """
+    letters = filterfalse(unicodedata.combining, unicodedata.normalize("NFKD", name))
+    return re.sub(r"\W+", "_", "".join(letters), flags=re.ASCII)
 
 
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
