@@ -1,3 +1,5 @@
+"""Tables of results in LaTeX."""
+
 from __future__ import annotations
 
 import re
