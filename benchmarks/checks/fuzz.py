@@ -8,7 +8,7 @@ All decoders share the seconds; with --streams each gets that many streams inste
 is structured: fields at their limits, written by the codecs' own writers
 (tests/support/structured_streams.py). The others are small clouds coded at several rates, for
 G-PCC the conformance vectors, damaged by tests/support/stream_damage.py, half of them with check
-sums that fit again. The readers of files ("read las"; tests/support/file_readers.py) get small
+sums that fit again. The readers of files ("read las"; tests/support/*_readers.py) get small
 files damaged in the same ways, and structured ones (tests/support/structured_files.py). Number N is
 the same in every run. Each decoder has a process of its own, whose
 compiled loops check every index; that is slow, so that limits of time are CHECKED_FACTOR as long.
@@ -42,8 +42,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from tests.support import file_readers, recording_readers
 from tests.support.attribute_streams import AttributesDecoder
-from tests.support.file_readers import READERS
 from tests.support.puck_streams import DECODERS
 from tests.support.returns import EXAMPLES
 from tests.support.stream_damage import damaged
@@ -57,6 +57,7 @@ from puckbench.codecs.learned import Learned
 from puckbench.codecs.registry import codec_class, codecs, open_codec
 
 ROOT = Path(__file__).parents[2]
+READERS = {**file_readers.READERS, **recording_readers.READERS}
 SECONDS, MIB = 5, 1024
 READER_SECONDS, READER_MIB = 10, 2048
 """A file of less than a megabyte."""

@@ -1,4 +1,4 @@
-"""Readers of point clouds in all formats in `SUFFIXES`, and a writer of binary PLY."""
+"""Files of point clouds: readers of all formats, and a writer of binary PLY."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from cloud_files.archives import read_archive
 from cloud_files.content import COMPRESSED, plain_suffix, read_content, unpacked
 from cloud_files.descriptions import read_description, sidecar, write_description
 from cloud_files.ply import has_faces, read_ply, write_vertices
@@ -38,28 +37,35 @@ _PLY_COLUMNS = {
 
 
 def cloud_bytes(cloud: PointCloud) -> bytes:
-    """Return a cloud as the bytes of a PLY file, without the description `about`."""
+    """Return the content of the PLY file that `write_cloud` writes, without the description."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "cloud.ply")
         write_cloud(path, cloud, describe=False)
         return path.read_bytes()
 
 
-def read_archived_cloud(archive: Path, name: str) -> PointCloud:
-    members = read_archive(archive)
-    if name not in members:
-        raise InputError(f"{archive}: has no member {name}")
-    with TemporaryDirectory() as folder, naming(archive):
-        path = Path(folder, name)
-        path.write_bytes(members[name])
-        return read_cloud(path)
-
-
-def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a cloud as a binary PLY file (float64), and the cloud's description as JSON beside it.
+def write_cloud(path: str | Path, cloud: PointCloud, describe: bool = True) -> None:
+    """Write a cloud as a binary PLY file, and its description beside the PLY file.
 
     Both files appear only when both are complete.
+
+    Parameters
+    ----------
+    path
+        The PLY file. The description has the same name, but ends in ``.json``.
+    cloud
+        Coordinates are written as float64, normals as float32, colours as bytes (or as 16 bits if
+        the cloud has these), labels as int32, and each field in the smallest type of PLY that holds
+        it without loss.
+    describe
+        Whether to write the description: `cloud.about`, and the number of points.
+
+    Raises
+    ------
+    InputError
+        The suffix of `path` is that of another format, or a file cannot be written.
     """
+    path = Path(path)
     if path.suffix.lower() in (*SUFFIXES[1:], *COMPRESSED):
         raise InputError(f"{path}: only PLY files are written; name it .ply")
     columns = {
@@ -81,32 +87,51 @@ def read_cloud(
     drop_invalid: bool = False,
     bin_columns: str | None = None,
 ) -> PointCloud:
-    """Read a point cloud in any format in `SUFFIXES`, and the description (JSON) beside a PLY file.
+    """Read a point cloud from a file of any format whose suffix is in `SUFFIXES`.
 
-    Missing returns (`pointkit.geometry.missing_returns`) are removed and counted in the
-    description.
+    Missing returns, which some sensors and programs store as points at the origin or without
+    coordinates, are left out (`pointkit.geometry.missing_returns` says how they are recognised).
 
     Parameters
     ----------
     path
-        Names of compressed files end in .gz, .bz2, .xz or .zst.
+        The file, which may be compressed: its suffix is then followed by ``.gz``, ``.bz2``,
+        ``.xz`` or ``.zst``.
     keep_missing
         Whether to keep missing returns as points.
     drop_invalid
-        Whether to remove points that are not finite; by default, such points raise InputError.
+        Whether to leave out points with a coordinate that is infinite or not a number. By default,
+        such points raise InputError.
     bin_columns
-        Columns of a .bin file, see `cloud_files.float32_frames.read_float32_frame`.
+        For a ``.bin`` file only: the number of values per point, or their names separated by
+        commas (see `cloud_files.float32_frames.read_float32_frame`). By default, they are
+        estimated.
+
+    Returns
+    -------
+    PointCloud
+        Coordinates (n, 3) as float64: in metres for the formats in `IN_METRES`, and in the unit of
+        the file for others. Normals, colours of 8 bits and integer labels are recognised by the
+        names of their columns; all other numeric columns are fields. ``about`` is the description
+        that `write_cloud` wrote beside a PLY file, or has the numbers of points that were left
+        out: ``dropped_points`` (all of them) and ``missing_returns``.
 
     Raises
     ------
     InputError
-        The file is missing, damaged, empty or a mesh, or points are not finite.
+        The file is missing, damaged, empty or a mesh, or points are not finite. The message is one
+        line that begins with the file's name.
     """
-    cloud = read_unchecked_cloud(Path(path), keep_missing, drop_invalid, bin_columns)
-    return checked_cloud(cloud, Path(path))
+    path = Path(path)
+    cloud = read_unchecked_cloud(path, keep_missing, drop_invalid, bin_columns)
+    return checked_cloud(cloud, path)
 
 
 def checked_cloud(cloud: UncheckedCloud, path: Path) -> PointCloud:
+    """Return a cloud after checking it; raise InputError if it is empty or not finite.
+
+    `path` is the file that the message names.
+    """
     try:
         check_points(cloud.xyz, str(path))
     except InputError as error:
@@ -123,9 +148,10 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> UncheckedCloud:
-    """Read a cloud like `read_cloud`, but allow empty clouds and points that are not finite.
+    """Read a cloud as `read_cloud` does, but allow no points, and points that are not finite.
 
-    With `convert`, LAS coordinates are converted to metres.
+    With `convert`, coordinates of LAS files are converted to metres from the unit of their
+    coordinate reference system; without it, they stay as they are.
     """
     columns = _read_columns(path, bin_columns, convert, keep_missing)
     with naming(path):
@@ -147,7 +173,11 @@ def read_unchecked_cloud(
 def without_missing(
     cloud: UncheckedCloud, missing: NDArray[np.bool_], path: Path
 ) -> UncheckedCloud:
-    """Remove points where `missing` (n,) is true; warn, and count them in the description."""
+    """Return a cloud without its missing returns, the points where `missing` (n,) is true.
+
+    Their number is logged as a warning that names `path`, and is added to the description
+    ``about`` as ``missing_returns``. Raises InputError if all points are missing returns.
+    """
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
     reason = "are missing returns (--keep-missing keeps them)"
@@ -157,12 +187,17 @@ def without_missing(
 
 
 def without_invalid(cloud: UncheckedCloud, path: Path) -> UncheckedCloud:
-    """Remove points that are not finite, warn, and count them in the description."""
+    """Return a cloud without the points that have an infinite coordinate or none.
+
+    Their number is logged as a warning that names `path`, and is added to the description
+    ``about`` as ``dropped_points``.
+    """
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
 
 
 def removal_counts(about: Mapping[str, Any]) -> dict[str, int]:
+    """Return the entries of a description that say how many points a reader left out."""
     return {name: about[name] for name in ("dropped_points", "missing_returns") if name in about}
 
 
@@ -201,7 +236,11 @@ def _read_columns(
 
 
 def wide_colours(path: Path) -> NDArray[np.uint16] | None:
-    """Return a cloud file's colours (n, 3) as they are if some exceed 8 bits, else None."""
+    """Read the colours of a cloud file if they take more than 8 bits.
+
+    Returns an array (n, 3) with all points of the file, in its order; None if the file has no
+    colours or all fit in 8 bits.
+    """
     colours = colours_of(_read_columns(path, None, convert=False, keep_missing=True))
     if colours is None or colours.dtype.kind not in "iu":
         return None

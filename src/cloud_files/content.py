@@ -1,3 +1,5 @@
+"""Content of files, decompressed by their suffix."""
+
 from __future__ import annotations
 
 import bz2
@@ -36,20 +38,36 @@ _PORTION, _HEAD = 1 << 20, 1 << 10
 
 
 def plain_suffix(path: Path) -> str:
-    """Return a file's suffix before any compression suffix, in lowercase: .ply for ``a.PLY.gz``."""
+    """Return the suffix that names a file's format, in lowercase: ``.ply`` for ``a.PLY.gz``."""
     return plain_name(path).suffix.lower()
 
 
 def plain_name(path: Path) -> Path:
+    """Return a path without a suffix of compression: ``a.ply`` for ``a.ply.gz``."""
     return path.with_suffix("") if path.suffix.lower() in COMPRESSED else path
 
 
 def limit_of(path: Path) -> int:
+    """Return the largest number of bytes to which the content of a file may be decompressed."""
     return max(LEAST_LIMIT, MOST_TIMES * path.stat().st_size)
 
 
 def read_content(path: Path, most: int | None = None) -> bytes:
-    """Read a file, decompressed according to its suffix: `most` bytes at most, by default all."""
+    """Return the content of a file, decompressed if its suffix is in `COMPRESSED`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most
+        Number of bytes to read from the beginning of the content; by default, all are read.
+
+    Raises
+    ------
+    InputError
+        The file is missing, cannot be read or is damaged, or all of it would be read and is larger
+        than `limit_of` allows.
+    """
     if most is None and path.suffix.lower() not in COMPRESSED:
         return read_bytes(path)
     content = io.BytesIO()
@@ -65,9 +83,10 @@ def read_content(path: Path, most: int | None = None) -> bytes:
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """Yield a file's path or, if compressed, that of a decompressed temporary copy.
+    """Make a file available without compression, for readers that take a path.
 
-    An InputError raised inside the `with` block names the original file.
+    Yields `path` itself or, if the file is compressed, the path of a decompressed copy that is
+    deleted after the `with` block. An InputError that is raised in the block names the original.
     """
     if path.suffix.lower() not in COMPRESSED:
         yield path

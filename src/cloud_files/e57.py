@@ -29,15 +29,36 @@ _MAX_LIST_LENGTH = 120
 
 
 def read_e57(path: Path, keep_missing: bool = False) -> Columns:
-    """Read the points of all scans, transformed by the scans' poses into one frame.
+    """Read the points of all scans of an E57 file, moved by the scans' poses into one frame.
 
-    Invalid points are NaN, and so are missing returns (at the scanner's position) unless
-    `keep_missing` is true. With several scans, the column ``scan`` has scan numbers.
+    The file is parsed in a process of its own: it may announce any number of points, for which the
+    package pye57 takes memory before it reads them.
+
+    Parameters
+    ----------
+    path
+        The file.
+    keep_missing
+        Whether to keep missing returns (points at the position of the scanner). By default, their
+        coordinates are NaN, as are those of points that the file marks as invalid.
+
+    Returns
+    -------
+    dict
+        Columns (n,) by name: x, y and z in metres, nx, ny and nz if there are normals, and the
+        numeric fields that all scans have. With several scans, ``scan`` is the number of the scan,
+        from 0.
+
+    Raises
+    ------
+    InputError
+        pye57 is not installed, or the file is damaged or without points.
     """
     return parse_isolated(parse_e57, path, "E57 file", {"keep_missing": keep_missing}).columns
 
 
 def parse_e57(path: Path, keep_missing: bool = False) -> ParsedFile:
+    """Read an E57 file as `read_e57` does, but in the calling process."""
     try:
         from pye57 import E57
         from pye57.libe57 import E57Exception

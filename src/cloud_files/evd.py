@@ -1,3 +1,5 @@
+"""EVD files, the format of the simulator BlenSor."""
+
 from __future__ import annotations
 
 import struct
@@ -16,8 +18,12 @@ _ROW = np.dtype([("numbers", "<f8", 14), ("object_id", "<u8")])
 _WHITE = 255.0
 
 
-def write_evd(path: Path, table: ReturnTable) -> None:
-    """Write a block of BlenSor's EVD format: per return, 11 numbers, white and the object index."""
+def write_evd(path: str | Path, table: ReturnTable) -> None:
+    """Write a table of simulated returns as an EVD file, as BlenSor writes one frame.
+
+    Each return has its time, angles, distances and coordinates (with and without noise), the
+    colour white, and the index of the object that it hit (0 if unknown).
+    """
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

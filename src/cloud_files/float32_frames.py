@@ -1,7 +1,7 @@
-"""LiDAR frames as float32 values without a header (.bin), as in KITTI and nuScenes.
+"""Frames of LiDAR sensors as float32 values without a header (.bin), as in KITTI and nuScenes.
 
-The number of values per point is not stored, but estimated as the lag (in values) at which values
-of the file differ least.
+Such a file does not say how many values each point has. Their number is estimated: it is the lag
+(in values) at which the values of the file differ least.
 """
 
 from __future__ import annotations
@@ -37,11 +37,28 @@ _MAX_COORDINATE_M, _MIN_COORDINATE_M = 1e5, 1e-20
 
 
 def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
-    """Read a frame: x, y, z and often intensity, ring and time.
+    """Read a frame of a LiDAR.
 
-    `columns` is the number of values per point (3 to 6) or their names (``x,y,z,intensity,time``);
-    by default, the number is estimated. Raises InputError if the file is truncated or ambiguous, or
-    coordinates are implausible.
+    Parameters
+    ----------
+    path
+        The file, which may be compressed.
+    columns
+        The number of values per point, 3 to 6 (then they are x, y, z, intensity, ring and time, in
+        this order), or their names, such as ``x,y,z,intensity,time``; a column named ``_`` is left
+        out. By default, the number is estimated, and the fifth and sixth value are told by their
+        range.
+
+    Returns
+    -------
+    dict
+        Columns (n,) of float32 by name; coordinates are in metres.
+
+    Raises
+    ------
+    InputError
+        The file is empty or truncated, it is unclear how many values a point has, or coordinates
+        are beyond 100 km or below 1e-20 m.
     """
     data = read_content(path)
     if not data:
@@ -55,13 +72,20 @@ def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
     return {name: rows[:, place] for place, name in enumerate(names) if name != "_"}
 
 
-def write_float32_frame(path: Path, columns: Columns) -> None:
-    """Write the columns x, y, z and intensity of a frame, as KITTI does."""
+def write_float32_frame(path: str | Path, columns: Columns) -> None:
+    """Write a frame as KITTI does: x, y, z and intensity of each point as float32.
+
+    `columns` are arrays (n,) by name; other names than these four are not written.
+    """
     rows = np.column_stack([columns[name] for name in _LAYOUTS[_DEFAULT_COUNT]])
     write_bytes(path, rows.astype("<f4").tobytes())
 
 
 def float32_rows(data: bytes, count: int, path: Path) -> Rows:
+    """Return the content of a file as an array (n, count), a row for each point.
+
+    Raises InputError, which names `path`, if the last row is incomplete.
+    """
     size = 4 * count
     if len(data) % size:
         raise InputError(f"{path}: truncated: {len(data)} bytes are not whole points of {size}")
@@ -69,9 +93,10 @@ def float32_rows(data: bytes, count: int, path: Path) -> Rows:
 
 
 def detect_column_count(values: NDArray[Any]) -> int | None:
-    """Estimate the number of columns of values (n,) stored row by row; return None if ambiguous.
+    """Estimate how many columns a table has of which only the values (n,), row by row, are known.
 
-    The estimate is the lag with the clearly smallest mean rank difference between values.
+    The values are replaced by their ranks. The estimate is the lag between two values at which the
+    mean difference of ranks is smallest; None if no lag is clearly better than the others.
     """
     sample = values[:_MAX_VALUES]
     if len(sample) < _MIN_VALUES:

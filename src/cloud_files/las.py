@@ -1,7 +1,6 @@
-"""LAS and LAZ files (ASPRS), read and written by laspy and lazrs.
+"""LAS and LAZ files (ASPRS), read and written by the packages laspy and lazrs.
 
-Written files contain the laser number as user data, the frame as point source id, and the timestamp
-as GPS time.
+Files are parsed in a process of their own, because lazrs aborts its process for some damaged files.
 """
 
 from __future__ import annotations
@@ -38,13 +37,28 @@ _COLUMN_NAMES = {
 }
 
 
-def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a LAS or LAZ file with coordinates in steps of 0.1 mm."""
-    write_bytes(path, las_bytes(_las_data(columns), path.suffix.lower() == ".laz"))
+def write_las(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write the returns of a LiDAR as a LAS or LAZ file, by the suffix of `path`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Arrays (n,) by name: x, y and z in metres, which are rounded to 0.1 mm, and optionally
+        ``reflectivity`` (written as intensity), ``laser_id`` (as user data), ``turn`` or ``frame``
+        (as point source id) and ``timestamp`` (as GPS time). Others are not written.
+
+    Raises
+    ------
+    InputError
+        The points lie more than 214 km apart.
+    """
+    write_bytes(path, las_bytes(_las_data(columns), Path(path).suffix.lower() == ".laz"))
 
 
 def las_bytes(las: Any, is_compressed: bool) -> bytes:
-    """Return laspy's `LasData` as the bytes of a LAS or LAZ file."""
+    """Return laspy's `LasData` as the content of a LAS file or, if `is_compressed`, a LAZ file."""
     import laspy
 
     content = BytesIO()
@@ -53,17 +67,33 @@ def las_bytes(las: Any, is_compressed: bool) -> bytes:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the columns, with coordinates in metres, of a file that `write_las` wrote."""
+    """Read a file that `write_las` wrote; return columns (n,) by the names that it took."""
     columns = parse_isolated(parse_las, path, "LAS file").columns
     names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
     return {names[name]: part for name, part in columns.items() if name in names}
 
 
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
-    """Read the columns ``x``, ``y``, ``z``, and all other dimensions that are not 0 everywhere.
+    """Read the points of a LAS or LAZ file.
 
-    With `convert`, coordinates are converted to metres from the unit of the file's coordinate
-    reference system; degrees raise InputError.
+    Parameters
+    ----------
+    path
+        The file.
+    convert
+        Whether to convert coordinates to metres from the unit of the file's coordinate reference
+        system. Without one, they are taken as metres.
+
+    Returns
+    -------
+    dict
+        Columns (n,) by name: x, y and z, and all dimensions of the file, extra bytes included,
+        that are not 0 everywhere.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or its coordinates are degrees.
     """
     columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
@@ -71,6 +101,7 @@ def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]
 
 @contextmanager
 def reading_las(path: Path) -> Iterator[None]:
+    """Check the header of a LAS file, and convert what laspy raises in the block to InputError."""
     import laspy
     from lazrs import LazrsError
 
@@ -80,6 +111,7 @@ def reading_las(path: Path) -> Iterator[None]:
 
 
 def parse_las(path: Path, convert: bool = True) -> ParsedFile:
+    """Read all dimensions of a LAS or LAZ file in the calling process, see `read_las_points`."""
     import laspy
 
     with reading_las(path):
@@ -99,7 +131,10 @@ def parse_las(path: Path, convert: bool = True) -> ParsedFile:
 
 
 def units_of(header: Any) -> Units | None:
-    """Return the units of a laspy header's coordinates, or None if their system is not readable."""
+    """Return the units of the coordinates of a file, of which `header` is laspy's header.
+
+    None means that the file has a coordinate reference system that cannot be read.
+    """
     from pyproj.exceptions import CRSError
 
     try:
@@ -134,7 +169,11 @@ def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDA
 
 
 def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
-    """Make laspy's `LasData` (LAS 1.2) with points ``offset + step * steps`` (n, 3), in m."""
+    """Return laspy's `LasData` (LAS 1.2) with the points ``offset + step * steps``, in metres.
+
+    `steps` (n, 3) are integers of at most 32 bits, `offset` (3,) is added to them, and
+    `point_format` is the number of LAS that says which attributes a point has. All are 0.
+    """
     import laspy
 
     header = laspy.LasHeader(point_format=point_format, version="1.2")

@@ -1,3 +1,5 @@
+"""Sizes in the headers of LAS files, checked before a parser relies on them."""
+
 from __future__ import annotations
 
 import logging
@@ -34,8 +36,6 @@ _MAX_COMPRESSION = 1000
 
 @dataclass(frozen=True)
 class _LasHeader:
-    """Offsets and sizes of a file's parts in bytes; an absent part has the offset 0."""
-
     length: int
     begin: int
     records: int
@@ -50,7 +50,11 @@ class _LasHeader:
 
 
 def check_las_header(path: Path) -> None:
-    """Raise InputError if parts listed in the header exceed the file; warn of surplus points."""
+    """Check that the header of a LAS or LAZ file fits the rest of the file.
+
+    Raises InputError if points or records would lie beyond the end of the file, or a scale or an
+    offset is of no use. Points after those that the header counts are told in a warning.
+    """
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:
         start = stream.read(max(_HEADER_BYTES.values()))
@@ -116,7 +120,7 @@ def _check_scaling(start: bytes) -> None:
 def _check_records(
     stream: BinaryIO, begin: int, count: int, end: int, layout: struct.Struct
 ) -> list[tuple[bytes, int]]:
-    """Return users and numbers of records; raise ValueError if they exceed the space to `end`."""
+    """Return users and numbers of records; raise ValueError if they do not fit before `end`."""
     if count * layout.size > max(0, end - begin):
         raise ValueError(f"{count} variable length records in {max(0, end - begin)} bytes")
     offset, names = begin, []

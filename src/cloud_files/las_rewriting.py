@@ -1,4 +1,4 @@
-"""Points in the place of those of a LAS or LAZ file, with its header, records and attributes."""
+"""Decoded points in place of those of a LAS file, whose header, records and attributes are kept."""
 
 from __future__ import annotations
 
@@ -35,27 +35,29 @@ _OF_CHUNKS = "copc"
 
 
 def rewrite_las(
-    path: Path,
-    source: Path,
+    path: str | Path,
+    source: str | Path,
     points: NDArray[np.float64],
     rows: NDArray[np.int64],
     metres_per_unit: float = 1.0,
 ) -> None:
-    """Write points with the header and the attributes of a LAS or LAZ file.
+    """Write points with the header, the records and the attributes of another LAS or LAZ file.
 
     Parameters
     ----------
     path
-        The file to write, LAZ by its suffix.
+        The file to write: a LAZ file if its suffix is ``.laz``, else a LAS file.
     source
         The file whose header (version, point format, scale, offset), records and waveforms are
         kept.
     points
-        (m, 3), in m.
+        Coordinates (m, 3) in metres. They are written in the unit of `source`.
     rows
-        (m,) index of the point in `source` from which attributes are copied; -1: attributes are 0.
+        For each point, (m,), the number of the point in `source` whose attributes it gets; -1 for
+        a point whose attributes are 0.
     metres_per_unit
-        Unit of the coordinates in `source`; 1: that of its coordinate reference system.
+        Length of one unit of `source` in metres. If it is 1, the unit is that of the coordinate
+        reference system of `source`.
 
     Raises
     ------
@@ -65,7 +67,7 @@ def rewrite_las(
     """
     import laspy
 
-    with unpacked(source) as plain:
+    with unpacked(Path(source)) as plain:
         parts = parse_isolated(parse_las_file, plain, "LAS file").columns
     las = laspy.read(BytesIO(parts["bytes"].tobytes()))
     steps = np.rint(
@@ -76,7 +78,7 @@ def rewrite_las(
     las.points = las.points[np.maximum(rows, 0)]
     las.points.array[rows < 0] = 0
     las.X, las.Y, las.Z = steps.astype(np.int32).T
-    is_compressed = path.suffix.lower() == ".laz"
+    is_compressed = Path(path).suffix.lower() == ".laz"
     content = bytearray(las_bytes(las, is_compressed))
     if is_compressed and las.point_format.id in _LAYERED_WAVEFORMS:
         _check_compressed(las, bytes(content), path)
@@ -88,11 +90,6 @@ def rewrite_las(
 
 
 def _units(header: Any, metres_per_unit: float) -> NDArray[np.float64]:
-    """Return how many metres one unit of x, y and z is long, as an array of three factors.
-
-    `metres_per_unit`, if not 1, is that of all three; otherwise the file's coordinate reference
-    system names the units, by default metres.
-    """
     if metres_per_unit != METRE:
         return np.full(3, metres_per_unit)
     units = units_of(header) or Units()
@@ -100,7 +97,7 @@ def _units(header: Any, metres_per_unit: float) -> NDArray[np.float64]:
     return np.array([horizontal, horizontal, units.vertical or METRE])
 
 
-def _check_compressed(las: Any, content: bytes, path: Path) -> None:
+def _check_compressed(las: Any, content: bytes, path: str | Path) -> None:
     import laspy
 
     back = laspy.read(BytesIO(content)).points.array
@@ -131,10 +128,11 @@ def _extended_waveforms(content: bytearray) -> int:
 
 
 def parse_las_file(path: Path) -> ParsedFile:
-    """Return a LAS or LAZ file as the bytes of an uncompressed LAS file, and what laspy drops.
+    """Read a LAS or LAZ file as an uncompressed LAS file, and what laspy would lose of it.
 
-    That is its creation date, and the record of its waveforms in LAS 1.3. Records that describe the
-    chunks of a COPC file are left out.
+    The columns of the result are arrays of bytes: ``bytes`` (the LAS file, without the records that
+    describe the chunks of a COPC file), ``date`` (of creation) and ``waveforms`` (their record in
+    LAS 1.3, often empty).
     """
     import laspy
 

@@ -1,3 +1,5 @@
+"""Units of the coordinates of LAS files, from their coordinate reference systems."""
+
 from __future__ import annotations
 
 import math
@@ -19,7 +21,17 @@ _DOUBLES = 34736
 
 @dataclass(frozen=True)
 class Units:
-    """Metres per unit of x and y, and of z; None if unknown. `is_degrees`: x, y are degrees."""
+    """Units of coordinates.
+
+    Parameters
+    ----------
+    horizontal
+        Length of the unit of x and y in metres; None if unknown.
+    vertical
+        Length of the unit of z in metres; None if unknown.
+    is_degrees
+        Whether x and y are degrees of longitude and latitude.
+    """
 
     horizontal: float | None = None
     vertical: float | None = None
@@ -31,10 +43,10 @@ class Units:
 
 
 def las_units(header: Any) -> Units:
-    """Return the units of coordinates from a laspy header.
+    """Return the units of the coordinates of a file, of which `header` is laspy's header.
 
     As in GDAL, units in GeoTIFF keys take precedence over those of the coordinate reference system.
-    Raises pyproj's CRSError if the system is not readable.
+    Raises `pyproj.exceptions.CRSError` if the system is not readable.
     """
     crs = header.parse_crs() or _crs_in_latin(header)
     units = Units() if crs is None else _units_of_crs(crs)
@@ -46,7 +58,10 @@ def las_units(header: Any) -> Units:
 
 
 def has_system(header: Any) -> bool:
-    """Return whether a laspy header holds a coordinate reference system, readable or not."""
+    """Return whether a file has a coordinate reference system, be it readable or not.
+
+    `header` is laspy's header of the file.
+    """
     contents = {record.record_id: record.record_data_bytes() for record in _system_records(header)}
     return len(contents.get(_KEYS_RECORD, b"")) > _KEYS_HEADER_BYTES or bool(
         contents.get(_WKT_RECORD, b"").strip(b"\0 \n")
@@ -120,5 +135,6 @@ def _metres(factor: float) -> float | None:
 
 
 def unit_name(metres: float) -> str:
+    """Return the name of the unit that is so many metres long, for messages."""
     names = {METRE: "metres", FOOT: "feet", US_SURVEY_FOOT: "US survey feet"}
     return names.get(metres, f"units of {metres:g} m")

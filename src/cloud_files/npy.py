@@ -1,3 +1,5 @@
+"""Arrays of NumPy (.npy, .npz) as clouds."""
+
 from __future__ import annotations
 
 import io
@@ -43,10 +45,15 @@ _log = logging.getLogger(__name__)
 
 
 def read_npy(path: Path) -> Columns:
-    """Read points from an .npy array (n, 3 or more), possibly with named fields, or an .npz
-    archive.
+    """Read points from an array (.npy) or an archive of arrays (.npz); objects are not unpickled.
 
-    A floating-point array (rows, columns, 3 or more) is a range image, whose pixels are points.
+    The points of an .npy file are an array (n, 3 or more), an array with named fields, or a range
+    image (rows, columns, 3 or more) of floating-point numbers, whose pixels are points. In an .npz
+    archive they are the array with a usual name (such as ``xyz``, ``points`` or ``vertices``) or
+    the arrays ``x``, ``y`` and ``z``; other arrays with a row for each point are attributes.
+
+    Returns columns (n,) or (n, values) by name. Raises InputError if the file is damaged, larger
+    than its limit, or has no array of points; warns of arrays that are left out.
     """
     data = read_content(path)
     with naming(path):

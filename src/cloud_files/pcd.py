@@ -1,6 +1,7 @@
 """PCD files of the Point Cloud Library.
 
-This parser replaces pypcd4, which accepts truncated files and exhausts memory on damaged headers.
+They are not read by pypcd4, which accepts truncated files, and takes all memory for some damaged
+headers.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from numpy.typing import NDArray
 from cloud_files.content import read_content
 from pointkit.damage import one_line, reading
 from pointkit.errors import InputError, naming
-from pointkit.field_names import decoded
 from pointkit.files import write_bytes
+from pointkit.point_columns import decoded
 
 _MAX_VALUES = 4096
 """Maximum values of a field per point; PCL's largest descriptor has 1,980."""
@@ -43,8 +44,12 @@ DATA binary
 """
 
 
-def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a binary file with columns (n,) as fields; x, y, z are in single precision."""
+def write_pcd(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write a binary PCD file with a field for each column.
+
+    `columns` are arrays (n,) of numbers by name. x, y and z are written as float32, as programs
+    expect them; other columns keep their type.
+    """
     parts = {name: part.astype("<f4") if name in "xyz" else part for name, part in columns.items()}
     kinds = [part.dtype.newbyteorder("<") for part in parts.values()]
     rows = np.empty(len(parts["x"]), dtype=[*zip(parts, kinds, strict=True)])
@@ -61,18 +66,26 @@ def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_pcd(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the fields by name, as arrays (n,) or (n, values per point)."""
+    """Read the fields of a PCD file: ascii, binary or compressed.
+
+    Returns arrays (n,), or (n, values per point) for fields of several values, by name. Raises
+    InputError if the file is damaged or has fewer points than its header says.
+    """
     with naming(path):
         return parse_pcd(read_content(path), str(path))
 
 
 def is_organised(path: Path) -> bool:
-    """Whether a PCD file is a range image, with several rows of pixels."""
+    """Return whether a PCD file is a range image: its header has a height of several rows."""
     height = re.search(rb"(?m)^HEIGHT[ \t]+(\d+)", read_content(path, _MAX_HEADER_BYTES))
     return height is not None and int(height[1]) > 1
 
 
 def parse_pcd(data: bytes, source: str = "PCD file") -> dict[str, NDArray[Any]]:
+    """Return the fields of a PCD file's content as `read_pcd` does.
+
+    `source` names the file in warnings; messages of errors do not name it.
+    """
     head = re.match(rb"(?:[^\n]*\n){0,40}?DATA[ \t]+(\w+)[^\n]*\n", data[:_MAX_HEADER_BYTES])
     if head is None:
         raise InputError("not a PCD file")

@@ -1,3 +1,5 @@
+"""PLY files, read and written by the package plyfile after a check of their sizes."""
+
 from __future__ import annotations
 
 import logging
@@ -17,8 +19,8 @@ from numpy.typing import NDArray
 from cloud_files.content import plain_name, read_content
 from pointkit.damage import reading
 from pointkit.errors import InputError, naming
-from pointkit.field_names import ascii_name, decoded
 from pointkit.files import unreadable, written_whole
+from pointkit.point_columns import ascii_name, decoded
 
 _MAX_HEADER_BYTES = 1 << 20
 _OLD_TYPES = {"char": 1, "uchar": 1, "short": 2, "ushort": 2, "int": 4, "uint": 4, "float": 4}
@@ -40,9 +42,9 @@ class _Element:
 
 @dataclass(frozen=True)
 class _PlyHeader:
-    """A header of `size` bytes; `lines` are the bytes without comments.
+    """A header of `size` bytes, and its `lines` without comments.
 
-    ``is_plain``: the package plyfile can read the header. ``is_text``: the data are ASCII.
+    ``is_plain`` says that plyfile can read the header, and ``is_text`` that the data are ASCII.
     """
 
     size: int
@@ -53,6 +55,12 @@ class _PlyHeader:
 
 
 def read_elements(path: Path) -> Any:
+    """Read a PLY file of any kind, text or binary, which may be compressed.
+
+    Returns plyfile's `PlyData`: elements by name (``elements["vertex"].data``), each with rows of
+    its properties. Raises InputError if the file is damaged, or too short for what its header
+    announces; warns of data after the last element.
+    """
     head = read_content(path, _MAX_HEADER_BYTES)
     header = _header(head, path)
     if plain_name(path) == path and header.is_plain:
@@ -152,7 +160,7 @@ def _warn_of_lines(header: _PlyHeader, body: bytes, path: Path) -> None:
 
 
 def has_faces(path: Path) -> bool:
-    """Whether a file has a valid PLY header with faces."""
+    """Return whether a file is a PLY file with faces, thus a mesh, by its header."""
     try:
         elements = _header(read_content(path, _MAX_HEADER_BYTES), path).elements
     except InputError:
@@ -161,7 +169,11 @@ def has_faces(path: Path) -> bool:
 
 
 def read_ply(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the scalar properties of the vertices as columns (n,) by name."""
+    """Read the vertices of a PLY file: arrays (n,) by the names of their properties.
+
+    Properties that are lists are left out, with a warning. Raises InputError if the file is damaged
+    or has no vertices.
+    """
     elements = read_elements(path)
     if "vertex" not in elements:
         raise InputError(f"{path}: not a readable PLY file (no vertices)")
@@ -173,13 +185,18 @@ def read_ply(path: Path) -> dict[str, NDArray[Any]]:
     return {name: rows[name] for name in names if name not in lists}
 
 
-def write_ply(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns (n,) as vertex properties of a binary little-endian PLY file."""
+def write_ply(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write a binary PLY file of vertices, with a property for each column.
+
+    `columns` are arrays (n,) by name, of a type that PLY has: integers and floating-point numbers
+    of at most 32 bits, and float64. The file appears only when it is complete.
+    """
     with written_whole(path) as temporary:
         write_vertices(temporary, columns)
 
 
 def write_vertices(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write a PLY file as `write_ply` does, but directly to `path`."""
     from plyfile import PlyData, PlyElement
 
     kinds = [(name, part.dtype) for name, part in columns.items()]

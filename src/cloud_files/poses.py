@@ -1,4 +1,8 @@
-"""Pose files: TUM (t x y z qx qy qz qw) and KITTI (the first three rows of a 4x4 matrix)."""
+"""Poses of a moving sensor, in files of two kinds.
+
+A line of TUM's kind is a time, a position and a quaternion (t x y z qx qy qz qw); one of KITTI's
+kind is the first three rows of a 4x4 matrix.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +18,22 @@ _TUM, _KITTI = 8, 12
 _NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
 
 
-def read_poses(path: Path) -> tuple[Floats | None, Floats]:
-    """Read times (n,), in s (KITTI: None), and sensor-to-world poses (n, 4, 4) from a file.
+def read_poses(path: str | Path) -> tuple[Floats | None, Floats]:
+    """Read the poses of a sensor from a file of TUM's or KITTI's kind.
 
-    Raises InputError if a line is malformed, or the times do not increase.
+    Returns the times (n,) in seconds, or None for KITTI's kind, which has none, and the matrices
+    (n, 4, 4) that transform from the sensor's frame, in metres, to that of the world. Raises
+    InputError if a line is not a pose, or the times do not increase.
     """
     with naming(path):
-        return poses_of(read_bytes(path))
+        return poses_of(read_bytes(Path(path)))
 
 
 def files_of_poses(path: str | Path) -> list[Path]:
-    """Return a file of poses and, if there is one, the ``calib.txt`` that belongs to it.
+    """Return the files that `read_lidar_poses` reads for a file of poses.
 
-    It is beside the poses, or in KITTI's folder: ``sequences/00/calib.txt`` for ``poses/00.txt``.
+    They are the file itself and, if there is one, the ``calib.txt`` that belongs to it: beside it,
+    or where KITTI has it, ``sequences/00/calib.txt`` for ``poses/00.txt``.
     """
     path = Path(path)
     places = (path.parent, path.parent.parent / "sequences" / path.stem)
@@ -34,13 +41,16 @@ def files_of_poses(path: str | Path) -> list[Path]:
     return [path, *found[:1]]
 
 
-def read_lidar_poses(path: Path) -> Floats:
-    """Read a LiDAR's poses (n, 4, 4) from a file.
+def read_lidar_poses(path: str | Path) -> Floats:
+    """Read the poses of a LiDAR from a file of TUM's or KITTI's kind.
 
-    Poses in KITTI's form, which are those of its camera (z forward), are converted by their
-    calib.txt (`files_of_poses`). Without it, they are taken as the LiDAR's.
+    KITTI's poses are those of a camera, whose z axis points forward. They are converted to the
+    LiDAR's by the ``calib.txt`` that belongs to them (`files_of_poses`); without it, they are taken
+    as the LiDAR's.
 
-    Raises InputError if they move along z, as a camera's do, and there is no calib.txt.
+    Returns the matrices (n, 4, 4) that transform from the LiDAR's frame, in metres, to a fixed one.
+    Raises InputError as `read_poses` does, and if the poses move along z, as a
+    camera's do, without a calib.txt.
     """
     times, poses = read_poses(path)
     if times is not None:
@@ -59,7 +69,7 @@ def read_lidar_poses(path: Path) -> Floats:
 
 
 def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
-    """Return times and poses from a file's content, as `read_poses` does."""
+    """Return the times and poses of a file's content, as `read_poses` does."""
     lines = data.decode("utf-8-sig", errors="replace").splitlines()
     rows = [_numbers(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
     widths = {len(row) for row in rows}
@@ -82,7 +92,11 @@ def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
 
 
 def tum_bytes(times: Floats, poses: Floats) -> bytes:
-    """Return times (n,), in s, and poses (n, 4, 4) as the content of a TUM file."""
+    """Return poses as the content of a file of TUM's kind.
+
+    `times` (n,) are in seconds, and `poses` (n, 4, 4) transform from the sensor's frame, in metres,
+    to that of the world.
+    """
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
@@ -92,7 +106,11 @@ def tum_bytes(times: Floats, poses: Floats) -> bytes:
 
 
 def read_kitti_calibration(path: Path) -> Floats:
-    """Read the transform ``Tr`` (4, 4) from LiDAR to first camera in a sequence's calib.txt."""
+    """Read the matrix (4, 4) that transforms from the LiDAR's frame to that of the first camera.
+
+    It is the line ``Tr:`` of the ``calib.txt`` of one of KITTI's sequences. Raises InputError if
+    there is no such line of 12 numbers.
+    """
     lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
     with naming(path):
         for number, line in enumerate(lines, 1):
@@ -103,7 +121,7 @@ def read_kitti_calibration(path: Path) -> Floats:
 
 
 def read_times(path: Path) -> Floats:
-    """Read times (n,), in s, from a file with one time per line."""
+    """Read times (n,), in seconds, from a file with one time in each line, as KITTI's are."""
     lines = read_bytes(path).decode("utf-8", errors="replace").split("\n")
     with naming(path):
         rows = [_numbers(number, line) for number, line in enumerate(lines, 1) if line.strip()]

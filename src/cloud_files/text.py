@@ -1,3 +1,5 @@
+"""Tables of numbers in text files (.xyz, .txt, .csv, .asc, .pts) as clouds."""
+
 from __future__ import annotations
 
 import codecs
@@ -27,9 +29,14 @@ from cloud_files.text_numbers import (
 )
 from pointkit.damage import one_line
 from pointkit.errors import InputError, naming
-from pointkit.field_names import decoded
 from pointkit.files import written_whole
-from pointkit.point_columns import Columns, coordinate_names, default_columns, has_coordinates
+from pointkit.point_columns import (
+    Columns,
+    coordinate_names,
+    decoded,
+    default_columns,
+    has_coordinates,
+)
 
 _BINARY_CHECK_BYTES = 1 << 16
 _COMMENT = ("#", "//")
@@ -48,7 +55,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _TextHeader:
-    """Lines before the points: column titles, comments, and the number of points (PTS)."""
+    """Lines before the points, whether one of them counts the points (PTS), and the first point."""
 
     titles: Sequence[str]
     comments: Sequence[str]
@@ -57,9 +64,14 @@ class _TextHeader:
 
 
 def read_text(path: Path) -> Columns:
-    """Read the numeric columns of a text file, named by the header or by convention.
+    """Read the numeric columns of a text file with a point in each line.
 
-    Values are separated by commas, semicolons, tabs or spaces, and may have a decimal comma.
+    Values are separated by commas, semicolons, tabs or blanks, and may have a decimal comma. Names
+    of the columns are those of a line or comment before the points; without one, columns are named
+    by their number and range (`pointkit.point_columns.default_columns`).
+
+    Returns arrays (n,) by name. Raises InputError if the file is not a table of numbers, or if it
+    could be read in more than one way; warns of columns without numbers, which are left out.
     """
     data = read_content(path)
     with naming(path):
@@ -67,11 +79,15 @@ def read_text(path: Path) -> Columns:
 
 
 def read_csv(path: Path) -> Columns:
+    """Read a text file as `read_text` does, with the names of columns in lowercase."""
     return {name.lower(): values for name, values in read_text(path).items()}
 
 
-def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write the names as header, and columns with the fewest digits that preserve each value."""
+def write_csv(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write a CSV file: a line of names, then a line for each point.
+
+    `columns` are arrays (n,) by name. Numbers have as few digits as give the same value back.
+    """
     import pyarrow as pa
     from pyarrow import csv
 
@@ -125,7 +141,7 @@ def _real(line: str) -> str:
 
 
 def _check_titles(titles: Sequence[str], separator: str, path: Path) -> None:
-    """Refuse lines below the names that are nearly points; warn of units that are not metres."""
+    """Raise InputError for titles that are nearly points; warn of units that are not metres."""
     places: list[int] = []
     for line in titles:
         fields = _split(line, separator)

@@ -1,4 +1,4 @@
-"""Numbers as spreadsheets, scanners and Fortran programs write them."""
+"""Numbers in text as spreadsheets, scanners and Fortran programs write them."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ _UNEVEN_COMMAS = _uneven_commas()
 
 
 def have_decimal_commas(words: Sequence[str]) -> bool:
-    """Return whether all commas in a line's words, separated by blanks, are decimal commas."""
+    """Return whether the words of a line, which blanks separate, have decimal commas."""
     commas = [word.strip("\"'") for word in words if "," in word]
     return len(words) >= MIN_NUMBERS and bool(commas) and all(map(_COMMA.fullmatch, commas))
 
 
 def check_comma_separated(lines: bytes) -> None:
-    """Raise InputError if commas separate both the numbers of points and their decimals."""
+    """Raise InputError if, in lines of points, commas separate both numbers and their decimals."""
     if b"." not in lines and (_CUT_DECIMALS.search(lines) or _UNEVEN_COMMAS.search(lines)):
         raise InputError(_SEMICOLONS)
 
@@ -64,16 +64,27 @@ def check_six_numbers(columns: Iterable[tuple[float, float]]) -> None:
 
 
 def with_e_exponents(lines: bytes, first: str) -> bytes:
-    """Write Fortran's exponents (1.0D+00) with the letter e, if the first line has them."""
+    """Return lines of points with the letter e in place of d in the exponents of Fortran (1.0D+00).
+
+    `first` is the line of the first point; if it has no such exponents, the lines are unchanged.
+    """
     if not _FORTRAN_FIELD.search(first.encode("latin-1")):
         return lines
     return _FORTRAN_FIELD.sub(rb"\1e\2", lines)
 
 
 def decimal_sign(lines: bytes, separator: str, path: Path) -> str:
-    """Return "," if fields have decimal commas, else ".".
+    """Return the sign before decimals, a comma or a point.
 
-    If all commas may separate thousands, raises InputError for quoted fields, and warns of others.
+    Parameters
+    ----------
+    lines
+        Lines of points.
+    separator
+        Sign between their fields. If it is a comma, only numbers in quotes have a decimal comma.
+    path
+        The file, for a warning that commas are read as decimal commas, though each could separate
+        thousands. In fields with quotes, such commas raise InputError.
     """
     needed = b'"' if separator == "," else b","
     first = next(_with_commas(lines, separator), None) if needed in lines else None
@@ -98,7 +109,10 @@ def _with_commas(lines: bytes, separator: str) -> Iterator[re.Match[bytes]]:
 
 
 def fault_of_number(text: str, decimal: str) -> str:
-    """Return the end of a message: how to resolve a text that is nearly a number."""
+    """Return the end of a message on a text that is nearly a number: what is wrong, or nothing.
+
+    `decimal` is the sign before the decimals of the other numbers.
+    """
     if (_POINTED if decimal == "," else _COMMA).fullmatch(text):
         return ", but other decimals follow " + ("commas" if decimal == "," else "points")
     if _GROUPED.fullmatch(text):

@@ -1,3 +1,5 @@
+"""Messages on damaged files, made of the exceptions of other packages' parsers."""
+
 from __future__ import annotations
 
 import struct
@@ -18,9 +20,14 @@ _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
 
 @contextmanager
 def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
-    """Convert exceptions `errors`, raised in the `with` block, to InputError.
+    """Convert exceptions that are raised in the `with` block to InputError.
 
-    `kind` names the file format in the message ("LAS file").
+    Parameters
+    ----------
+    kind
+        What is read, for the message ("LAS file").
+    *errors
+        Classes of the exceptions. Others are raised as they are.
     """
     try:
         yield
@@ -29,5 +36,9 @@ def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
 
 
 def one_line(error: Exception) -> str:
+    """Return the message of an exception as one line, cut after 120 characters.
+
+    Where the message says nothing without it, the name of the exception's class precedes it.
+    """
     text = " ".join(str(error).split())[:_MAX_LENGTH]
     return f"{type(error).__name__}: {text}" if isinstance(error, _NEEDS_NAME) or not text else text

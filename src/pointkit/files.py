@@ -30,7 +30,7 @@ _MOST_LEVELS = 100
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def written_whole(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path, which is renamed to `path` if the `with` block succeeds.
 
     No reader sees a half-written file. If several processes write one path, the last one wins. The
@@ -41,6 +41,7 @@ def written_whole(path: Path) -> Iterator[Path]:
     InputError
         The system refuses to write (no permission, disk full).
     """
+    path = Path(path)
     temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -105,7 +106,7 @@ def text_end(path: Path, most_bytes: int) -> str:
         return stream.read().decode(errors="replace").rstrip()
 
 
-def write_bytes(path: Path, data: bytes) -> None:
+def write_bytes(path: str | Path, data: bytes) -> None:
     with written_whole(path) as temporary:
         temporary.write_bytes(data)
 

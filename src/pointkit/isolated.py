@@ -1,7 +1,8 @@
-"""A worker process, with limits on memory and time, for file parsers of other packages.
+"""A worker process, with limits on memory and time, for parsers of files that other packages have.
 
-A damaged file may crash a parser or exhaust memory. The worker is replaced after a crash or
-timeout, and returns no pickled objects. On macOS only the time is limited.
+Some of them end their process, or take all memory, when a file is damaged. The worker is started
+for the first file and replaced after a crash or when the time is over; it sends arrays and JSON
+back, never pickled objects. On macOS only the time is limited.
 """
 
 from __future__ import annotations
@@ -42,7 +43,15 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 
 @dataclass(frozen=True)
 class ParsedFile:
-    """The result of a parser: arrays by name, and values that JSON can represent."""
+    """What a parser returns.
+
+    Parameters
+    ----------
+    columns
+        Arrays of any shape, by name.
+    about
+        Further values, which JSON can represent.
+    """
 
     columns: dict[str, NDArray[Any]]
     about: dict[str, Any] = field(default_factory=dict)
@@ -55,11 +64,30 @@ def parse_isolated(
     options: Mapping[str, Any] | None = None,
     side_files: Sequence[Path] = (),
 ) -> ParsedFile:
-    """Run ``parse(path, **options)`` in the worker process, within `parser_limits`.
+    """Run ``parse(path, **options)`` in the worker process, within the limits of `parser_limits`.
 
-    `kind` describes the file in messages ("LAS file"); the limits grow with the total size of the
-    file and `side_files`. The calling process logs the worker's warnings. Raises InputError if
-    `parse` fails, crashes or exceeds a limit.
+    Parameters
+    ----------
+    parse
+        A function of a module that can be imported.
+    path
+        The file, or a folder of files.
+    kind
+        What the file is, for messages ("LAS file").
+    options
+        Keyword arguments of `parse`, which JSON can represent.
+    side_files
+        Further files that `parse` reads; the limits grow with their size, too.
+
+    Returns
+    -------
+    ParsedFile
+        What `parse` returned. Its warnings are logged by the calling process.
+
+    Raises
+    ------
+    InputError
+        `parse` raised InputError, ended its process, or exceeded a limit.
     """
     size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
     memory, seconds = parser_limits(size)
@@ -84,7 +112,7 @@ def parse_isolated(
 
 
 def parser_limits(size: int) -> tuple[int, int]:
-    """Return the limits for a file of `size` bytes: memory in bytes, and processor time in s."""
+    """Return the limits for a file of `size` bytes: memory in bytes, processor time in seconds."""
     seconds = MIN_SECONDS + SECONDS_PER_MB * (size // 10**6)
     return max(MIN_BYTES, BYTES_PER_BYTE * size), seconds
 
@@ -190,6 +218,7 @@ def _receive_array(stream: BufferedReader, kind: str, shape: list[int]) -> NDArr
 
 
 def serve() -> None:
+    """Answer the requests on standard input until it ends; run by the worker process."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # parsers may print
     warnings = _WarningRecorder()

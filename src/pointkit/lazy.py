@@ -45,10 +45,6 @@ def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
 
 
 def imported(place: str) -> Any:
-    """Import and return the object at ``module:Name``, a constant of puckbench.
-
-    The fingerprints of code (`puckbench.planning.fingerprints`) do not follow such an import, so
-    that a job whose files need one reader does not depend on the others.
-    """
+    """Import and return the object at ``module:Name``, such as a reader that few files need."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

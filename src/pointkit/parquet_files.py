@@ -1,3 +1,5 @@
+"""Parquet files, checked before they are read."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -10,7 +12,10 @@ _VALUE_BYTES = 8
 
 
 def check_parquet_memory(path: Path) -> None:
-    """Raise InputError if the decoded table exceeds the memory limit of `parser_limits`."""
+    """Raise InputError if a table would take more memory than `parser_limits` allows for its file.
+
+    Files that are no Parquet raise nothing here: their reader says what they are.
+    """
     from pyarrow import ArrowException, parquet
 
     refuse_special(path)
@@ -26,7 +31,7 @@ def check_parquet_memory(path: Path) -> None:
 
 
 def parquet_metadata(path: Path) -> dict[bytes, bytes]:
-    """Return a Parquet file's schema metadata, or an empty dictionary for other formats."""
+    """Return the metadata of a Parquet file's schema; an empty dictionary for other files."""
     from pyarrow import ArrowException, parquet
 
     refuse_special(path)

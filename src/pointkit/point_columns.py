@@ -1,14 +1,17 @@
+"""Columns of files as clouds: which are coordinates, normals, colours, labels or other fields."""
+
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Container, Iterable, Mapping
+from itertools import filterfalse
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.field_names import ascii_name
 from pointkit.geometry.cloud import Floats, UncheckedCloud
 
 Columns = dict[str, NDArray[Any]]
@@ -39,10 +42,26 @@ _EXACT_INTEGERS = 2**53
 
 
 def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> UncheckedCloud:
-    """Make a cloud from columns (n,), named as in PLY, PCD, LAS or E57 files, ignoring case.
+    """Make a cloud from the columns of a file, by their names.
 
-    Columns other than coordinates, normals, colours and labels become fields. Raises InputError if
-    x, y or z is missing.
+    Parameters
+    ----------
+    columns
+        Arrays (n,) or (n, values) by name. Coordinates, normals and colours are recognised by the
+        names that PLY, PCD, LAS and E57 files, surveyors and other programs use, whatever the case
+        of their letters; a column ``label`` of integers is the labels. All other numeric columns
+        become fields.
+
+    Returns
+    -------
+    UncheckedCloud
+        Coordinates and normals as float64. Colours are converted to 8 bits from 16 bits or from
+        shares of 1; where this loses something, the colours of the file are fields, too.
+
+    Raises
+    ------
+    InputError
+        x, y or z is missing or not numeric, or two columns have the same name.
     """
     remaining = {name: _native(np.asarray(values)) for name, values in columns.items()}
     xyz = _pop_triple(remaining, _XYZ)
@@ -70,16 +89,17 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> UncheckedCloud:
 
 
 def colours_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[Any] | None:
-    """Return the colours (n, 3) in their own type, or None if three columns are not so named."""
+    """Return the colours of a file's columns, (n, 3) in their own type, or None without colours."""
     return _pop_triple({name: _native(values) for name, values in columns.items()}, _COLOURS)
 
 
 def default_columns(rows: NDArray[Any]) -> Columns:
-    """Name the columns of an array (n, 3 or more) without column names, by convention.
+    """Name the columns of an array (n, 3 or more) that has no names for them.
 
-    Of four columns, the last is the intensity. Of six, the last three are colours if they are
-    integers from 0 to 255, or normals if they are unit vectors. Of seven, the last four are
-    intensity and colours, in either order. Further columns are numbered.
+    The first three are x, y and z. Of four columns, the last is the intensity. Of six, the last
+    three are colours if they are integers from 0 to 255, or normals if they are unit vectors. Of
+    seven, the last four are intensity and colours, in either order. Other columns are named by
+    their number: ``column_4``. Returns the columns (n,) by name.
     """
     names = ["x", "y", "z"]
     colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
@@ -98,10 +118,34 @@ def default_columns(rows: NDArray[Any]) -> Columns:
     return {name: rows[:, place] for place, name in enumerate(names)}
 
 
-def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
-    """Convert numeric fields without loss to the types and names that PLY permits.
+def decoded(name: bytes) -> str:
+    """Return the name of a field as text.
 
-    64-bit integers are stored in the smallest sufficient type, or split into two columns.
+    A name that is not valid UTF-8 is decoded as Windows-1252, the usual encoding of Windows in
+    Western Europe; bytes that are invalid there, too, become U+FFFD (the replacement character).
+    """
+    try:
+        return name.decode()
+    except UnicodeDecodeError:
+        return name.decode("cp1252", "replace")
+
+
+def ascii_name(name: str) -> str:
+    """Return a name in the form that PLY permits.
+
+    Letters lose their accents, and all characters but letters, digits and underscores become
+    underscores.
+    """
+    letters = filterfalse(unicodedata.combining, unicodedata.normalize("NFKD", name))
+    return re.sub(r"\W+", "_", "".join(letters), flags=re.ASCII)
+
+
+def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
+    """Convert the fields of a cloud, arrays (n,) by name, to columns that a PLY file can hold.
+
+    Nothing is lost: integers of 64 bits get the smallest type that holds them, or are split into
+    two columns (``NAME_high`` and ``NAME_low``). Names keep their letters, digits and underscores;
+    those that would be taken, or mean something else in PLY, end with further underscores.
     """
     columns: Columns = {}
     for field, values in fields.items():
@@ -157,11 +201,16 @@ def coordinate_names(names: Iterable[str]) -> list[str]:
 
 
 def has_coordinates(names: Iterable[str]) -> bool:
+    """Return whether columns with these names hold x, y and z."""
     return bool(coordinate_names(names))
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
-    """Return the spacing of float32 coordinates if it is coarse for the cloud's size, else None."""
+    """Return the step between two coordinates in single precision, if it is coarse for the cloud.
+
+    None means that the coordinates have double precision, or that the step is no more than 1e-5 of
+    the extent of the cloud. `columns` are arrays by name.
+    """
     parts = [columns[name] for name in _first_triple(columns, _XYZ)]
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
         return None

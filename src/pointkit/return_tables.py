@@ -20,11 +20,23 @@ from pointkit.geometry.cloud import Floats
 from pointkit.parquet_files import check_parquet_memory, parquet_metadata
 
 ColumnSpecs = dict[str, tuple[str, str, str]]
-"""(NumPy type, unit, description) of each column, in the order of the file."""
+"""NumPy type, unit and description of each column by its name, in the order of the file."""
 
 
 @dataclass(frozen=True)
 class TableSchema:
+    """What a kind of tables holds.
+
+    Parameters
+    ----------
+    name
+        What a file of this kind is, for messages ("scan").
+    metadata_key
+        Entry of a Parquet file's metadata that has the description, by which the kind is told.
+    columns
+        NumPy type, unit and description of each column.
+    """
+
     name: str
     metadata_key: str
     columns: ColumnSpecs
@@ -32,7 +44,18 @@ class TableSchema:
 
 @dataclass(frozen=True)
 class ReturnTable:
-    """Table of LiDAR returns: columns (n,) by name, and a dictionary that describes them."""
+    """A table with a row for each return of a LiDAR.
+
+    A subclass says in ``schema`` which columns it has; among them are ``x``, ``y`` and ``z``, the
+    point in metres, and ``distance``.
+
+    Parameters
+    ----------
+    columns
+        Arrays (n,) by name.
+    about
+        Description of the table: values that JSON can represent.
+    """
 
     schema: ClassVar[TableSchema]
 
@@ -55,6 +78,7 @@ class ReturnTable:
         return np.column_stack([self.columns[name] for name in names])
 
     def select(self, rows: NDArray[Any]) -> Self:
+        """Return the table with some rows: a mask (n,), or row numbers (m,)."""
         return replace(self, columns={name: part[rows] for name, part in self.columns.items()})
 
 
@@ -62,7 +86,10 @@ T = TypeVar("T", bound=ReturnTable)
 
 
 def write_return_table(path: Path, table: ReturnTable) -> None:
-    """Write a Parquet file that contains the unit and description of each column."""
+    """Write a table as a Parquet file, with the unit and description of each column.
+
+    The file appears only when it is complete.
+    """
     from pyarrow import parquet
 
     with written_whole(path) as temporary:
@@ -70,9 +97,10 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
-    """Write tables as row groups of one Parquet file and return the number of rows.
+    """Write a table that comes in portions as a Parquet file, and return its number of rows.
 
-    The first table's description is stored.
+    Each portion becomes a row group, and only one is in memory. The description is that of the
+    first portion. Raises ValueError if there is no portion.
     """
     from pyarrow import parquet
 
@@ -93,6 +121,11 @@ def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
 
 
 def read_return_table(path: Path, kind: type[T]) -> T:
+    """Read a table that `write_return_table` or `write_portions` wrote.
+
+    `kind` is the class of the table. Raises InputError if the file is missing or damaged, takes too
+    much memory for its size, lacks a column, or has numbers that do not fit a column's type.
+    """
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -130,7 +163,7 @@ def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[An
 
 
 def is_table_of(path: Path, kind: type[ReturnTable]) -> bool:
-    """Return whether a file is a Parquet table of this kind, by its metadata."""
+    """Return whether a file is a table of this kind, by the metadata of the Parquet file."""
     return kind.schema.metadata_key.encode() in parquet_metadata(path)
 
 

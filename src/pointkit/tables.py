@@ -1,3 +1,5 @@
+"""Tables as CSV and Parquet files, in data frames of pandas."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -16,7 +18,11 @@ _DAMAGE = (ValueError, NotImplementedError, LookupError, TypeError, AttributeErr
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Read a CSV or Parquet file; raise InputError if it has no rows."""
+    """Read a CSV file, or a Parquet file if the suffix is ``.parquet``.
+
+    Raises InputError if the file is missing or damaged, has no rows, or takes too much memory for
+    its size.
+    """
     try:
         with naming(path), reading("table", *_DAMAGE):
             table = _read(path)
@@ -28,7 +34,7 @@ def read_table(path: Path) -> pd.DataFrame:
 
 
 def check_columns(table: pd.DataFrame, texts: Iterable[str], numbers: Iterable[str] = ()) -> None:
-    """Raise InputError unless a table has columns of text and of numbers with these names."""
+    """Raise InputError unless a table has columns with these names, of texts and of numbers."""
     for name in (*texts, *numbers):
         if name not in table:
             raise InputError(f"no column {name!r}")
@@ -41,10 +47,15 @@ def check_columns(table: pd.DataFrame, texts: Iterable[str], numbers: Iterable[s
 
 
 def is_number_column(values: pd.Series[Any]) -> bool:
+    """Return whether all values of a column are numbers or missing."""
     return bool(pd.api.types.is_numeric_dtype(values) or values.isna().all())
 
 
 def write_table(table: pd.DataFrame, *paths: Path) -> None:
+    """Write a table to each of the files, as Parquet or, with any other suffix, as CSV.
+
+    Each file appears only when it is complete.
+    """
     for path in paths:
         with written_whole(path) as temporary:
             if path.suffix == ".parquet":

@@ -1,7 +1,8 @@
 """Reader of YAML 1.2 (core schema), and writer of YAML that versions 1.1 and 1.2 read alike.
 
-In YAML 1.1, which PyYAML reads, ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30``
-is 750; the last value of a repeated key counts.
+The parser is PyYAML's, but not the rules by which it tells numbers from texts. They are those of
+YAML 1.1, where ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30`` is 750, and where
+the last value of a repeated key counts.
 
 References
 ----------
@@ -78,13 +79,26 @@ _Loader.add_constructor(_TAG + "bool", _truth)
 
 
 def read_yaml(path: Path, alike: bool = False) -> Any:
-    """Read a YAML file; raise InputError with file and line if it is invalid or repeats a key.
+    """Read a YAML file by the rules of YAML 1.2.
 
     Parameters
     ----------
+    path
+        The file, which has one document.
     alike
         Whether to refuse values that YAML 1.1 and 1.2 read differently, as needed for files that
         Snakemake (YAML 1.1) also reads.
+
+    Returns
+    -------
+    object
+        Dictionaries, lists, texts, numbers, truth values and None; None for an empty file.
+
+    Raises
+    ------
+    InputError
+        The file is no YAML, repeats a key, is nested more than 100 levels deep, or has aliases
+        that expand to too many nodes. The message is one line with the file and the line.
     """
     data = read_bytes(path)
     try:
@@ -187,7 +201,7 @@ def _line(part: Node | yaml.Event) -> str:
 
 
 def yaml_text(value: Mapping[str, Any]) -> str:
-    """Return a mapping as YAML, in unchanged order, with each list of numbers on one line."""
+    """Return a mapping as YAML, in its order, with each list of numbers and texts on one line."""
     return str(
         yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     )

@@ -1,4 +1,4 @@
-"""What E57 files have besides coordinates (these are in tests/puckbench/corpus/e57.py)."""
+"""What E57 files have besides coordinates (these are in tests/cloud_files/corpus/e57.py)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cloud_files.e57 import read_e57
 
 pytest.importorskip("pye57", reason="the test tools have pye57 for Linux on x86-64 alone")
 
-from tests.puckbench.corpus.e57 import colours, invalid, rich, two_scans
+from tests.cloud_files.corpus.e57 import colours, invalid, rich, two_scans
 
 
 def test_normals_and_colours_are_those_of_the_cloud(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from cloud_files.meshes import read_mesh, read_mesh_report
 from cloud_files.meshes.reading import y_up_to_z_up
 from pointkit.errors import InputError
-from tests.puckbench.corpus.meshes import FAN, STRIP, UPRIGHT, glb, primitive, vec3, views
+from tests.cloud_files.corpus.meshes import FAN, STRIP, UPRIGHT, glb, primitive, vec3, views
 
 
 def test_a_scene_of_another_program_is_read_as_that_reads_it(tmp_path: Path) -> None:

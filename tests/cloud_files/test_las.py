@@ -1,4 +1,4 @@
-"""LAS files with a unit given by the caller (others are in tests/puckbench/corpus/las.py)."""
+"""LAS files with a unit given by the caller (others are in tests/cloud_files/corpus/las.py)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cloud_files.las import read_las_points
-from tests.puckbench.corpus.las import POINTS, STEPS, wkt
+from tests.cloud_files.corpus.las import POINTS, STEPS, wkt
 from tests.support.las_files import las_bytes
 
 

@@ -1,12 +1,13 @@
-"""Readers of every file format for benchmarks/checks/fuzz.py, and whole files to damage."""
+"""Readers of clouds and meshes for benchmarks/checks/fuzz.py, and whole files to damage."""
 
 from __future__ import annotations
 
-import io
+import resource
 import shutil
 import struct
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -20,11 +21,13 @@ from numpy.typing import NDArray
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Mesh
-from tests.support import bag_files, e57_files, las_files, structured_files
-from tests.support.capture_lookalike import box_capture
+from tests.support import e57_files, las_files, structured_files
+from tests.support.stream_damage import damaged
 
 Write = Callable[[Path], Any]
 Read = Callable[[Path], Any]
+_FILES = 24
+_ADDRESS_SPACE = 2 << 30
 
 
 @dataclass(frozen=True)
@@ -71,31 +74,15 @@ class FileReader:
 
 
 def _cloud(path: Path) -> NDArray[np.float64]:
-    from cloud_files.clouds import read_cloud
+    from cloud_files import read_cloud
 
     return read_cloud(path).xyz
 
 
 def _mesh(path: Path) -> NDArray[np.float64]:
-    from cloud_files.meshes import read_mesh
+    from cloud_files import read_mesh
 
     return read_mesh(path).vertices
-
-
-def _recording(path: Path) -> NDArray[np.float64]:
-    """The table of a recording; its turns, where the table is made of packets."""
-    from puckbench.recordings.reading import read_recording, read_turns
-
-    table = read_recording(path)
-    if path.suffix != ".parquet":
-        read_turns(path)
-    return table.xyz
-
-
-def _scan(path: Path) -> NDArray[np.float64]:
-    from virtual_lidar.scan_table import read_scan
-
-    return read_scan(path).vectors("x", "y", "z")
 
 
 def _results(path: Path) -> None:
@@ -104,33 +91,9 @@ def _results(path: Path) -> None:
     read_table(path)
 
 
-def _residuals(path: Path) -> None:
-    from virtual_lidar.residual_table import read_residuals
-
-    read_residuals(path)
-
-
-def _configuration(path: Path) -> None:
-    from puckbench.planning.config import checked, read_config
-
-    checked(read_config(path))
-
-
 def _description(path: Path) -> NDArray[np.float64]:
     """The cloud of which the file is the description."""
     return _cloud(path.with_suffix(".ply"))
-
-
-def _weights(path: Path) -> None:
-    from pcc_networks.weights_file import read_weights
-
-    read_weights(path)
-
-
-def _checkpoint(path: Path) -> None:
-    from cloud_files.tensorflow_checkpoints import read_variables
-
-    read_variables(path.read_bytes(), bytes(1000))
 
 
 # ---- whole files
@@ -141,7 +104,7 @@ def _points() -> NDArray[np.float64]:
 
 
 def _write_cloud(path: Path) -> None:
-    from cloud_files.clouds import write_cloud
+    from cloud_files import write_cloud
 
     write_cloud(path, PointCloud(_points(), normals=np.eye(3)[np.arange(40) % 3]))
 
@@ -233,7 +196,7 @@ def _write_box(path: Path) -> None:
 
 
 def _write_mesh(path: Path) -> None:
-    from cloud_files.meshes import write_mesh
+    from cloud_files import write_mesh
 
     write_mesh(path, Mesh(np.asarray(_box().vertices), np.asarray(_box().faces)))
 
@@ -247,49 +210,6 @@ def _write_obj(path: Path) -> None:
     path.write_text(f"{corners}o a\ng b\nf 1/1/1 2/1/1 3/1/1 4/1/1 5/1/1\nf -5 -4 -3\n")
 
 
-def _capture() -> bytes:
-    from puckbench.recordings.writing import pcap_bytes
-
-    return pcap_bytes(box_capture(2))
-
-
-def _write_capture(path: Path) -> None:
-    path.write_bytes(_capture())
-
-
-def _write_pcapng(path: Path) -> None:
-    import dpkt
-
-    with path.open("wb") as stream:
-        writer = dpkt.pcapng.Writer(stream)
-        for _, frame in dpkt.pcap.Reader(io.BytesIO(_capture())):
-            writer.writepkt(frame, 5.0)
-
-
-def _write_mcap(path: Path) -> None:
-    path.write_bytes(bag_files.mcap_bytes())
-
-
-def _write_packed_mcap(path: Path) -> None:
-    with TemporaryDirectory() as folder:
-        bag_files.ros2_bag(Path(folder, "bag"), "MCAP", "STORAGE")
-        shutil.copyfile(next(Path(folder, "bag").glob("*.mcap")), path)
-
-
-def _write_returns(path: Path) -> None:
-    from pointkit.lidar.recorded_returns import write_returns
-    from puck.recordings.packet_turns import decode_packets
-
-    write_returns(path, decode_packets(box_capture(1).payloads))
-
-
-def _write_scan(path: Path) -> None:
-    from virtual_lidar.scan_table import COLUMNS, ScanTable, write_scan
-
-    columns = {name: np.ones(20, kind) for name, (kind, *_) in COLUMNS.items()}
-    write_scan(path, ScanTable(columns, {"sensor": {}}))
-
-
 def _write_results(path: Path) -> None:
     import pandas as pd
 
@@ -297,28 +217,8 @@ def _write_results(path: Path) -> None:
     pd.DataFrame(table).to_parquet(path)
 
 
-def _write_configuration(path: Path) -> None:
-    path.write_text(
-        "scenes:\n  rooms: {loader: rooms, options: {count: 2}}\n"
-        "datasets:\n  a: {scenes: rooms, make: sample, points: 1000}\n"
-        "codecs:\n  draco: {rates: [r1, r2]}\nmetrics: [distortion]\nseed: 7\n"
-    )
-
-
 def _write_description(path: Path) -> None:
     _write_cloud(path.with_suffix(".ply"))
-
-
-def _write_weights(path: Path) -> None:
-    from tests.support.learned_codecs import save_tiny
-
-    save_tiny("pcgcv1", path)
-
-
-def _write_checkpoint(path: Path) -> None:
-    from tests.support.tensorflow_checkpoint import checkpoint
-
-    path.write_bytes(checkpoint({"layer/kernel": np.ones((2, 3), np.float32)})[0])
 
 
 def _las_kinds() -> Iterable[Write]:
@@ -349,24 +249,10 @@ READERS = {
     "read stl": FileReader(".stl", (_write_box, _write_solid), _mesh),
     "read glb": FileReader(".glb", (_write_box,), _mesh),
     "read mesh ply": FileReader(".ply", (_write_mesh, _write_box), _mesh),
-    "read pcap": FileReader(".pcap", (_write_capture,), _recording),
-    "read pcapng": FileReader(".pcapng", (_write_pcapng,), _recording),
-    "read bag": FileReader(
-        ".bag",
-        tuple(partial(bag_files.ros1_bag, compression=kind) for kind in (None, "BZ2", "LZ4")),
-        _recording,
-    ),
-    "read db3": FileReader(".db3", (bag_files.sqlite_bag,), _recording),
-    "read mcap": FileReader(".mcap", (_write_mcap, _write_packed_mcap), _recording),
-    "read returns": FileReader(".parquet", (_write_returns,), _recording),
-    "read scan": FileReader(".parquet", (_write_scan,), _scan),
     "read results": FileReader(".parquet", (_write_results,), _results),
-    "read configuration": FileReader(".yaml", (_write_configuration,), _configuration),
     "read description": FileReader(
         ".json", (_write_description,), _description, _write_description
     ),
-    "read weights": FileReader(".safetensors", (_write_weights,), _weights),
-    "read checkpoint": FileReader(".index", (_write_checkpoint,), _checkpoint),
 }
 """Readers by the names that benchmarks/checks/fuzz.py gives them."""
 if find_spec("pye57") is not None:
@@ -380,3 +266,29 @@ def outcome(reader: FileReader, data: bytes) -> str:
     except InputError as error:
         return "error" if "\n" not in str(error) else "an error of several lines"
     return "points" if np.isfinite(points).all() else "numbers that are not finite"
+
+
+@contextmanager
+def limited_memory() -> Iterator[None]:
+    """Limit the memory, so that excessive use fails without harm to the machine."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    limit = pages * resource.getpagesize() + _ADDRESS_SPACE
+    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def check_damaged_files(name: str, reader: FileReader) -> None:
+    """Assert that whole files are read, and damaged ones end in points or in an error of one line.
+
+    The files are some of those of benchmarks/checks/fuzz.py, which reads thousands under limits.
+    """
+    whole = reader.streams()
+    with limited_memory():
+        assert [outcome(reader, data) for data in whole] == ["points"] * len(whole)
+        for number in range(_FILES):
+            for data in (damaged(whole, number, name), reader.structured(whole, number)):
+                assert outcome(reader, data) in {"points", "error"}, number

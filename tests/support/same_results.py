@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from cloud_files.archives import SUFFIX as ARCHIVE
-from cloud_files.archives import read_archive
+from puckbench.core.archives import SUFFIX as ARCHIVE
+from puckbench.core.archives import read_archive
 from puckbench.report.column_labels import is_time
 
 _MEMORY = re.compile(r"(en|de)code_peak_mib(_\w+)?")

@@ -14,6 +14,13 @@ Random = np.random.Generator
 _UNIT = struct.Struct(">BI")
 
 
+def limit(random: Random, bits: int) -> int:
+    """A number of at most `bits` bits: 0, 1, the largest, a power of two or its neighbour."""
+    power = 1 << int(random.integers(bits))
+    result = (0, 1, (1 << bits) - 1, power - 1, power, power + 1)[random.integers(6)]
+    return min(result, (1 << bits) - 1)
+
+
 def units(stream: bytes) -> list[bytes]:
     """The type-length-value units that a bare stream consists of."""
     result, at = [], 0

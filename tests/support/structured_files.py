@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from pointkit.seeding import generator
-from tests.support.structured_streams import limit
+from tests.support.stream_damage import limit
 
 Random = np.random.Generator
 Field = tuple[int, str]

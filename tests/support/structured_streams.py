@@ -26,6 +26,7 @@ from pointkit.coding.zstandard import compressed
 from pointkit.errors import InputError
 from pointkit.seeding import generator
 from puck.records import Record, RecordKind, read_records, start
+from tests.support.stream_damage import limit
 
 Random = np.random.Generator
 
@@ -36,13 +37,6 @@ def structured(codec: str, streams: Sequence[bytes], number: int) -> bytes:
         with suppress(ValueError, struct.error, InputError):  # what no field has room for
             return WRITERS[codec](streams, generator(number, f"structured streams {attempt}"))
     raise AssertionError
-
-
-def limit(random: Random, bits: int) -> int:
-    """A number of at most `bits` bits: 0, 1, the largest, a power of two or its neighbour."""
-    power = 1 << int(random.integers(bits))
-    result = (0, 1, (1 << bits) - 1, power - 1, power, power + 1)[random.integers(6)]
-    return min(result, (1 << bits) - 1)
 
 
 def data(random: Random) -> bytes:

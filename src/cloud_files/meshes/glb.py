@@ -1,4 +1,4 @@
-"""Reader of GLB scenes (binary glTF 2.0, Khronos Group 2021), as one mesh."""
+"""GLB files: scenes in binary glTF 2.0 (Khronos Group 2021), read as one mesh."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ _IDENTITY = np.eye(4)
 
 
 def read_glb(path: Path) -> Polygons:
-    """Read all meshes of a scene, transformed by their nodes, in metres with y up.
+    """Read all triangles of a scene, with their nodes' transformations, in metres with y up.
 
-    Lines and points are counted as skipped. Raises InputError if the file needs other files,
-    compression or instancing.
+    A mesh that several nodes use is repeated. Lines and points are counted as skipped. Raises
+    InputError if the file is damaged, if it needs other files, compression or instancing, which are
+    not read, or if its scene would take more than ten times its size and 512 MiB.
     """
     data = read_bytes(path)
     try:

@@ -1,3 +1,5 @@
+"""Wavefront OBJ files."""
+
 from __future__ import annotations
 
 import codecs
@@ -23,11 +25,17 @@ _SKIPPED = {
 
 
 def read_obj(path: Path) -> Polygons:
-    """Read vertices, faces and materials; count polylines, points and curves as skipped."""
+    """Read the vertices, faces and names of materials of an OBJ file.
+
+    Vertices and faces stay in their order; polylines, points, curves and surfaces are counted as
+    skipped. Other files that an OBJ file names, such as its materials (.mtl), are not opened.
+    Raises InputError if a vertex or a face is not made of numbers, or vertices have weights.
+    """
     return parse_obj(read_bytes(path), str(path))
 
 
 def parse_obj(data: bytes, source: str) -> Polygons:
+    """Return the polygons of an OBJ file's content, as `read_obj` does; `source` is its name."""
     lines = _lines(data)
     kinds = [line.partition(b" ")[0] for line in lines]
     faces = [

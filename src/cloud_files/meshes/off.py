@@ -1,3 +1,5 @@
+"""OFF files (Object File Format)."""
+
 from __future__ import annotations
 
 import codecs
@@ -14,15 +16,15 @@ from pointkit.geometry.cloud import Floats, Ints
 
 # OFF, COFF, NOFF, STOFF and their mixtures put the position first; 4OFF and nOFF do not.
 _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
-
-
 _log = logging.getLogger(__name__)
 
 
 def read_off(path: Path) -> Polygons:
-    """Read vertices and faces of an ASCII OFF file (Object File Format); skip colours and normals.
+    """Read the vertices and faces of an ASCII OFF file, without colours and normals.
 
-    The header line ``OFF`` may be missing, or joined to the counts, as in ModelNet40.
+    The header line ``OFF`` may be missing, or joined to the counts, as in the data set ModelNet40.
+    Raises InputError if the file has fewer lines than its counts say, or a line is not as it must
+    be; warns of further lines.
     """
     counts, rows = _counts_and_rows(read_bytes(path), path)
     vertices, faces = counts

@@ -1,3 +1,5 @@
+"""PLY files of meshes, and the descriptions (JSON) beside them, which name the parts of scenes."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -6,17 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cloud_files.descriptions import read_description, sidecar
+from cloud_files.descriptions import read_description, sidecar, write_description
 from cloud_files.meshes.polygons import Polygons
 from cloud_files.ply import CORNER_LISTS, read_elements
 from pointkit.errors import InputError
+from pointkit.files import written_whole
 from pointkit.geometry.cloud import Floats, Ints
-from pointkit.geometry.mesh import Labels, Primitive, SceneObject
+from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject, check_mesh
 
 _IDS = ("object_id", "primitive_id")
+"""Properties of faces, and the attributes of `Labels` that they hold."""
 
 
 def read_ply(path: Path) -> Polygons:
+    """Read the faces of a PLY file, and their labels if `write_mesh` wrote it."""
     elements = read_elements(path)
     names = {element.name for element in elements}
     if "tristrips" in names and "face" not in names:
@@ -77,3 +82,77 @@ def _labels(path: Path, rows: NDArray[Any], vertices: int) -> Labels | None:
 def _check_ids(path: Path, ids: NDArray[np.int32], count: int) -> None:
     if len(ids) and (ids.min() < 0 or ids.max() >= count):
         raise InputError(f"{path}: a face has a label that {sidecar(path).name} does not list")
+
+
+def write_mesh(path: str | Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
+    """Write a mesh as a binary PLY file, and a description of it beside the PLY file.
+
+    Both files appear only when both are complete.
+
+    Parameters
+    ----------
+    path
+        The PLY file. The description has the same name, but ends in ``.json``.
+    mesh
+        Vertices are written as float64, so that they are read back exactly. If the mesh has
+        labels, each face has the properties ``object_id`` and ``primitive_id``, and the
+        description lists the objects and primitives that they count.
+    about
+        Further entries of the description: values that JSON can represent.
+
+    Raises
+    ------
+    InputError
+        The mesh is empty, without area or not finite, or the files cannot be written.
+    """
+    path = Path(path)
+    check_mesh(mesh, str(path))
+    counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
+    vertices = np.ascontiguousarray(mesh.vertices, dtype="<f8")
+    with written_whole(path) as temporary:
+        with temporary.open("wb") as stream:
+            stream.write(_header(mesh))
+            stream.write(vertices.tobytes())
+            stream.write(_face_rows(mesh).tobytes())
+        description = {**(about or {}), **counts, **_label_description(mesh.labels)}
+        write_description(path, "mesh", description)
+
+
+def _header(mesh: Mesh) -> bytes:
+    labels = [f"property int {name}" for name in _IDS] if mesh.labels else []
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(mesh.vertices)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(mesh.triangles)}",
+        "property list uchar int vertex_indices",
+        *labels,
+        "end_header",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _face_rows(mesh: Mesh) -> NDArray[Any]:
+    labels = _IDS if mesh.labels else ()
+    fields: list[Any] = [("size", "u1"), ("corners", "<i4", 3), *((name, "<i4") for name in labels)]
+    rows = np.empty(len(mesh.triangles), dtype=fields)
+    rows["size"], rows["corners"] = 3, mesh.triangles
+    for name in labels:
+        rows[name] = getattr(mesh.labels, name)
+    return rows
+
+
+def _label_description(labels: Labels | None) -> dict[str, Any]:
+    if labels is None:
+        return {}
+    objects = [{"name": item.name, "semantic": item.semantic} for item in labels.objects]
+    primitives = [
+        {"kind": item.kind, "parameters": {k: _for_json(v) for k, v in item.parameters.items()}}
+        for item in labels.primitives
+    ]
+    return {"objects": objects, "primitives": primitives}
+
+
+def _for_json(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value

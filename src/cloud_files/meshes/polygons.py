@@ -1,3 +1,5 @@
+"""Faces of mesh files, which may have any number of corners, and their division into triangles."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
@@ -5,31 +7,40 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cloud_files.meshes.concave import clip_ears, concave_faces
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, Ints
 from pointkit.geometry.mesh import Labels, Mesh
 
 MAX_CORNERS = 5000
-"""Maximum corners of a concave face: ear clipping takes quadratic time."""
+"""Maximum number of corners of a concave face: ear clipping takes quadratic time."""
+_TOLERANCE = 1e-6
+"""Share of a face's area that counts as rounding error."""
 
 
 @dataclass(frozen=True)
 class Polygons:
-    """Polygons of a mesh file.
+    """The content of a mesh file: faces of any number of corners.
 
     Parameters
     ----------
+    vertices
+        Coordinates of the vertices, (v, 3), in the unit of the file.
     corners
-        Vertex indices of all faces, concatenated, (sum of sizes,).
+        Rows of `vertices` at the corners of the first face, then of the second, and so on: one
+        array of as many integers as all faces have corners.
     sizes
         Number of corners of each face, (f,).
     up
-        The up axis, if the format defines it.
+        Axis that points up, "y" or "z", if the file format says so, else None.
+    labels
+        Object and primitive of each face, for scenes that `write_mesh` wrote.
     skipped
-        Number of skipped elements, by name.
+        Number of elements of the file that are no faces and were left out, by kind.
+    materials
+        Names of the materials.
     material_id
-        Index into ``materials`` of each face, (f,), -1 for none.
+        Index into `materials` for each face, (f,), -1 for a face without material; None if the
+        file names no materials.
     """
 
     vertices: Floats
@@ -43,15 +54,36 @@ class Polygons:
 
 
 def uniform_polygons(vertices: Floats, faces: Ints) -> Polygons:
+    """Make polygons of faces that all have as many corners; `faces` (f, corners) are rows."""
     count, size = faces.shape
     return Polygons(vertices, faces.reshape(-1), np.full(count, size, dtype=np.int64))
 
 
 def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
-    """Triangulate convex faces as fans around first corners, and concave faces by ear clipping.
+    """Divide faces into triangles that cover them exactly.
 
-    Returns the mesh and the face index of each triangle (t,), ascending. Raises InputError if a
-    concave face has more than `MAX_CORNERS` corners.
+    A convex face becomes a fan of triangles around its first corner; a concave one is cut by ear
+    clipping, so that no triangle lies outside of it. A face with a hole is one whose outline runs
+    along an edge to the hole, and back along the same edge.
+
+    Parameters
+    ----------
+    polygons
+        The faces. Those of fewer than three corners have no triangles.
+    source
+        Name of the file, for the messages of errors.
+
+    Returns
+    -------
+    tuple of Mesh and array
+        The mesh, with the vertices as they are, and the face of each of its triangles, (t,), in
+        ascending order.
+
+    Raises
+    ------
+    InputError
+        A face refers to a vertex that does not exist, or a concave face has more than
+        `MAX_CORNERS` corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):
@@ -62,35 +94,67 @@ def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
     step = np.arange(len(face)) - np.repeat(np.cumsum(fans) - fans, fans)
     first = starts[face]
     triangles = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
-    concave = concave_faces(polygons.vertices, triangles, face, len(fans))
+    concave = _concave_faces(polygons.vertices, triangles, face)
     if len(concave):
-        _check_sizes(polygons.sizes, concave, source)
-        triangles, face = _with_ears(polygons, starts, triangles, face, concave)
+        largest = concave[np.argmax(polygons.sizes[concave])]
+        if (size := polygons.sizes[largest]) > MAX_CORNERS:
+            fault = f"face {largest + 1} is concave and has {size} corners"
+            raise InputError(f"{source}: {fault} (at most {MAX_CORNERS}): cut it into triangles")
+        kept = ~np.isin(face, concave)
+        parts, owners = [triangles[kept]], [face[kept]]
+        for number in concave.tolist():
+            outline = corners[starts[number] :][: polygons.sizes[number]]
+            parts.append(outline[_clip_ears(polygons.vertices[outline])])
+            owners.append(np.full(len(parts[-1]), number))
+        owner = np.concatenate(owners)
+        order = np.argsort(owner, kind="stable")
+        triangles, face = np.concatenate(parts)[order], owner[order]
     return Mesh(polygons.vertices, triangles, _select_labels(polygons.labels, face)), face
 
 
-def _check_sizes(sizes: Ints, concave: Ints, source: str) -> None:
-    largest = concave[np.argmax(sizes[concave])]
-    if sizes[largest] > MAX_CORNERS:
-        fault = f"face {largest + 1} is concave and has {sizes[largest]} corners"
-        raise InputError(f"{source}: {fault} (at most {MAX_CORNERS}): cut it into triangles")
+def _concave_faces(vertices: Floats, triangles: Ints, face: Ints) -> Ints:
+    """Return the sorted numbers of the faces whose fan has triangles of opposite orientations."""
+    of_polygon = np.flatnonzero(np.bincount(face)[face] > 1)
+    if not len(of_polygon):
+        return of_polygon
+    face = face[of_polygon]
+    a, b, c = vertices[triangles[of_polygon]].swapaxes(0, 1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        areas = np.cross(b - a, c - a)
+        starts = np.flatnonzero(np.diff(face, prepend=-1))
+        normal = np.add.reduceat(areas, starts)
+        size = np.add.reduceat(np.linalg.norm(areas, axis=1), starts)
+        length = np.linalg.norm(normal, axis=1)
+        place = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(face)))
+        along = np.einsum("ij,ij->i", areas, normal[place])
+        fails = np.minimum.reduceat(along, starts) < -_TOLERANCE * size * length
+        fails |= length < _TOLERANCE * size
+    return np.asarray(face[starts[fails]])
 
 
-def _with_ears(
-    polygons: Polygons, starts: Ints, fans: Ints, face: Ints, concave: Ints
-) -> tuple[Ints, Ints]:
-    parts, owners = [fans[~np.isin(face, concave)]], [face[~np.isin(face, concave)]]
-    for number in concave.tolist():
-        corners = polygons.corners[starts[number] :][: polygons.sizes[number]]
-        ears = corners[clip_ears(polygons.vertices[corners])]
-        parts.append(ears)
-        owners.append(np.full(len(ears), number))
-    owner = np.concatenate(owners)
-    order = np.argsort(owner, kind="stable")
-    return np.concatenate(parts)[order], owner[order]
+def _clip_ears(points: Floats) -> Ints:
+    """Return the triangles (t, 3) of a polygon as indices of its corners (n, 3)."""
+    from mapbox_earcut import triangulate_float64
+
+    flat = _on_best_plane(points)
+    rings = np.array([len(flat)], dtype=np.uint32)
+    return np.asarray(triangulate_float64(flat, rings).astype(np.int64).reshape(-1, 3))
+
+
+def _on_best_plane(points: Floats) -> Floats:
+    centred = points - points[0]
+    areas = np.cross(centred[1:-1], centred[2:])
+    normal, sizes = areas.sum(axis=0), np.linalg.norm(areas, axis=1)
+    if np.linalg.norm(normal) < _TOLERANCE * sizes.sum():  # its triangles cancel out
+        normal = areas[np.argmax(sizes)]
+    normal = normal / np.linalg.norm(normal)
+    u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    u /= np.linalg.norm(u)
+    return np.ascontiguousarray(centred @ np.stack([u, np.cross(normal, u)], axis=1))
 
 
 def select_triangles(mesh: Mesh, rows: NDArray[np.bool_]) -> Mesh:
+    """Return a mesh with the triangles where `rows` (t,) is true, and all vertices."""
     labels = _select_labels(mesh.labels, np.flatnonzero(rows))
     return replace(mesh, triangles=mesh.triangles[rows], labels=labels)
 

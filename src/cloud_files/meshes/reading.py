@@ -1,3 +1,5 @@
+"""Mesh files of all formats, as triangle meshes."""
+
 from __future__ import annotations
 
 import logging
@@ -27,34 +29,61 @@ READERS = {
 }
 """Readers of formats other than PLY, by suffix."""
 SUFFIXES = tuple(sorted((".ply", *READERS)))
+"""Suffixes of readable mesh files; compressed files have a second suffix."""
 
 
-def read_mesh(path: Path, up: str = "z") -> Mesh:
-    """Read a mesh file and rotate it to z up.
+def read_mesh(path: str | Path, up: str = "z") -> Mesh:
+    """Read a mesh file, divide its faces into triangles and rotate it so that z points up.
 
-    `up` is the file's up axis (y or z), unless the format defines one. Raises InputError if the
-    mesh is damaged, empty, without area, or not finite.
+    Elements that are not read (such as lines and curves) are told in a warning.
+
+    Parameters
+    ----------
+    path
+        A file whose suffix is in `SUFFIXES`, which may be compressed (``.gz``, ``.bz2``, ``.xz`` or
+        ``.zst`` after the suffix).
+    up
+        Axis of the file that points up, "y" or "z". It does not count for GLB files, which define
+        y up.
+
+    Returns
+    -------
+    Mesh
+        Vertices (v, 3) in the file's order and unit (GLB: metres), and triangles (t, 3). Triangles
+        without area are left out, unless the mesh has labels.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or larger than its limits, or the mesh is empty, without area
+        or not finite. The message is one line that begins with the file's name.
     """
     mesh, report = read_mesh_report(path, up)
-    warn_of_skipped(path, report["skipped"])
+    warn_of_skipped(Path(path), report["skipped"])
     return mesh
 
 
 def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
+    """Log a warning if elements were left out; `skipped` are their numbers by name."""
     if skipped:
         parts = (f"{count} {name.replace('_', ' ')}" for name, count in skipped.items())
         _LOG.warning("%s: left out: %s", path, ", ".join(parts))
 
 
-def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
-    """Read a mesh as `read_mesh` does; return the mesh and a report on the file.
+def read_mesh_report(path: str | Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
+    """Read a mesh as `read_mesh` does, but without warnings, and describe what the file holds.
 
-    The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
-    ``triangles`` (of the returned mesh), ``zero_area`` (triangles removed from unlabelled meshes)
-    and ``skipped`` (numbers of skipped elements by name).
+    Returns
+    -------
+    tuple of Mesh and dict
+        The mesh, and a report: ``format`` (the suffix without its point), ``faces`` (number of
+        faces in the file), ``polygons`` (faces of more than three corners), ``triangles``
+        (triangles of the returned mesh), ``zero_area`` (triangles without area) and ``skipped``
+        (number of elements that were left out, by name).
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
+    path = Path(path)
     read = _reader(path)
     with unpacked(path) as plain, np.errstate(invalid="ignore", over="ignore"):
         polygons = read(plain)
@@ -64,7 +93,12 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
 
 
 def mesh_from_polygons(polygons: Polygons, source: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
-    """Triangulate and check polygons; return the mesh and a report as in `read_mesh_report`."""
+    """Triangulate and check polygons that a reader returned.
+
+    `source` names the file in messages, and `kind` is its format in the report. Returns the mesh
+    and a report as `read_mesh_report` does; raises InputError if the mesh is empty, without area or
+    not finite.
+    """
     mesh, _ = triangulate(polygons, source)
     check_mesh(mesh, source)
     if not np.isfinite(mesh.vertices).all():  # vertices without a triangle
@@ -95,7 +129,7 @@ def _has_no_area(mesh: Mesh) -> NDArray[np.bool_]:
 
 
 def y_up_to_z_up(points: Floats) -> Floats:
-    """Rotate points (n, 3) by 90 degrees about x, so that y becomes z."""
+    """Return points (n, 3) rotated by 90 degrees about x, so that y becomes z and z becomes -y."""
     return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
 
 

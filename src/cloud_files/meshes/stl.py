@@ -1,3 +1,5 @@
+"""STL files, binary and ASCII."""
+
 from __future__ import annotations
 
 import logging
@@ -18,6 +20,11 @@ _PARTS = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)|\b(endloop)\b", re.IGNOR
 
 
 def read_stl(path: Path) -> Polygons:
+    """Read the faces of a binary or ASCII STL file, each with its own three or more vertices.
+
+    A file is ASCII if it begins with "solid" and has no zero byte. Raises InputError if it is
+    truncated; warns of bytes after the triangles that a binary file announces.
+    """
     data = read_bytes(path)
     return _ascii(data, path) if _is_ascii(data) else _binary(data, path)
 

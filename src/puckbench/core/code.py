@@ -11,7 +11,7 @@ from __future__ import annotations
 
 CLOUD_FILES = (
     *("cloud_files.clouds", "cloud_files.content", "cloud_files.descriptions", "cloud_files.ply"),
-    "cloud_files.archives",
+    "puckbench.core.archives",
 )
 """Clouds on disk, as the jobs of a run write and read them."""
 MESH_FILES = (*CLOUD_FILES, "cloud_files.meshes", "cloud_files.meshes.ply")

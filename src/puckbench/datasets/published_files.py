@@ -88,7 +88,7 @@ def _git_name(content: bytes) -> str:
 def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
     import numpy as np
 
-    from cloud_files.tensorflow_checkpoints import read_variables
+    from puckbench.datasets.tensorflow_checkpoints import read_variables
 
     with naming(name):
         variables = read_variables(*checkpoint)

@@ -12,7 +12,7 @@ from puckbench.codecs.registry import codec_of, is_codec, open_codec
 from puckbench.jobs.curve_files import Coded
 from puckbench.jobs.registry import Job
 
-CODE = ("cloud_files.archives", "puckbench.codecs.base", "puckbench.jobs.curve_files")
+CODE = ("puckbench.core.archives", "puckbench.codecs.base", "puckbench.jobs.curve_files")
 
 
 class CodecJob(Job):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cloud_files.clouds import wide_colours, write_cloud
 from cloud_files.content import plain_suffix
 from cloud_files.las_rewriting import rewrite_las
-from cloud_files.meshes.writing import write_mesh
+from cloud_files.meshes import write_mesh
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.point_columns import WIDE_COLOURS

@@ -3,9 +3,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from cloud_files.archives import write_archive
 from cloud_files.clouds import cloud_bytes
 from pointkit.errors import naming
+from puckbench.core.archives import write_archive
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.jobs.curve_files import read_curve
 from puckbench.jobs.decoding import Decoding

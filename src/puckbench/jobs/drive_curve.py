@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from cloud_files.archives import read_archive, write_archive
 from pointkit.errors import InputError, naming, noting
 from pointkit.files import json_bytes, object_of
 from pointkit.geometry.cloud import PointCloud, check_points
@@ -16,6 +15,7 @@ from pointkit.measurement import Cost, measured
 from puckbench import __version__
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
+from puckbench.core.archives import read_archive, write_archive
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import run_environment
 from puckbench.core.progress import Progress

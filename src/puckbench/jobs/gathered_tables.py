@@ -8,7 +8,7 @@ from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.table_files import write_result
 from puckbench.jobs.tables.results import PLAN_TABLES, ROWS, table_of
 
-CODE = (*TABLES, "puckbench.jobs.curve_files", "puckbench.jobs.tables", "cloud_files.archives")
+CODE = (*TABLES, "puckbench.jobs.curve_files", "puckbench.jobs.tables", "puckbench.core.archives")
 
 
 class OfNames(Job):

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from pydantic import NonNegativeFloat
 
-from cloud_files.archives import read_archive, write_archive
 from cloud_files.clouds import cloud_bytes, read_cloud
 from cloud_files.poses import poses_of, tum_bytes
 from pointkit.errors import InputError, naming
@@ -24,6 +23,7 @@ from pointkit.files import json_bytes, object_of
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.lidar.returns import Returns, read_firings, write_firings
 from pointkit.models import Model, parsed
+from puckbench.core.archives import read_archive, write_archive
 
 KEPT, AZIMUTH, NONE = "kept", "azimuth", "none"
 """Values of the column ``times``: where the times of a decoded turn's points come from."""

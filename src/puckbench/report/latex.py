@@ -1,45 +1,45 @@
+"""Tables of results in LaTeX."""
+
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from math import isnan, nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from puckbench.report.cells import cell_text, interval_text
 from puckbench.report.column_labels import table_heading
 from puckbench.report.tables import is_bookkeeping
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _SPECIAL = re.compile(r"[&%$#_{}]")
 _REPLACED = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     "²": r"\textsuperscript{2}", "°": r"\textdegree{}", "−": "$-$", "\N{NO-BREAK SPACE}": "~",
 }  # fmt: skip
-
-
 MOST_COLUMNS = 12
 _ENDS = ("_low", "_high")
 
 
 def latex_table(table: pd.DataFrame) -> str:
-    """Return a table as a LaTeX ``tabular`` (package booktabs), with units in its heading.
+    """Return a table of results as a LaTeX ``tabular``, which takes the package booktabs.
 
-    An interval stands beside its value, which has as many digits as the interval allows; other
-    numbers have three significant digits. Missing values are dashes; empty columns, those on how
-    values were obtained, and those beyond the twelfth are left out.
+    The headings are the columns' names in words, with their units. A value whose table also has
+    the columns ``NAME_low`` and ``NAME_high`` is followed by this interval, and has as many digits
+    as the interval allows; other numbers have three significant digits, and missing values are
+    dashes. At most twelve columns are written; empty columns, and those that tell how values were
+    obtained, are left out.
     """
     names = [str(name) for name in table if not is_bookkeeping(table[name])]
     ends = {f"{name}{end}" for name in names for end in _ENDS}
     names = [name for name in names if name not in ends][:MOST_COLUMNS]
     headings = [table_heading(name, names) for name in names]
-    heads = [f"{words} ({unit})" if unit else words for words, unit in headings]
+    heads = [_escaped(f"{words} ({unit})" if unit else words) for words, unit in headings]
     alignment = "".join("r" if table[name].dtype.kind in "fiu" else "l" for name in names)
-    rows = [[_cell(row, name) or "--" for name in names] for row in table.to_dict("records")]
-    head, *body = (" & ".join(map(_escaped, cells)) + r" \\" for cells in [heads, *rows])
-    lines = [rf"\begin{{tabular}}{{{alignment}}}", r"\toprule", head, r"\midrule", *body]
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
+    rows = table.to_dict("records")
+    cells = [[_escaped(_cell(row, name) or "--") for name in names] for row in rows]
+    return pd.DataFrame(cells, columns=heads).to_latex(index=False, column_format=alignment)
 
 
 def _cell(row: Mapping[Any, Any], name: str) -> str:

@@ -5,14 +5,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import log10
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cloud_files.archives import SUFFIX as ARCHIVE
-from cloud_files.clouds import read_archived_cloud, read_cloud
+from cloud_files.clouds import read_cloud
+from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.seeding import generator
+from puckbench.core.archives import SUFFIX, read_archive
 from puckbench.figures.style import FigureStyle
 from puckbench.report.contents import Contents, Example
 from puckbench.report.plot_data import codec_payload, round_significant
@@ -106,7 +108,15 @@ def _example(
 
 
 def _decoded(file: Path, rate: str) -> PointCloud:
-    return read_archived_cloud(file, f"{rate}.ply") if file.suffix == ARCHIVE else read_cloud(file)
+    if file.suffix != SUFFIX:
+        return read_cloud(file)
+    name, members = f"{rate}.ply", read_archive(file)
+    if name not in members:
+        raise InputError(f"{file}: has no member {name}")
+    with TemporaryDirectory() as folder, naming(file):
+        path = Path(folder, name)
+        path.write_bytes(members[name])
+        return read_cloud(path)
 
 
 def _bpp(metrics: pd.DataFrame | None, example: Example, codec: str, rate: str) -> float | None:

@@ -146,3 +146,33 @@ def test_a_file_of_an_unknown_name_is_a_recording_only_if_it_begins_so(
         assert "point cloud by its name" not in capsys.readouterr().err
     assert main(["prepare", str(tmp_path / "b.data"), str(out)]) == 2
     assert "no such file" in capsys.readouterr().err
+
+
+def test_a_text_with_a_german_header_is_prepared(tmp_path: Path) -> None:
+    rows = "".join(f"{x:.3f},{y:.3f},{z:.3f},7\n" for x, y, z in POINTS)
+    (tmp_path / "a.csv").write_bytes(f"x,y,z,Intensität\n{rows}".encode("latin-1"))
+    assert main(["prepare", str(tmp_path / "a.csv"), str(tmp_path / "b.ply")]) == 0
+    assert (read_cloud(tmp_path / "b.ply").fields["Intensitat"] == 7).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("a.xyz", b"1 2 3\n4 5 six\n"),
+        ("b.npz", b"PK\x03\x04damaged"),
+        ("c.las", b"LASF"),
+        ("d.xyz", b"1 2 nan\n3 4 5\n"),
+        ("e.jpg", b"\xff\xd8"),
+        ("f.ply", b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n"),
+    ],
+)
+def test_a_damaged_file_is_named_in_one_line(
+    name: str, data: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(data)
+    words = ["encode", str(path), str(tmp_path / "o.out"), "--codec", "draco", "--rate", "r1"]
+    assert main(words) == 2
+    error = capsys.readouterr().err
+    assert name in error
+    assert error.count("\n") == 1

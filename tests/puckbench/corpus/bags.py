@@ -10,7 +10,6 @@ import numpy as np
 
 from puck.recordings.packet_turns import decode_packets
 from puck.recordings.velodyne_messages import SCAN
-from tests.puckbench.corpus.case import Case, content
 from tests.support.bag_files import (
     LOG,
     MESSAGE,
@@ -24,6 +23,7 @@ from tests.support.bag_files import (
     sqlite_bag,
 )
 from tests.support.capture_lookalike import box_capture, scan_message
+from tests.support.corpus_case import Case, content
 
 POINTS = decode_packets(LOG.payloads).xyz
 SPUN = box_capture(120).payloads

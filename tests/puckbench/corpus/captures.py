@@ -12,7 +12,6 @@ import numpy as np
 from puck.recordings.packet_turns import decode_packets
 from puck.recordings.packets import PACKET, PacketLog
 from puckbench.recordings.writing import pcap_bytes
-from tests.puckbench.corpus.case import Case, content
 from tests.support.capture_bytes import (
     block,
     ethernet,
@@ -32,6 +31,7 @@ from tests.support.capture_bytes import (
     udp,
 )
 from tests.support.capture_lookalike import box_capture
+from tests.support.corpus_case import Case, content
 
 # Hop-by-hop options of 8 bytes, then destination options of 16, before UDP.
 OPTIONS = b"\x3c\x00" + bytes(6) + b"\x11\x01" + bytes(14)

@@ -9,7 +9,7 @@ from pointkit.coding.byte_io import base_128
 from puck import compress, decompress
 from puck.recordings.packet_turns import returns_of_packets
 from puck.records import Record, RecordKind, join_records
-from tests.puckbench.corpus.case import Case, content
+from tests.support.corpus_case import Case, content
 from tests.support.spinning import pcap, rows, spin
 
 _ZEROS = 1 << 24

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from pointkit.lidar.sensors import load_sensor
-from tests.puckbench.corpus.case import Case
 from tests.support.cloud_bags import Rows
 from tests.support.cloud_turns import (
     BOOT_S,
@@ -28,6 +27,7 @@ from tests.support.cloud_turns import (
     turn,
     turns,
 )
+from tests.support.corpus_case import Case
 
 COUNT = 3
 VLP16 = load_sensor("vlp16")

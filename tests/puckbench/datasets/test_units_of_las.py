@@ -10,7 +10,7 @@ import pytest
 from cloud_files.clouds import read_cloud
 from puckbench.cli import main
 from puckbench.datasets.point_clouds import PointClouds
-from tests.puckbench.corpus.las import POINTS, STEPS, US_FOOT, wkt
+from tests.cloud_files.corpus.las import POINTS, STEPS, US_FOOT, wkt
 from tests.support.las_files import las_bytes
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cloud_files.archives import read_archive, write_archive
 from cloud_files.clouds import read_cloud, write_cloud
-from cloud_files.meshes.writing import write_mesh
+from cloud_files.meshes import write_mesh
 from pointkit.errors import InputError
 from pointkit.files import read_json
 from pointkit.geometry.cloud import Floats, PointCloud
@@ -19,6 +18,7 @@ from pointkit.geometry.spatial_order import Rows, distinct_points
 from primitive_codec import mode_decision
 from puckbench.cli import main
 from puckbench.codecs.registry import codec_class
+from puckbench.core.archives import read_archive, write_archive
 from puckbench.jobs.curve_files import Coded, read_curve, read_rows, write_curve, write_rows
 from puckbench.jobs.decode import Decode
 from puckbench.jobs.decode_shown import DecodeShown

@@ -7,8 +7,8 @@ import struct
 import lzf
 import numpy as np
 
-from tests.puckbench.corpus.case import TWO
-from tests.puckbench.corpus.case import cloud_case as _case
+from tests.support.corpus_case import TWO
+from tests.support.corpus_case import cloud_case as _case
 
 _FLOATS = struct.pack("<6f", 1, 2, 3, 4, 5, 6)
 _TEXT = b"1 2 3\n4 5 6\n"

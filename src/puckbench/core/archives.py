@@ -1,3 +1,5 @@
+"""Archives of results: uncompressed ZIP files, such as the streams of one curve."""
+
 from __future__ import annotations
 
 import struct
@@ -18,7 +20,10 @@ _REGULAR_FILE = 0o100644 << 16
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write members (bytes by name) to a zip archive; equal members give identical files."""
+    """Write an uncompressed ZIP file with these members, contents by name.
+
+    Equal members give the same bytes, whenever they are written.
+    """
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, data in members.items():
             member = zipfile.ZipInfo(name, _EPOCH)
@@ -27,7 +32,10 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_archive(path: Path) -> dict[str, bytes]:
-    """Return the members of an archive (bytes by name); raise InputError if any is compressed."""
+    """Return the members of an archive, contents by name.
+
+    Raises InputError if the file is damaged, or a member is compressed or larger than the file.
+    """
     data = read_bytes(path)
     with naming(path), reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:
         members = archive.infolist()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.puckbench.corpus.case import Case, content
+from tests.support.corpus_case import Case, content
 
 FLOOR = [(4, 0, 0), (4, 1, 0), (1, 1, 0), (1, 4, 0), (0, 4, 0), (0, 0, 0)]
 """An L of area 7; a fan about its first corner has an area of 13."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.puckbench.corpus.case import cloud_case as _case
+from tests.support.corpus_case import cloud_case as _case
 
 INTENSITY = {"Intensity": [7, 8]}
 

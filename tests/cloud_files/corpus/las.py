@@ -12,7 +12,7 @@ import laspy
 import numpy as np
 import pyproj
 
-from tests.puckbench.corpus.case import Case, cloud_case
+from tests.support.corpus_case import Case, cloud_case
 from tests.support.las_files import (
     CRS,
     GEO_DOUBLES,

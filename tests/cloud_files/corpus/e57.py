@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.puckbench.corpus.case import Case, content
+from tests.support.corpus_case import Case, content
 from tests.support.e57_files import DOUBLE, Scan, cartesian, write_e57
 
 POINTS = np.array([(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])

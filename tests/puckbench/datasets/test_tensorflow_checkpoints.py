@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cloud_files.tensorflow_checkpoints import read_variables
 from pointkit.errors import InputError
+from puckbench.datasets.tensorflow_checkpoints import read_variables
 from tests.support.tensorflow_checkpoint import checkpoint
 
 VARIABLES = {

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pointkit.coding import zstandard
-from tests.puckbench.corpus.case import cloud_case as _case
+from tests.support.corpus_case import cloud_case as _case
 
 _TEXT = "1 2 3\n4 5 6\n"
 _FLOATS = struct.pack("<6f", 1, 2, 3, 4, 5, 6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.puckbench.corpus.case import Case
+from tests.support.corpus_case import Case
 
 _PLY = (
     "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\n"

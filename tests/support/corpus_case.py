@@ -1,15 +1,21 @@
-"""A file of the corpus: how it is written, and the expected result of reading it."""
+"""A file of a corpus: how it is written, and the expected result of reading it."""
 
 from __future__ import annotations
 
 import importlib
+import logging
 import pkgutil
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal
 
-from tests.puckbench import corpus
+import numpy as np
+import pytest
+
+from pointkit.errors import InputError
 
 Reader = Literal["cloud", "mesh", "returns", "turns"]
 
@@ -74,8 +80,39 @@ def cloud_case(
     return Case(file, write, "cloud", None if error else points, error, **more)
 
 
-def cases() -> Iterator[Case]:
-    """Yield the ``CASES`` of all modules of the corpus."""
+def cases(corpus: ModuleType) -> Iterator[Case]:
+    """Yield the ``CASES`` of all modules of a corpus, which is a package."""
     for module in sorted(module.name for module in pkgutil.iter_modules(corpus.__path__)):
-        if not module.startswith("test_") and module not in ("case", "__main__"):
-            yield from importlib.import_module(f"tests.puckbench.corpus.{module}").CASES
+        if not module.startswith(("test_", "__")):
+            yield from importlib.import_module(f"{corpus.__name__}.{module}").CASES
+
+
+def check(
+    case: Case,
+    folder: Path,
+    caplog: pytest.LogCaptureFixture,
+    read: Callable[[Case, Path], tuple[Any, Any]],
+) -> None:
+    """Assert that `read`, which returns points and further columns, gives what a case expects."""
+    path = folder / case.file
+    case.write(path)
+    with caplog.at_level(logging.WARNING):
+        if case.error is not None:
+            with pytest.raises(InputError) as refusal:
+                read(case, path)
+            message = str(refusal.value)
+            assert re.search(case.error, message), message
+            assert "\n" not in message
+            return
+        points, columns = read(case, path)
+    assert case.points is not None
+    np.testing.assert_allclose(points, np.asarray(case.points, dtype=float), rtol=0, atol=1e-9)
+    for name, values in case.fields.items():
+        np.testing.assert_array_equal(columns[name], values)
+    if case.area is not None:
+        assert columns["area"] == pytest.approx(case.area, rel=1e-6)
+    lines = [record.getMessage() for record in caplog.records]
+    if case.warning is None:
+        assert not lines
+    else:
+        assert any(re.search(case.warning, line) for line in lines), lines

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.puckbench.corpus.case import cloud_case as _case
+from tests.support.corpus_case import cloud_case as _case
 
 TWO = np.array([(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])
 
