@@ -88,7 +88,7 @@ lock: setup
 
 dist: setup
 	rm -rf build dist
-	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist ./src/*/
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist $(dir $(wildcard ./src/*/pyproject.toml))
 	@ls -l dist
 
 clean:

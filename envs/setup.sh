@@ -169,7 +169,7 @@ install_ours() {
     key=$(hash_of src/*/pyproject.toml)
     ! is_done ours "$key" || return 0
     # shellcheck disable=SC2046  # two words per package
-    pip_install --no-deps $(printf -- '--editable %s ' ./src/*/)
+    pip_install --no-deps $(for file in src/*/pyproject.toml; do echo "--editable ./${file%/*}"; done)
     mark_done ours "$key"
 }
 

@@ -1,4 +1,4 @@
-"""The pins in envs/ cover what the packages need, and the set-up script says what a bare system lacks."""
+"""The pins in envs/ cover what the packages need, and the script says what a bare system lacks."""
 
 import importlib.metadata
 import runpy
