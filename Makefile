@@ -50,7 +50,7 @@ lint: setup-test
 	$(IN_VENV) lint-imports --no-cache
 
 alone: setup-test
-	$(IN_VENV) pytest -m alone
+	$(IN_VENV) pytest -m alone --durations 0 tests/repository/project/test_alone.py
 
 SECONDS ?= 300
 fuzz: setup-test
