@@ -84,6 +84,29 @@ def test_a_package_declares_what_its_modules_import(package: str) -> None:
     assert (unknown, idle) == ([], set())
 
 
+def allowed(package: str) -> set[str]:
+    """The packages of src/ that one may import, directly or not, itself too."""
+    named = {each.name for each in requirements(package)} & PROJECTS.keys() - {"jenco2022"}
+    return {package}.union(*map(allowed, named))
+
+
+@pytest.fixture(scope="module")
+def graph() -> grimp.ImportGraph:
+    return grimp.build_graph("tests", *PROJECTS, exclude_type_checking_imports=True, cache_dir=None)
+
+
+@pytest.mark.parametrize("package", PROJECTS)
+def test_the_tests_of_a_package_import_only_what_it_depends_on(
+    package: str, graph: grimp.ImportGraph
+) -> None:
+    chains = [
+        " > ".join(chain)
+        for other in PROJECTS.keys() - allowed(package)
+        for chain in graph.find_shortest_chains(f"tests.{package}", other)
+    ]
+    assert sorted(chains) == []
+
+
 PUBLIC_NAMES = """
 import importlib, sys, typing
 package = importlib.import_module(sys.argv[1])
