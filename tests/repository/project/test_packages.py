@@ -1,5 +1,6 @@
 """Each package of src/ declares all that it is made of and imports, and is imported quickly."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -105,6 +106,18 @@ def test_the_tests_of_a_package_import_only_what_it_depends_on(
         for chain in graph.find_shortest_chains(f"tests.{package}", other)
     ]
     assert sorted(chains) == []
+
+
+def test_the_page_about_the_architecture_names_the_rooms_in_the_order_of_imports() -> None:
+    contracts = tomllib.loads((SOURCE.parent / "pyproject.toml").read_text())
+    (rooms,) = [
+        each["layers"]
+        for each in contracts["tool"]["importlinter"]["contracts"]
+        if each.get("containers") == ["puckbench"]
+    ]
+    text = (SOURCE.parent / "docs" / "explanation" / "architecture.md").read_text()
+    named = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
+    assert named == [room for room in rooms if room != "__main__"]
 
 
 PUBLIC_NAMES = """
