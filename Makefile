@@ -40,13 +40,16 @@ learned:
 slurm:
 	@envs/setup.sh slurm
 
+SOURCE = $(PACKAGE:%=src/%)
+TESTS = $(PACKAGE:%=tests/%)
+
 test: lint
-	$(IN_VENV) pytest -n 2 --dist loadfile $(PACKAGE:%=tests/%)
+	$(IN_VENV) pytest -n 2 --dist loadfile $(TESTS)
 
 lint: setup-test
-	$(IN_VENV) ruff check $(PACKAGE:%=src/% tests/%)
-	$(IN_VENV) ruff format --check $(PACKAGE:%=src/% tests/%)
-	$(IN_VENV) mypy $(PACKAGE:%=src/%)
+	$(IN_VENV) ruff check $(SOURCE) $(TESTS)
+	$(IN_VENV) ruff format --check $(SOURCE) $(TESTS)
+	$(IN_VENV) mypy $(SOURCE)
 	$(IN_VENV) lint-imports --no-cache
 
 alone: setup-test
