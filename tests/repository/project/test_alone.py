@@ -44,14 +44,14 @@ def installed(package: str, folder: Path) -> tuple[Path, set[str]]:
     """The Python of a new environment with one package, and the names of all that is installed."""
     ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
     shutil.copytree(ROOT / "src", folder / "src", ignore=ignored)  # building litters it
-    done(sys.executable, "-m", "venv", "environment", cwd=folder)
+    done(sys.executable, "-m", "venv", "--without-pip", "environment", cwd=folder)
     python = folder / "environment" / "bin" / "python"
-    pip = (python, "-m", "pip", "--disable-pip-version-check")
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python)
     sources = [f"./src/{name}" for name in sorted(ours(package))]
-    done(*pip, "install", "--quiet", *sources, cwd=folder)
+    done(*pip, "install", "--quiet", "--no-compile", *sources, cwd=folder)
     found = json.loads(done(*pip, "list", "--format", "json", cwd=folder))
     shutil.rmtree(folder / "src")
-    return python, {each["name"].lower() for each in found} - {"pip", "setuptools"}
+    return python, {each["name"].lower() for each in found}
 
 
 GPCC = """
