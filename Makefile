@@ -1,8 +1,9 @@
 # make run    set up .venv, run the default benchmark, write its report
-# make test   set up .venv with the test tools, then run every check
+# make test   set up .venv with the test tools, then run every check; PACKAGE=gpcc checks one package of src/
 # make lint   only the static checks         make data      fetch the free real data into data/
+# make alone  install each package in an environment of its own, and use it there; takes minutes and gigabytes
 # make fuzz   damaged streams and files for decoders and readers, for SECONDS=300 in all; fails on a crash, hang or blow-up
-# make mutants  small changes of the code, which tests have to notice (MODULES=metrics/density)
+# make mutants  small changes of the code, which tests have to notice (MODULES=puckbench/metrics/density)
 # make docs   build the documentation into site/, with the reference results (also: make site)
 # make pages  the documentation's pictures and numbers, from the reference results and the default run's clouds
 # make reference STUDY=default   run a study, if need be, and keep its results as reference results;
@@ -10,7 +11,7 @@
 # make setup  .venv without torch            make learned   add torch and odometry, which a run needs
 # make slurm  add what runs on a Slurm cluster need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
-# make dist   a source archive and the wheel made of it, into dist/
+# make dist   the wheels of all packages, into dist/
 # make clean  remove results and caches, keep .venv and data/
 # CORES=4 runs on more cores; PYTHON=python3.12 names the interpreter that .venv is made with.
 
@@ -21,7 +22,7 @@ IN_VENV := PATH="$(BIN):$$PATH"
 # Hundreds of processes import the same modules.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint fuzz mutants setup setup-test learned slurm docs site pages reference data lock dist clean
+.PHONY: run test lint alone fuzz mutants setup setup-test learned slurm docs site pages reference data lock dist clean
 .NOTPARALLEL:
 
 run: learned
@@ -39,14 +40,20 @@ learned:
 slurm:
 	@envs/setup.sh slurm
 
+SOURCE = $(PACKAGE:%=src/%)
+TESTS = $(PACKAGE:%=tests/%)
+
 test: lint
-	$(IN_VENV) pytest -n 2 --dist loadfile
+	$(IN_VENV) pytest -n 2 --dist loadfile $(TESTS)
 
 lint: setup-test
-	$(IN_VENV) ruff check
-	$(IN_VENV) ruff format --check
-	$(IN_VENV) mypy
+	$(IN_VENV) ruff check $(SOURCE) $(TESTS)
+	$(IN_VENV) ruff format --check $(SOURCE) $(TESTS)
+	$(IN_VENV) mypy $(SOURCE)
 	$(IN_VENV) lint-imports --no-cache
+
+alone: setup-test
+	$(IN_VENV) pytest -m alone --durations 0 tests/repository/project/test_alone.py
 
 SECONDS ?= 300
 fuzz: setup-test
@@ -84,8 +91,7 @@ lock: setup
 
 dist: setup
 	rm -rf build dist
-	$(BIN)/python -c 'from setuptools import build_meta; build_meta.build_sdist("dist")' >/dev/null
-	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist dist/*.tar.gz
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist $(dir $(wildcard ./src/*/pyproject.toml))
 	@ls -l dist
 
 clean:

@@ -1,10 +1,13 @@
-"""Writes the locks and the conda environment from pyproject.toml, for maintainers: ``make lock``.
+"""Writes the locks and the conda environment, for maintainers: ``make lock``.
 
-Pins stay as they are unless pyproject.toml forbids them; ``--upgrade`` takes the newest versions.
+The packages of src/ say what they need, each in its pyproject.toml, and the repository's
+pyproject.toml what the checks and the documentation need. Pins stay as they are unless these files
+forbid them; ``--upgrade`` takes the newest versions.
 Needs uv on PATH. One resolution covers all supported Pythons and platforms, with one version of a
 package wherever one serves them all, so that results do not depend on the Python.
 """
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -27,19 +30,37 @@ def read_pins(path: Path) -> Pins:
     return [line for line in path.read_text().splitlines() if line[:1].isalnum()]
 
 
+def requirements(*extras: str) -> list[str]:
+    """Return what the packages need with these extras and groups, each other left out.
+
+    `pcc_networks`, which alone needs PyTorch, counts only with the extra "learned".
+    """
+    text = {path.parent.name: path.read_text() for path in ROOT.glob("src/*/pyproject.toml")}
+    groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["dependency-groups"]
+    result = [line for extra in extras for line in groups.get(extra, [])]
+    for name in text.keys() - (set() if "learned" in extras else {"pcc_networks"}):
+        package = tomllib.loads(text[name])
+        result += package["build-system"]["requires"] + package["project"]["dependencies"]
+        optional = package["project"].get("optional-dependencies", {})
+        result += [line for extra in ("tables", *extras) for line in optional.get(extra, [])]
+    return sorted({line for line in result if normal_name(line) not in map(normal_name, text)})
+
+
+def normal_name(requirement: str) -> str:
+    """Return the name of the package that a requirement asks for, in the one form of any name."""
+    return re.match(r"[\w.-]*", requirement)[0].lower().replace("_", "-")  # type: ignore[index]
+
+
 def resolve(extras: list[str], preferred: Pins, obeyed: Pins, upgrade: bool = False) -> Pins:
-    """Resolve pyproject.toml with extras; ``preferred`` versions yield, ``obeyed`` do not."""
-    build = "\n".join(
-        tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]
-    )
+    """Resolve the requirements with extras; ``preferred`` versions yield, ``obeyed`` do not."""
     with tempfile.TemporaryDirectory() as folder:
         out, constraints = Path(folder, "out"), Path(folder, "constraints")
         out.write_text("\n".join(preferred))
         constraints.write_text("\n".join(obeyed))
         command = [*COMPILE.split(), *PLAIN.split(), *(["--upgrade"] if upgrade else [])]
-        command += [f"--extra={extra}" for extra in extras]
-        command += [f"--constraint={constraints}", f"--output-file={out}", "pyproject.toml", "-"]
-        subprocess.run(command, input=build, text=True, check=True, cwd=ROOT)
+        command += [f"--constraint={constraints}", f"--output-file={out}", "-"]
+        wanted = "\n".join(requirements(*extras))
+        subprocess.run(command, input=wanted, text=True, check=True, cwd=ROOT)
         return read_pins(out)
 
 

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Makes or completes .venv: a suitable Python, the system's libraries, the pinned packages, puckbench.
+# Makes or completes .venv: a suitable Python, the system's libraries, the pinned packages, those of src/.
 #   envs/setup.sh [test] [learned]     PYTHON=... names the interpreter; exit status 2: something to do first
 # What is done is stamped inside .venv with the hash of what it was done from; a second run does nothing.
 set -eu
@@ -165,11 +165,12 @@ install_locks() { # names: the packages of envs/<name>.lock, all in one go
     for name in "$@"; do mark_done "$name" "$key"; done
 }
 
-install_puckbench() {
-    key=$(hash_of pyproject.toml src/puckbench/__init__.py)
-    ! is_done puckbench "$key" || return 0
-    pip_install --no-deps --editable .
-    mark_done puckbench "$key"
+install_ours() {
+    key=$(hash_of src/*/pyproject.toml)
+    ! is_done ours "$key" || return 0
+    # shellcheck disable=SC2046  # two words per package
+    pip_install --no-deps $(for file in src/*/pyproject.toml; do echo "--editable ./${file%/*}"; done)
+    mark_done ours "$key"
 }
 
 for group in "$@"; do
@@ -180,4 +181,4 @@ require_libraries
 case " $* " in *" test "*) require_browser; require_rsync ;; esac
 [ "$python" = .venv/bin/python ] || make_venv
 install_locks requirements "$@"
-install_puckbench
+install_ours

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -38,10 +39,10 @@ def one_thread() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def job_server() -> None:
     """Start a server that forks the jobs of all runs, each of which would import for seconds."""
-    # not above: the other packages are tested without puckbench
+    # Here, since tests of other packages run without puckbench.
     from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
-    from tests.support.bench import ROOT
 
+    source = Path(__file__).parents[1] / "src"
     with pytest.MonkeyPatch.context() as environment:
-        environment.setenv("PYTHONPATH", str(ROOT / "src"))  # as runs set it for jobs
+        environment.setenv("PYTHONPATH", str(source))  # as runs set it for jobs
         start_fork_server(1, (*MODULES, *LEARNED))

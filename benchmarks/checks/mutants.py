@@ -3,7 +3,7 @@
     python -m benchmarks.checks.mutants [MODULE ...] [--each 20] [--seed 0]
 
 A mutant changes a comparison, operator, number, truth value, condition or returned value. A sample
-of each module's mutants is tested in a copy of the tree, with the tests that `TESTS` names. Prints
+of each module's mutants is tested in a copy of the tree, with its own tests (`TESTS`). Prints
 the mutants that survived; exit status 1 if they are a tenth or more.
 """
 
@@ -30,63 +30,44 @@ COPIED = ("benchmarks", "config", "docs", "src", "tests", "workflow")
 LIBRARIES = ["open3d", "trimesh", "pandas", "pyarrow.parquet", "numba", "hypothesis", "pydantic"]
 LIBRARIES += ("scipy.interpolate", "scipy.spatial", "scipy.stats", "scipy.optimize", "pytest")
 MOST_SURVIVORS = 0.1
-ROOMS = ("metrics", "lidar", "thesis/claims")
-_MESHES = "io/test_meshes_text io/test_glb io/test_concave_faces corpus/test_corpus"
+ROOMS = (
+    *("jenco2022/claims", "pointkit/lidar", "puck/recordings", "puckbench/metrics"),
+    *("puckbench/recordings", "virtual_lidar"),
+)
 TESTS = {
-    "datasets/units": "cli/test_units",
-    "geometry/extent": "cli/test_units",
-    "geometry/neighbours": "geometry/test_neighbours metrics/test_geometry",
-    "io": "corpus/test_corpus io/test_cloud_formats",
-    "io/clouds": "io/test_clouds corpus/test_corpus io/test_cloud_formats",
-    "io/descriptions": "io/test_clouds corpus/test_corpus",
-    "io/pcd": "lidar/test_decoded_clouds corpus/test_corpus io/test_cloud_formats",
-    "io/ply": "corpus/test_corpus io/test_clouds io/test_meshes",
-    "io/float32_frames": "io/test_float32_frames corpus/test_corpus",
-    "io/recordings": "io/test_captured_packets io/test_recordings corpus/test_corpus",
-    "io/e57": "io/test_e57 corpus/test_corpus io/test_cloud_formats",
-    "io/isolated": "io/test_isolated",
-    "io/las": "io/test_las corpus/test_corpus io/test_cloud_formats",
-    "io/las_header": "corpus/test_corpus",
-    "io/las_units": "corpus/test_corpus",
-    "io/recordings/ros_bags": "corpus/test_corpus io/test_recordings",
-    "io/meshes": f"io/test_meshes {_MESHES}",
-    "io/meshes/concave": "io/test_concave_faces",
-    "io/meshes/glb": _MESHES,
-    "io/recordings/sqlite_bags": "io/test_sqlite_bags corpus/test_corpus",
-    "lidar/calibration": "lidar/test_calibration_parts lidar/test_calibration",
-    "lidar/calibration/files": "lidar/test_calibration_files lidar/test_calibration",
-    "lidar/calibration/kernels": "lidar/test_calibration_parts lidar/test_calibration",
-    "lidar/errors": "lidar/test_errors lidar/test_closed_forms lidar/test_calibrated",
-    "lidar/errors/beam_footprint": "lidar/test_footprint lidar/test_rays",
-    "lidar/errors/calibrated": "lidar/test_calibrated",
-    "lidar/errors/model": "lidar/test_errors lidar/test_receiver lidar/test_mirrors",
-    "lidar/errors/registry": "lidar/test_error_model_plugins lidar/test_errors lidar/test_receiver",
-    "lidar/errors/receiver": "lidar/test_receiver lidar/test_mirrors",
-    "lidar/placement": "lidar/test_origin lidar/test_placement",
-    "lidar/raycast": "lidar/test_rays lidar/test_scan lidar/test_trajectory",
-    "lidar/recordings": "lidar/test_recordings lidar/test_recording_writing",
-    "lidar/recordings/reading": "io/test_recordings corpus/test_corpus datasets/test_recordings",
-    "lidar/recordings/data_packets": "io/test_recordings corpus/test_corpus",
-    "lidar/recordings/decoded_clouds": "lidar/test_decoded_clouds corpus/test_corpus",
-    "lidar/recordings/times": "corpus/test_corpus lidar/test_decoded_clouds",
-    "lidar/recordings/returns": "lidar/test_recordings",
-    "lidar/recordings/rings": "datasets/test_rings",
-    "lidar/scan": "lidar/test_scan lidar/test_trajectory lidar/test_mirrors",
-    "lidar/scan_returns": "lidar/test_returns",
-    "lidar/scan_table": "lidar/test_table lidar/test_scan",
-    "lidar/sweep": "lidar/test_sweep lidar/test_trajectory",
-    "lidar/walls": "lidar/test_ray_statistics lidar/test_wall_residuals",
-    "lidar/walls/detection": "lidar/test_wall_detection",
-    "lidar/walls/range_image": "lidar/test_wall_range_image",
-    "lidar/walls/stillness": "lidar/test_stillness",
-    "metrics": "metrics/test_seen",
-    "metrics/coordinate_frames": "metrics/test_coordinate_frames",
-    "metrics/geometry": "metrics/test_geometry metrics/test_truth",
-    "metrics/table_registry": "metrics/test_table_registry thesis/test_tables",
-    "metrics/tables/rate_deltas": "metrics/test_bjontegaard",
-    "thesis/claims": "thesis/test_claim_rules thesis/test_claims",
+    "cloud_files": "cloud_formats",
+    "cloud_files/clouds": "clouds cloud_formats",
+    "cloud_files/descriptions": "clouds hostile_descriptions",
+    "cloud_files/las": "las cloud_formats",
+    "cloud_files/meshes": "meshes meshes_text glb concave_faces",
+    "cloud_files/npy": "cloud_formats damaged_files",
+    "cloud_files/ply": "ply_header clouds meshes",
+    "cloud_files/text": "cloud_formats damaged_files",
+    "jenco2022/claims": "claim_rules claims",
+    "pointkit/isolated": "isolated",
+    "pointkit/lidar": "recordings turns sensor",
+    "puckbench/datasets/units": "units",
+    "puckbench/geometry/extent": "units",
+    "puckbench/geometry/neighbours": "neighbours geometry",
+    "puckbench/metrics": "seen",
+    "puckbench/metrics/geometry": "geometry truth",
+    "puckbench/metrics/tables/rate_deltas": "bjontegaard",
+    "puckbench/recordings": "recordings",
+    "puckbench/recordings/writing": "recording_writing",
+    "virtual_lidar/calibration": "calibration_parts calibration",
+    "virtual_lidar/errors": "errors closed_forms calibrated",
+    "virtual_lidar/errors/beam_footprint": "footprint rays",
+    "virtual_lidar/errors/model": "errors receiver mirrors",
+    "virtual_lidar/placement": "origin placement",
+    "virtual_lidar/raycast": "rays scan trajectory",
+    "virtual_lidar/scan": "scan trajectory mirrors",
+    "virtual_lidar/scan_returns": "returns",
+    "virtual_lidar/scan_table": "table scan",
+    "virtual_lidar/walls": "ray_statistics wall_residuals",
+    "virtual_lidar/walls/detection": "wall_detection",
+    "virtual_lidar/walls/range_image": "wall_range_image",
 }
-"""The tests of modules, or of all in a folder, whose tests are not named as they are."""
+"""Tests of modules, or of all in a folder, by their names, where no test is named as the module."""
 
 _PAIRS = "Eq NotEq, Is IsNot, In NotIn, Add Sub, Mult Div, BitAnd BitOr, LShift RShift, And Or"
 _TURNED = "Lt LtE, Lt GtE, LtE Lt, LtE Gt, Gt GtE, Gt LtE, GtE Gt, GtE Lt, FloorDiv Mult, Mod Mult"
@@ -95,17 +76,24 @@ SWAPS += [pair[::-1] for pair in SWAPS[: _PAIRS.count(",") + 1]]
 """Operators by their names in `ast`, and what takes their place."""
 
 
-def modules(beginnings: list[str]) -> dict[str, str]:
-    """Modules of the rooms, or those that begin so, and their tests (the nearest in `TESTS`)."""
+def modules(beginnings: list[str]) -> dict[str, list[str]]:
+    """Modules of the rooms, or those that begin so, and the paths of their tests.
+
+    These are the tests that `TESTS` names for a module, else the test of the module's name, else
+    the nearest of `TESTS`, else all of the package.
+    """
+    tests: dict[str, list[str]] = {}
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        tests.setdefault(path.stem.removeprefix("test_"), []).append(str(path.relative_to(ROOT)))
+    named = {name: [path for stem in TESTS[name].split() for path in tests[stem]] for name in TESTS}
     found = {}
-    for path in sorted((ROOT / "src" / "puckbench").rglob("*.py")):
-        name = str(path.relative_to(ROOT / "src" / "puckbench").with_suffix(""))
-        own = f"{name.partition('/')[0]}/test_{path.stem}"
-        above = [name, *map(str, Path(name).parents)]
-        named = next((TESTS[each] for each in above if each in TESTS), "")
-        mirrored = name not in TESTS and (ROOT / "tests" / f"{own}.py").exists()
+    for path in sorted((ROOT / "src").rglob("*.py")):
+        name = str(path.relative_to(ROOT / "src").with_suffix(""))
         if f"{name}.py".startswith(tuple(beginnings or ROOMS)):
-            found[name] = own if mirrored else named
+            package, *above = map(str, [*Path(name).parents][-2::-1])
+            near = [named[each] for each in (package, *above) if each in named]
+            own = [each for each in tests.get(path.stem, []) if f"/{package}/" in each]
+            found[name] = named.get(name) or own or [[f"tests/{package}"], *near][-1]
     return found
 
 
@@ -194,11 +182,15 @@ def tested(words: list[str], seconds: float) -> int | None:
     return None
 
 
-def campaign(module: str, tests: str, each: int, seed: int) -> tuple[int, int]:
-    source = ROOT / "src" / "puckbench" / f"{module}.py"
+def campaign(module: str, tests: list[str], each: int, seed: int) -> tuple[int, int]:
+    source = ROOT / "src" / f"{module}.py"
     place = TREE / source.relative_to(ROOT)
-    words = [f"tests/{name}.py" for name in tests.split()]
-    words += ["--hypothesis-profile=mutants", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+    words = [
+        *tests,
+        "--hypothesis-profile=mutants",
+        "-W",
+        "ignore::pytest.PytestAssertRewriteWarning",
+    ]
     sys.dont_write_bytecode = False
     found = list(mutants(source.read_text()))
     drawn = random.Random(f"{seed} {module}").sample(found, min(each, len(found)))
@@ -220,7 +212,7 @@ def campaign(module: str, tests: str, each: int, seed: int) -> tuple[int, int]:
 
 
 def prepare() -> None:
-    """Copy the tree, and import what all tests import but puckbench itself."""
+    """Copy the tree, and import what all tests import but our own packages."""
     shutil.rmtree(TREE, ignore_errors=True)
     for folder in COPIED:
         ignored = shutil.ignore_patterns("__pycache__")
@@ -243,7 +235,7 @@ def prepare() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("modules", nargs="*", help="places in src/puckbench, or beginnings of them")
+    parser.add_argument("modules", nargs="*", help="places in src, or beginnings of them")
     parser.add_argument("--each", type=int, default=20, help="mutants of each module, at most")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

@@ -8,6 +8,8 @@ import dataclasses
 import re
 import subprocess
 import sys
+import tokenize
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
@@ -18,6 +20,7 @@ from typing import Any
 from pydantic import BaseModel
 from pygments.lexers.python import PythonLexer
 
+SOURCE = Path(__file__).parents[2] / "src"
 MARKER = re.compile(r"<!-- generated: (\w+) -->")
 
 
@@ -43,6 +46,38 @@ def _with_studies(app: Any, fault: Exception | None) -> None:
     if fault is None and app.builder.format == "html":
         folder = str(Path(app.outdir) / "reference" / "results")
         subprocess.run([sys.executable, "-m", "puckbench.report.leaderboard", folder], check=True)
+
+
+def packages() -> str:
+    """Every package of the repository: what it is, what it needs, and how long it is."""
+    projects = {
+        path.parent: tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+        for path in sorted(SOURCE.glob("*/pyproject.toml"))
+    }
+    rows = []
+    for folder, project in projects.items():
+        needed = [re.split(r"[^\w.-]", line)[0] for line in project["dependencies"]]
+        ours = [name for name in needed if SOURCE / name in projects]
+        others = dict.fromkeys(name for name in needed if name not in ours)
+        lines = sum(map(_code_lines, folder.rglob("*.py")))
+        cells = [f"`{folder.name}`", project["description"], _names(ours), ", ".join(others)]
+        rows.append([*cells, f"{lines:,}"])
+    return _table(["package", "what it is", "imports", "needs besides", "lines of code"], rows)
+
+
+def _code_lines(path: Path) -> int:
+    """Lines of a module that have code: not blank lines, comments and texts by themselves."""
+    lines: set[int] = set()
+    statement: list[tokenize.TokenInfo] = []
+    with tokenize.open(path) as file:
+        for token in tokenize.generate_tokens(file.readline):
+            if token.type not in {tokenize.COMMENT, tokenize.NL, tokenize.INDENT, tokenize.DEDENT}:
+                statement.append(token)
+            if token.type == tokenize.NEWLINE:
+                if [each.type for each in statement] != [tokenize.STRING, tokenize.NEWLINE]:
+                    lines |= {n for t in statement for n in range(t.start[0], t.end[0] + 1)}
+                statement = []
+    return len(lines)
 
 
 def results() -> str:
@@ -363,5 +398,6 @@ SHOWN = (
     tables,
     figures,
     results,
+    packages,
 )
 GENERATED: dict[str, Callable[[], str]] = {function.__name__: function for function in SHOWN}

@@ -1,7 +1,7 @@
 #!/bin/sh
 # The small benchmark on a Slurm cluster of one node, this machine, against a local run: the same tables?
 #   benchmarks/checks/slurm/run.sh [CONFIG]     from the repository's root, with .venv active, as root
-# Needs Debian's slurm-wlm and munge, and `pip install '.[slurm]'`. Exit status 1 when results differ.
+# Needs Debian's slurm-wlm and munge, and `make slurm`. Exit status 1 when results differ.
 set -eu
 cd "$(dirname "$0")/../../.."
 root=$(pwd -P)

@@ -1,4 +1,4 @@
-"""The source archive and the wheel: whole, and at work where nothing else of this tree is."""
+"""The wheels of the packages: whole, and at work where nothing else of this tree is."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tarfile
 import zipfile
 from pathlib import Path
 
@@ -19,17 +18,10 @@ from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.geometry.cloud import PointCloud
 from tests.support.bench import ROOT
 
-TREES = ("src", "workflow", "config", "envs", "docs")
-FILES = (
-    "pyproject.toml",
-    "setup.py",
-    "MANIFEST.in",
-    "README.md",
-    "LICENSE",
-    "CHANGELOG.md",
-    "Makefile",
-)
-CACHES = shutil.ignore_patterns("__pycache__", "*.egg-info", ".*")
+PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/pyproject.toml"))
+BUILT_FROM = ("src", "workflow", "envs")
+NOT_IN_A_WHEEL = {"pyproject.toml", "LICENSE", "README.md"}  # the last two are beside the package
+OFFLINE = ("--no-deps", "--no-index", "--disable-pip-version-check", "--quiet")
 
 
 def done(*words: str | Path, cwd: Path) -> str:
@@ -41,24 +33,17 @@ def done(*words: str | Path, cwd: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The source archive, built in a copy of the tree, which building would litter."""
+def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The wheel of each package, built in a copy of the tree, which building would litter."""
     tree = tmp_path_factory.mktemp("tree")
-    for name in TREES:
-        shutil.copytree(ROOT / name, tree / name, ignore=CACHES)
-    for name in FILES:
-        shutil.copy(ROOT / name, tree)
-    program = "import setuptools.build_meta as build; print(build.build_sdist('dist'))"
-    return tree / "dist" / done(sys.executable, "-c", program, cwd=tree).splitlines()[-1]
-
-
-@pytest.fixture(scope="module")
-def wheel(archive: Path) -> Path:
-    """The wheel, built from the source archive alone."""
-    offline = ["--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
-    done(sys.executable, "-m", "pip", "wheel", *offline, archive.name, cwd=archive.parent)
-    (result,) = archive.parent.glob("*.whl")
-    return result
+    for name in BUILT_FROM:
+        ignored = shutil.ignore_patterns("__pycache__", "*.egg-info")
+        shutil.copytree(ROOT / name, tree / name, ignore=ignored, symlinks=True)
+    shutil.copy(ROOT / "LICENSE", tree)
+    sources = [f"./src/{name}" for name in PACKAGES]
+    made = ["wheel", "--no-build-isolation", "--wheel-dir", "dist", *OFFLINE, *sources]
+    done(sys.executable, "-m", "pip", *made, cwd=tree)
+    return {path.name.partition("-")[0]: path for path in (tree / "dist").iterdir()}
 
 
 def files_below(folder: Path) -> set[str]:
@@ -67,37 +52,35 @@ def files_below(folder: Path) -> set[str]:
     return {path.as_posix() for path in paths if "__pycache__" not in path.parts}
 
 
-def test_the_wheel_has_every_file_of_the_package(wheel: Path) -> None:
-    names = zipfile.ZipFile(wheel).namelist()
-    held = {name.removeprefix("puckbench/") for name in names if name.startswith("puckbench/")}
-    workflow = {f"workflow/{name}" for name in files_below(ROOT / "workflow")}
-    assert held == files_below(ROOT / "src" / "puckbench") | workflow | {"envs/puckbench.yaml"}
-    assert "snakemake_logger_plugin_puckbench/__init__.py" in names
-
-
-def test_the_source_archive_has_the_workflow(archive: Path) -> None:
-    with tarfile.open(archive) as tar:
-        names = {name.partition("/")[2] for name in tar.getnames()}
-    for folder in ("workflow", "config"):
-        assert {f"{folder}/{name}" for name in files_below(ROOT / folder)} <= names
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_wheel_has_every_file_of_its_package_and_the_licence(
+    package: str, wheels: dict[str, Path]
+) -> None:
+    names = zipfile.ZipFile(wheels[package]).namelist()
+    held = {name.removeprefix(f"{package}/") for name in names if name.startswith(f"{package}/")}
+    expected = files_below(ROOT / "src" / package)
+    if package == "puckbench":
+        expected |= {f"workflow/{name}" for name in files_below(ROOT / "workflow")}
+    assert held - NOT_IN_A_WHEEL == expected - NOT_IN_A_WHEEL
+    assert any(name.endswith("/licenses/LICENSE") for name in names)
 
 
 RUN = ("--codecs", "draco", "gpcc", "--rates", "r2", "r8", "--cores", "2")
 
 
-def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
-    wheel: Path, tmp_path: Path
+def test_the_installed_wheels_code_with_their_own_weights_and_run_the_workflow(
+    wheels: dict[str, Path], tmp_path: Path
 ) -> None:
     environment = tmp_path / "environment"
     done(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
     python = environment / "bin" / "python"
-    # What puckbench needs comes from this interpreter's packages; editable installs do not.
+    # What they need comes from this interpreter's packages; editable installs do not.
     where = "import sysconfig; print(sysconfig.get_path('purelib'))"
     packages = Path(done(python, "-c", where, cwd=tmp_path).strip())
     here = {sysconfig.get_path(name) for name in ("purelib", "platlib")}
     (packages / "needed.pth").write_text("\n".join(sorted(here)) + "\n")
-    offline = ["--no-deps", "--no-index", "--ignore-installed", "--target", str(packages)]
-    done(sys.executable, "-m", "pip", "install", *offline, wheel, cwd=tmp_path)
+    there = ("--ignore-installed", "--target", str(packages))
+    done(sys.executable, "-m", "pip", "install", *OFFLINE, *there, *wheels.values(), cwd=tmp_path)
     for loops in (ROOT / "src").rglob("__pycache__/numba-*"):  # a digest of sources is in the name
         compiled = packages / loops.relative_to(ROOT / "src")
         compiled.parent.mkdir(exist_ok=True)

@@ -28,7 +28,7 @@ STARTED: dict[str, tuple[str, ...]] = {
     "checks.killed_runs": ("--kills", "1", "--target", "{cloud}"),
     "checks.metrics_vs_pc_error": ("{pc_error}", "--repeats", "1", "--points", "5000"),
     "checks.recorded_noise": ("{capture}",),
-    "checks.mutants": ("metrics/density", "--each", "1"),
+    "checks.mutants": ("puckbench/metrics/density", "--each", "1"),
     "performance.codecs": (
         *("turn", "--codecs", "draco", "puck", "--rates", "10mm", "--repeats", "1"),
         *("--points", "1000"),
