@@ -32,8 +32,6 @@ from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
 from virtual_lidar import open_error_model
 
-FIRST_FIGURES = ("fig_6_6", "fig_6_9")
-"""Figures that are drawn as soon as the first codec's results are complete."""
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Tables with a row for each cloud, or for each cloud and codec."""
 _GATHERED = ("metrics", "clouds", "drives", "scan_errors", "recovery")
@@ -171,6 +169,15 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
+        """Figures that a run draws, and the files of their inputs: each picture once.
+
+        Of two figures with the same picture, this is the one that is `instead_of` the other.
+        """
+        others = {entry.instead_of for entry in figure_entries().values()}
+        return {name: files for name, files in self.drawable.items() if name not in others}
+
+    @cached_property
+    def drawable(self) -> dict[str, Inputs]:
         """Figures with available inputs and met needs, and the files of their inputs."""
         inputs = self._cloud_inputs() | self._study_inputs()
         return {
@@ -193,7 +200,7 @@ class OutputJobs:
     def figure(self, name: str) -> PlannedJob:
         record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
         also = self._codec_styles if self._shows_codecs(name) else ""
-        examples = [file for file in self.figures[name].values() if file.endswith(".ply")]
+        examples = [file for file in self.drawable[name].values() if file.endswith(".ply")]
         clouds = " ".join(str(Path(file).relative_to(self.plan.results)) for file in examples)
         return planned(record, FIGURES.module_of(name), also=f"{also} {clouds}".strip())
 
@@ -211,7 +218,9 @@ class OutputJobs:
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
         """Return a figure's style as layers: for data sets, for all figures, for this figure."""
-        changes = self.config.figures.style, self.config.figures.options.get(figure, {})
+        names = filter(None, (figure_entry(figure).instead_of, figure))
+        options = self.config.figures.options
+        changes = self.config.figures.style, *(options.get(name, {}) for name in names)
         if self._shows_codecs(figure):
             return self._style(*changes)
         return (self._dataset_style(), *changes) if self._shows_datasets(figure) else changes
@@ -254,7 +263,7 @@ class OutputJobs:
     def first_figures(self) -> list[str]:
         if self.plan.has_failed("first_look"):
             return []
-        return [name for name in FIRST_FIGURES if name in self.figures]
+        return [name for name in self.figures if figure_entry(name).is_first_look]
 
     @cached_property
     def first_look(self) -> Gathering:
