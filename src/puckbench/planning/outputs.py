@@ -30,6 +30,7 @@ from puckbench.planning.report_contents import planned_contents
 from puckbench.planning.sensing import code_of_models
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
+from puckbench.report.registry import SECTIONS, sections_of
 from virtual_lidar import open_error_model
 
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
@@ -291,7 +292,8 @@ class OutputJobs:
         places = (*contents.own_figures, *contents.own_tables)
         record = Report(contents=contents.as_json(), code=places)
         also = f"{assets_version()} {self._codec_styles} {digest}"
-        return planned(record, also=also)
+        sections = (SECTIONS.module_of(each.name) for each in sections_of(contents.tables))
+        return planned(record, *sections, also=also)
 
     # ---- reference results
 
