@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from puckbench.report.cells import cell_text
-from puckbench.report.registry import SECTIONS, SectionData
+from puckbench.report.sections import SECTIONS, SectionData
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -18,23 +18,28 @@ _UNTESTED = "not tested"
 _SEPARATOR = re.compile(r"; (?![^(]*\))")
 """A semicolon outside parentheses."""
 _HTML = """\
-<p class="note">Published claims and the verdicts of this run: {% for verdict, count in counts.items() %}\
-{{ count }} × {{ verdict }}{{ "" if loop.last else ", " }}{% endfor %}.
+<p class="note">Published claims and the verdicts of this run:
+{%- for verdict, count in counts.items() %} {{ count }} × {{ verdict }}
+{{- "" if loop.last else "," }}{% endfor %}.
 Table: <a href="{{ link }}">CSV</a>.</p>
 <div class="cards">
 {% for card in cards %}
-<article class="card marked claim {{ card.colour }}"><h3><span class="verdict">{{ card.verdict }}</span> \
-{{ card.heading }}</h3>
+<article class="card marked claim {{ card.colour }}">
+<h3><span class="verdict">{{ card.verdict }}</span> {{ card.heading }}</h3>
 <p>{{ card.text }}</p>
 {% if card.remark %}<p class="remark">{{ card.remark }}</p>{% endif %}
 {% if card.measured or card.context %}
 <details><summary>What was measured</summary>
-{% if card.measured %}<ul>{% for part in card.measured %}<li>{{ part }}</li>{% endfor %}</ul>{% endif %}
-<dl>{% for head, text in card.context.items() %}<dt>{{ head }}</dt><dd>{{ text }}</dd>{% endfor %}</dl>
-</details>
+<ul>{% for part in card.measured %}<li>{{ part }}</li>{% endfor %}</ul>
+<dl>{% for head, text in card.context.items() %}
+<dt>{{ head }}</dt><dd>{{ text }}</dd>
+{%- endfor %}</dl></details>
 {% endif %}
-{% if card.figures %}<p class="remark">Figures: {% for figure, title in card.figures.items() %}\
-<a href="#figure-{{ figure }}">{{ title }}</a>{{ "" if loop.last else "; " }}{% endfor %}</p>{% endif %}
+{% if card.figures %}
+<p class="remark">Figures: {% for figure, title in card.figures.items() %}
+<a href="#figure-{{ figure }}">{{ title }}</a>{{ "" if loop.last else "; " }}
+{%- endfor %}</p>
+{% endif %}
 </article>
 {% endfor %}
 </div>

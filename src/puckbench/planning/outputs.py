@@ -28,9 +28,10 @@ from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
 from puckbench.planning.sensing import code_of_models
+from puckbench.planning.study import STUDIES, StudyJobs
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
-from puckbench.report.registry import SECTIONS, sections_of
+from puckbench.report.sections import SECTIONS, sections_of
 from virtual_lidar import open_error_model
 
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
@@ -39,15 +40,16 @@ _GATHERED = ("metrics", "clouds", "drives", "scan_errors", "recovery")
 """Gathered tables of results, which tables and figures may read."""
 _OF_CURVES = {"metrics", "recovery"}
 """Tables with rows for coded clouds only."""
-_OF_STUDY = ("residuals", "scans", "compared_residuals", "compared")
-"""Joined tables of the sensor study, which tables and figures may read."""
 Inputs = dict[str, str]
 """Files of inputs by name."""
 
 
 class OutputJobs:
-    def __init__(self, plan: Plan, coding: CodingJobs, drives: DriveJobs) -> None:
+    def __init__(
+        self, plan: Plan, coding: CodingJobs, drives: DriveJobs, study: StudyJobs | None
+    ) -> None:
         self.plan, self.coding, self.drives, self.config = plan, coding, drives, plan.config
+        self.study = study
         register_user_plugins(self.config.figures.own, self.config.tables)
         self._check_inputs()
         for name in self.figures:
@@ -58,7 +60,8 @@ class OutputJobs:
     def _check_inputs(self) -> None:
         """Raise InputError if a table or figure of the user has an input that does not exist."""
         examples = (f"example_{kind}" for kind in type(self.config.figures.examples).model_fields)
-        known = [*TABLES.names(), *_OF_STUDY, *examples]
+        of_studies = (name for study in STUDIES.names() for name in STUDIES.get(study).input_names)
+        known = [*dict.fromkeys([*TABLES.names(), *of_studies, *examples])]
         entries: dict[str, TableEntry | FigureEntry]
         entries = {f"table {place}": table_entry(place) for place in self.config.tables}
         entries |= {f"figure {place}": figure_entry(place) for place in self.config.figures.own}
@@ -337,16 +340,8 @@ class OutputJobs:
         return inputs
 
     def _study_inputs(self) -> Inputs:
-        study = self.plan.study
-        if study is None:
-            return {}
-        names = ["residuals", *(["scans"] if study.shown_m else [])]
-        if study.captures and self._can_make("compared_residuals"):
-            names += ["compared_residuals", "model_distances"]
-        inputs = {name: self._file(name) for name in names if self._can_make(name)}
-        if "compared_residuals" in inputs:
-            inputs["compared"] = inputs["compared_residuals"]
-        return inputs
+        tables = {} if self.study is None else self.study.inputs
+        return {name: self._file(table) for name, table in tables.items() if self._can_make(table)}
 
     @cached_property
     def _met(self) -> dict[str, Options]:

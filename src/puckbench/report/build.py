@@ -21,9 +21,9 @@ from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import embedded
 from puckbench.report.plot_data import plot_payload
-from puckbench.report.registry import SectionData, sections_of
 from puckbench.report.run_description import RunDescription, describe_run
 from puckbench.report.run_record import RunRecord
+from puckbench.report.sections import SectionData, sections_of
 from puckbench.report.tables import table_html
 from puckbench.report.viewer_data import viewer_payload
 

@@ -1,4 +1,4 @@
-"""The registry of further sections of the report, which other packages add.
+"""Further sections of the report, which other packages add in their module ``sections``.
 
 A section is a function from a run's tables to HTML::
 
