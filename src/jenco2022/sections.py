@@ -13,6 +13,8 @@ from puckbench.report.sections import SECTIONS, SectionData
 if TYPE_CHECKING:
     from markupsafe import Markup
 
+CODE = ()
+
 _COLOURS = {"holds": "good", "holds in part": "partly", "does not hold": "bad"}
 _UNTESTED = "not tested"
 _SEPARATOR = re.compile(r"; (?![^(]*\))")

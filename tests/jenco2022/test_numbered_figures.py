@@ -14,9 +14,7 @@ from puckbench.planning.workflow import Workflow
 from tests.support.figures_lookalike import clouds_table, metrics_table
 
 ROOT = Path(__file__).parents[2]
-NUMBERED = {
-    name: entry.instead_of for name, entry in figure_entries().items() if entry.instead_of
-}
+NUMBERED = {name: entry.instead_of for name, entry in figure_entries().items() if entry.instead_of}
 
 
 @pytest.fixture

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from puckbench.geometry.rendering import Image, View
 
+CODE = ("puckbench.geometry.rendering",)
+
 _figure = partial(FIGURES.register, category="Clouds")
 _AZIMUTH_DEG, _ELEVATION_DEG = -60.0, 38.0
 _CUT_HEIGHT = 0.8

@@ -84,7 +84,7 @@ class StudyJobs(ABC):
         return files_named(self.study.models[model][1].values())
 
 
-STUDIES: Registry[type[StudyJobs]] = Registry("study", "puckbench.planning.study")
+STUDIES: Registry[type[StudyJobs]] = Registry("study", "study")
 
 
 def study_jobs(plan: Plan) -> StudyJobs | None:
