@@ -6,8 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from jenco2022.jobs.joined_tables import ComparedResiduals, JoinedTable
-from jenco2022.jobs.residuals import Residuals, WallScanJob
-from jenco2022.jobs.wall_points import WallPoints
+from jenco2022.jobs.residuals import Residuals, WallPoints, WallScanJob
 from pointkit.lidar.sensors import load_sensor
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.sensing import code_of_models

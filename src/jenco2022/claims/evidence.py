@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jenco2022.published import medians_of_thesis
 from pointkit.geometry.cloud import Floats
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.plot_styles import codec_style
@@ -141,3 +142,14 @@ class Evidence:
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         rows = rows[["bpp", column]].dropna()
         return rows[(rows > 0).all(axis=1)].sort_values("bpp")
+
+
+def thesis_evidence() -> Evidence:
+    """Return the medians of thesis figure 6.5 in the form of a run's results.
+
+    Names of its data sets and codecs are their roles; bits per point are known only for the first
+    and the last rate, and times not at all.
+    """
+    table = medians_of_thesis()
+    datasets, codecs = ({name: name for name in table[key]} for key in ("dataset", "codec"))
+    return Evidence(table, datasets=datasets, codecs=codecs, of_medians=True)
