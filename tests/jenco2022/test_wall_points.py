@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jenco2022.residuals.joining import COLUMNS as JOINED
+from jenco2022.residuals.tables import JOINED
 from jenco2022.residuals.virtual import (
     POINT_COLUMNS,
     POINT_SURFACES,

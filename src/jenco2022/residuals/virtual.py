@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jenco2022.residuals import joining
+from jenco2022.residuals.tables import JOINED
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
@@ -25,9 +25,24 @@ SWEEP = Sweep(frames_skipped=1)
 
 @dataclass(frozen=True)
 class Procedure:
-    """Settings of Procedure 1, by default the thesis's.
+    """Settings of Procedure 1 of the thesis: scan a wall and a floor, and fit a plane to each.
 
-    `refit`: fit planes to RANSAC's inliers by least squares. `keep`: maximum rows per scan.
+    Parameters
+    ----------
+    model
+        Name of the error model.
+    options
+        Changes to the parameters of the error model.
+    sensor
+        Name of the sensor.
+    sweep
+        Rotation and motion of the sensor.
+    threshold_m
+        Largest distance of RANSAC's inliers from the plane, m.
+    refit
+        Whether planes are fitted to RANSAC's inliers by least squares. The thesis did not.
+    keep
+        Maximum number of rows of a scan, chosen at random; None keeps all.
     """
 
     model: str
@@ -42,9 +57,30 @@ class Procedure:
 def residual_table(
     procedure: Procedure, distances: Sequence[float], runs: int, seed: int
 ) -> pd.DataFrame:
-    """Return the residuals (m) of `runs` scans from each distance, in the columns `COLUMNS`.
+    """Return the plane residuals of `runs` scans from each distance.
 
-    Raises InputError if a distance or model is unknown, or there is no scan.
+    A plane residual is the signed distance of a point from the plane fitted to its surface.
+
+    Parameters
+    ----------
+    procedure
+        Settings of the scans and fits.
+    distances
+        Distances of the sensor from the wall, m; there are scenes for 1, 2, 3, 4, 5 and 30 m.
+    runs
+        Number of scans from each distance, which differ in the sensor's errors.
+    seed
+        Seed of all random numbers.
+
+    Returns
+    -------
+    DataFrame
+        A row for each return, in the columns `virtual_lidar.residual_table.COLUMNS`.
+
+    Raises
+    ------
+    InputError
+        A distance or the error model is unknown, or there is no distance or run.
     """
     if not distances or runs < 1:
         raise InputError("residuals need at least one distance and one run")
@@ -118,7 +154,7 @@ def _frame(
 
 
 POINT_SURFACES = ("wall", "floor", "surroundings")
-POINT_COLUMNS = joining.COLUMNS["scans"]
+POINT_COLUMNS = JOINED["scans"]
 """Columns of a table of points. The wall is at y = 0, the floor at z = 0, the sensor at y =
 `distance_m`, z = 1 m; `range_error_m` is measured minus true range. "surroundings" is the rest of
 the room."""
