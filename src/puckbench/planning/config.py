@@ -352,9 +352,7 @@ class StudyConfig(Model):
     rows: int = Field(
         10_000, ge=1, description="Number of residuals that are kept of each scan, at random."
     )
-    refit: bool = Field(
-        False, description="Refit the planes of RANSAC by least squares."
-    )
+    refit: bool = Field(False, description="Refit the planes of RANSAC by least squares.")
 
     @field_validator("models")
     @classmethod
