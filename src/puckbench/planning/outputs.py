@@ -222,9 +222,9 @@ class OutputJobs:
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
         """Return a figure's style as layers: for data sets, for all figures, for this figure."""
-        names = filter(None, (figure_entry(figure).instead_of, figure))
-        options = self.config.figures.options
-        changes = self.config.figures.style, *(options.get(name, {}) for name in names)
+        options, other = self.config.figures.options, figure_entry(figure).instead_of
+        of_other = (options[other],) if other in options else ()
+        changes = self.config.figures.style, *of_other, options.get(figure, {})
         if self._shows_codecs(figure):
             return self._style(*changes)
         return (self._dataset_style(), *changes) if self._shows_datasets(figure) else changes
