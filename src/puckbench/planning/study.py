@@ -60,6 +60,7 @@ class StudyJobs(ABC):
         """Tables of this study, by the names of parameters of tables and figures that read them."""
 
     def capture_residuals(self, capture: str) -> PlannedJob:
+        """Plan the job that measures the plane residuals of a recording, given by its name."""
         record = CaptureResiduals(options=self.study.captures[capture][1])
         files = [file for inputs in self.recording(capture).values() for file in inputs]
         modules = reader_modules(self.recording(capture)["capture"])
@@ -75,12 +76,15 @@ class StudyJobs(ABC):
         return {"capture": [path], "beside": beside}
 
     def capture_files(self) -> tuple[str, ...]:
+        """Return the files of the recordings' residuals, relative to the results folder."""
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
+        """Plan the job that fits an error model to the recordings' residuals."""
         return planned(Calibrate(), also=self.capture_files())
 
     def model_files(self, model: str) -> list[str]:
+        """Return the paths of the files that the options of an error model name."""
         return files_named(self.study.models[model][1].values())
 
 
