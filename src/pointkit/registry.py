@@ -5,12 +5,12 @@ A plug-in is one file with one class or function, registered where it is defined
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-A package's plug-ins of a kind are in ``package/<folder>/`` or ``package/*/<folder>/``. A registry
-lists those of its own package, and of all packages that declare the entry point ``NAME =
-"package"`` in the group ``puckbench.plugins``: it imports all modules there, which therefore import
-heavy packages inside functions only. To find the plug-in ``a_b``, it first imports the module
-``a_b`` or, if missing, ``a``. A package may also declare single plug-ins as entry points in the
-group ``puckbench.<kind>s``.
+A package's plug-ins of a kind are in ``package/<folder>/``, ``package/*/<folder>/`` or the module
+``package/<folder>.py``. A registry lists those of its own package, and of all packages that declare
+the entry point ``NAME = "package"`` in the group ``puckbench.plugins``: it imports all modules
+there, which therefore import heavy packages inside functions only. To find the plug-in ``a_b``, it
+first imports the module ``a_b`` or, if missing, ``a``. A package may also declare single plug-ins
+as entry points in the group ``puckbench.<kind>s``.
 
 A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to the user's class or function. As
 loading a place runs code, `load` accepts only places passed to `trust`: those named on the command
@@ -200,6 +200,8 @@ def _modules(folder: str, package: str) -> list[str]:
                 name = ".".join((top, *path.relative_to(root).parts))
                 found = pkgutil.iter_modules([str(path)])
                 modules += [name, *(f"{name}.{module.name}" for module in found)]
+        if (root / f"{folder}.py").is_file():
+            modules.append(f"{top}.{folder}")
     return modules
 
 

@@ -12,9 +12,8 @@ import pytest
 
 from jenco2022.claims.catalogue import CLAIMS
 from jenco2022.claims.evidence import Evidence
-from jenco2022.claims.roles import RATES
 from jenco2022.claims.verdicts import FAILS, HOLDS, IN_PART, needs_text
-from jenco2022.published_rates import median_rows
+from jenco2022.published import RATES, medians_of_thesis
 from tests.jenco2022 import test_claims
 from tests.jenco2022.test_claims import BPP, CODECS, DATASETS, Curve, falling, result, statistics
 
@@ -474,7 +473,7 @@ def test_a_base_of_three_rates_tells_nothing() -> None:
 
 
 def test_the_thesis_s_rates_are_those_of_its_figure() -> None:
-    assert {row["rate"] for row in median_rows()} <= RATES
+    assert set(medians_of_thesis()["rate"]) <= RATES
     assert len(RATES) == 8
 
 

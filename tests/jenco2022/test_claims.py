@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from jenco2022.claims.catalogue import CLAIMS
-from jenco2022.claims.evidence import Evidence
+from jenco2022.claims.evidence import Evidence, thesis_evidence
 from jenco2022.claims.verdicts import (
     FAILS,
     HOLDS,
@@ -24,8 +24,8 @@ from jenco2022.claims.verdicts import (
     untested,
     verdict,
 )
-from jenco2022.needs.comparison import claims_options
-from jenco2022.tables.claims import claims, thesis_evidence
+from jenco2022.needs import claims_options
+from jenco2022.tables.claims import claims
 from puckbench.planning.config import checked, read_config
 from puckbench.planning.plan import Plan
 

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jenco2022.tables.claims import thesis_medians
 from jenco2022.tables.gpcc_scales import gpcc_scales
-from jenco2022.tables.thesis_medians import thesis_medians
 from pointkit.errors import InputError
 
 SCALES = {"gpcc": {"r1": 0.5, "r2": 0.75}, "arena": {"r1": 0.5, "r2": 0.75}}

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jenco2022.residuals.compared import compared_residuals, real_walls
+from jenco2022.residuals.tables import compared_residuals, real_walls
 from jenco2022.tables.model_distances import model_distances
 from pointkit.errors import InputError
 from tests.support.calibration_lookalike import residuals

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from jenco2022.representatives import codec_role
+from jenco2022.needs import codec_role
 from puckbench.codecs.registry import codecs, open_codec
 
 ROLES = {

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import wasserstein_distance
 
 from jenco2022 import published
-from jenco2022.residuals.joining import COLUMNS, MAX_ROWS, joined_files
+from jenco2022.residuals.tables import JOINED, MAX_ROWS, joined_files
 from jenco2022.tables.incidence_effect import incidence_effect, incidence_table
 from jenco2022.tables.printed_tables import table_4_1, table_4_2, table_5_1
 from jenco2022.tables.thesis_numbers import DISTANCE, FAR, NEAR, distance_to_normal, thesis_numbers
@@ -159,7 +159,7 @@ def test_joined_tables_have_the_names_of_the_configuration(tmp_path: Path) -> No
     table.to_parquet(tmp_path / "a.parquet")
     files = [(name, tmp_path / "a.parquet") for name in ("first", "real", "real")]
     joined = joined_files(files, "residuals")
-    assert tuple(joined) == COLUMNS["residuals"]
+    assert tuple(joined) == JOINED["residuals"]
     assert joined["model"].value_counts().to_dict() == {"first": 30_000, "real": 60_000}
     table.drop(columns="run").to_parquet(tmp_path / "b.parquet")
     with pytest.raises(InputError, match=r"b\.parquet: no column 'run'"):
@@ -167,7 +167,7 @@ def test_joined_tables_have_the_names_of_the_configuration(tmp_path: Path) -> No
 
 
 def test_a_long_capture_is_subsampled(tmp_path: Path) -> None:
-    rows = pd.DataFrame(dict.fromkeys(COLUMNS["residuals"], 0), index=range(MAX_ROWS + 1000))
+    rows = pd.DataFrame(dict.fromkeys(JOINED["residuals"], 0), index=range(MAX_ROWS + 1000))
     rows.assign(run=np.arange(len(rows))).to_parquet(tmp_path / "long.parquet")
     joined = joined_files([("real", tmp_path / "long.parquet")], "residuals")
     assert len(joined) == MAX_ROWS

@@ -4,9 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jenco2022.residuals.joining import COLUMNS as JOINED
-from jenco2022.residuals.virtual import Procedure, scan_residuals
-from jenco2022.residuals.wall_points import COLUMNS, SURFACES, wall_points
+from jenco2022.residuals.tables import JOINED
+from jenco2022.residuals.virtual import (
+    POINT_COLUMNS,
+    POINT_SURFACES,
+    Procedure,
+    scan_residuals,
+    wall_points,
+)
 from virtual_lidar import Sweep
 
 COARSE = Sweep(frames_skipped=1, azimuth_step_deg=0.5)
@@ -18,8 +23,8 @@ def points(model: str, distance: float, keep: int | None = None) -> pd.DataFrame
 
 def test_points_lie_in_the_wall_s_frame() -> None:
     table = points("none", 3)
-    assert tuple(table) == COLUMNS == JOINED["scans"]
-    wall, floor, rest = (table[table["surface"] == name] for name in SURFACES)
+    assert tuple(table) == POINT_COLUMNS == JOINED["scans"]
+    wall, floor, rest = (table[table["surface"] == name] for name in POINT_SURFACES)
     assert wall["y_m"].abs().max() < 1e-6
     assert floor["z_m"].abs().max() < 1e-6
     assert wall["x_m"].abs().max() <= 0.8 + 1e-6
@@ -49,4 +54,4 @@ def test_the_range_error_grows_with_incidence_as_the_model_says() -> None:
 
 def test_a_surface_keeps_at_most_so_many_points() -> None:
     table = points("none", 1, keep=500)
-    assert table["surface"].value_counts().to_dict() == dict.fromkeys(SURFACES, 500)
+    assert table["surface"].value_counts().to_dict() == dict.fromkeys(POINT_SURFACES, 500)

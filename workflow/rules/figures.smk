@@ -1,7 +1,7 @@
 # Figures.
 rule figure:
     input:
-        unpack(lambda w: coding.described(outputs.figures[w.figure])),
+        unpack(lambda w: coding.described(outputs.drawable[w.figure])),
         made_by=made_by("figures/{figure}", lambda w: outputs.figure(w.figure)),
     output:
         pdf=f"{RESULTS}/figures/{{figure}}.pdf",
@@ -14,7 +14,7 @@ rule figure:
     log:
         f"{RESULTS}/logs/figures/{{figure}}.log",
     wildcard_constraints:
-        figure=one_of(outputs.figures),
+        figure=one_of(outputs.drawable),
     conda:
         "../../envs/puckbench.yaml"
     resources:
@@ -23,7 +23,7 @@ rule figure:
     params:
         record=record_of(lambda w: outputs.figure(w.figure)),
         code=code_of(lambda w: outputs.figure(w.figure)),
-        inputs=lambda w, input: files_of(input, outputs.figures[w.figure]),
+        inputs=lambda w, input: files_of(input, outputs.drawable[w.figure]),
     shell:
         "python -m puckbench.jobs figure {params.record} {params.inputs} out={output.pdf:q} {output.svg:q}"
         " {output.png:q}"

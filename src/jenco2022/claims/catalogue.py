@@ -14,7 +14,24 @@ Test = Callable[[Evidence], list[Part]]
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the thesis, with section, numbers, test and figures."""
+    """A claim of the thesis, and the test that a run's tables are put to.
+
+    Parameters
+    ----------
+    words
+        The claim, as a sentence.
+    section
+        Section of the thesis that makes it, such as "6.2".
+    test
+        Function that returns a result for each part of the claim from an `Evidence`; parts that
+        these tables cannot decide are results without a verdict.
+    figures
+        Names of puckbench's figures that show the matter.
+    thesis
+        The thesis's own measurements, or empty.
+    thesis_figure
+        Numbers of the thesis's figures that show them, or empty.
+    """
 
     words: str
     section: str

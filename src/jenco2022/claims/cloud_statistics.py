@@ -6,9 +6,8 @@ import numpy as np
 
 from jenco2022.claims.evidence import MIN_CLOUDS, Evidence
 from jenco2022.claims.rate_distortion import CODEC_NEEDS, TITLES, TWICE
-from jenco2022.claims.roles import ALL_ROOMS, CLASSICAL, DRACO, LEARNED, SCANS
 from jenco2022.claims.verdicts import Part, untested
-from jenco2022.published_rates import OBJECTS, ROOMS
+from jenco2022.published import ALL_ROOMS, CLASSICAL, DRACO, LEARNED, OBJECTS, ROOMS, SCANS
 from pointkit.geometry.cloud import Floats
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jenco2022.published import medians_of_thesis
 from pointkit.geometry.cloud import Floats
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.plot_styles import codec_style
@@ -28,11 +29,24 @@ MIN_CALLS = 5
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, with the roles of data sets and codecs.
+    """What claims are tested on: tables of a run, and which parts its data and codecs have.
 
-    Roles are the thesis's data sets and codecs. `datasets` maps names to roles; `codecs` and
-    `stand_ins` (codecs derived from the thesis's codecs) map roles to names. If `of_medians` is
-    true, `metrics` contains medians.
+    A *role* is the name of one of the thesis's data sets or codecs (`jenco2022.published`), which
+    a data set or codec of the run represents.
+
+    Parameters
+    ----------
+    metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
+        The run's tables of these names; None where the run lacks one.
+    datasets
+        Roles of the run's data sets, by name; those without a role are ignored.
+    codecs
+        Names of the run's codecs, by role.
+    stand_ins
+        Names of codecs that modify one of the thesis's codecs, by the role of that codec. Tests
+        that allow them use these where `codecs` lacks the role.
+    of_medians
+        Whether a row of `metrics` is a median over clouds, so that one cloud suffices.
     """
 
     metrics: pd.DataFrame | None = None
@@ -46,13 +60,16 @@ class Evidence:
     of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
+        """Return this evidence with stand-ins in the roles for which there is no codec."""
         return replace(self, codecs={**self.stand_ins, **self.codecs})
 
     def stand_in(self, role: str) -> str:
+        """Return the title of the codec in a role if it is a stand-in, else an empty text."""
         codec = self.codecs.get(role)
         return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def with_role(self, *roles: str) -> list[str]:
+        """Return the names of the measured data sets that have one of the roles."""
         return [
             name
             for name, role in self.datasets.items()
@@ -84,6 +101,7 @@ class Evidence:
         return medians.assign(number=medians["rate"].map(places))
 
     def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
+        """Return the number of clouds of these data sets that the codecs in all roles coded."""
         if self.metrics is None:
             return 0
         rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]
@@ -141,3 +159,14 @@ class Evidence:
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         rows = rows[["bpp", column]].dropna()
         return rows[(rows > 0).all(axis=1)].sort_values("bpp")
+
+
+def thesis_evidence() -> Evidence:
+    """Return the medians of thesis figure 6.5 in the form of a run's results.
+
+    Names of its data sets and codecs are their roles; bits per point are known only for the first
+    and the last rate, and times not at all.
+    """
+    table = medians_of_thesis()
+    datasets, codecs = ({name: name for name in table[key]} for key in ("dataset", "codec"))
+    return Evidence(table, datasets=datasets, codecs=codecs, of_medians=True)

@@ -7,19 +7,19 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from jenco2022.claims.evidence import MIN_CALLS, MIN_CLOUDS, MIN_COMMON_RATES, MIN_RATES, Evidence
-from jenco2022.claims.roles import (
+from jenco2022.claims.verdicts import Part, untested
+from jenco2022.published import (
     CLASSICAL,
     DATASETS,
     DRACO,
     GPCC,
     GPCC_AS_RUN,
     LEARNED,
+    OBJECTS,
     PCGCV1,
     PCGCV2,
     SCANS,
 )
-from jenco2022.claims.verdicts import Part, untested
-from jenco2022.published_rates import OBJECTS
 from pointkit.geometry.cloud import Floats
 from puckbench.metrics.timing import MIN_REPEATS
 

@@ -10,10 +10,22 @@ UNTESTED = "not tested: needs "
 
 @dataclass(frozen=True)
 class Part:
-    """Part of a claim, with the result of a test.
+    """A part of a claim, with the result of its test.
 
-    If the run cannot test the part, `holds` is None, and `measured` names what the test needs.
-    `of_simulator` marks parts on simulated data, which follow from the simulator's equations.
+    Parameters
+    ----------
+    statement
+        What this part says, such as "Draco improves".
+    holds
+        Whether the run confirms it, or None if the run cannot decide.
+    measured
+        The measurement; where `holds` is None, what the run would need.
+    stand_in
+        Title of the codec that was tested in place of the thesis's, or empty.
+    sample
+        Number of clouds, rates or residuals behind the measurement.
+    of_simulator
+        Whether the data are simulated and the result follows from the simulator's equations.
     """
 
     statement: str
@@ -25,11 +37,20 @@ class Part:
 
 
 def untested(need: str) -> Part:
+    """Return a part that the run cannot decide, because it lacks what `need` names."""
     return Part("", None, need)
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict as text, which names missing requirements and stand-in codecs."""
+    """Return the verdict on a claim by the results of its parts.
+
+    Returns
+    -------
+    str
+        "holds" if all parts were tested and hold, "holds in part" if some do, "does not hold" if
+        none does, or "not tested: needs ..." with what the run lacks. A remark follows if all
+        data are simulated, or codecs stand in for the thesis's.
+    """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
         return UNTESTED + needs_text(parts)
@@ -50,10 +71,12 @@ def _stand_ins_text(parts: Sequence[Part]) -> str:
 
 
 def needs_text(parts: Sequence[Part]) -> str:
+    """Return what the run would need to test the other parts, separated by semicolons."""
     return "; ".join(dict.fromkeys(part.measured for part in parts if part.holds is None))
 
 
 def results_text(parts: Sequence[Part]) -> str:
+    """Return each tested part as "statement: yes (measured) [sample]", separated by semicolons."""
     return "; ".join(
         f"{part.statement}: {'yes' if part.holds else 'no'} ({part.measured})"
         f"{f' [{part.sample}]' if part.sample else ''}"

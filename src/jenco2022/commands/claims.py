@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from jenco2022.sections import measured_parts
 from pointkit.errors import InputError
 from puckbench.cli.registry import COMMANDS
-from puckbench.report.claims import measured_parts
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

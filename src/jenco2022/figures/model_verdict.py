@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jenco2022.figures.model_styles import model_style, ordered_models
-from jenco2022.figures.residual_table import residuals_of
-from jenco2022.figures.violins import violin_shape
+from jenco2022.figures.residual_table import residuals_of, violin_shape
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from puckbench.figures.checks import require_rows

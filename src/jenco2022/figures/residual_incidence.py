@@ -13,9 +13,9 @@ from jenco2022.figures.residual_table import (
     compared,
     near,
     subsample,
+    symmetric_limit,
 )
 from jenco2022.figures.residual_violins import RESIDUAL
-from jenco2022.figures.violins import symmetric_limit
 from jenco2022.published import BIN_STDS_M, LARGEST_RAD, PRINTED_MEAN_M
 from pointkit.geometry.cloud import Floats
 from puckbench.figures.panels import add_fitting_legend, panel_grid

@@ -10,12 +10,14 @@ from jenco2022.figures.model_styles import add_model_legend, model_style, ordere
 from jenco2022.figures.residual_table import (
     check_residuals,
     compared,
+    draw_violin,
     far,
+    moments_text,
     near,
     residuals_of,
     subsample,
+    symmetric_limit,
 )
-from jenco2022.figures.violins import draw_violin, moments_text, symmetric_limit
 from jenco2022.published import PRINTED_STD_M
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats

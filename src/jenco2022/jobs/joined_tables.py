@@ -7,6 +7,8 @@ from typing import Any, Literal
 from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
+COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
+"""Compared models; the thesis chose `vlp16_divergence` (section 5.5.3)."""
 _MAX_ROWS = 20_000
 """Maximum number of rows per recording, each with twenty simulations of every error model."""
 _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
@@ -20,7 +22,7 @@ class JoinedTable(OfNames):
     models: tuple[str, ...]
 
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
-        from jenco2022.residuals.joining import joined_files
+        from jenco2022.residuals.tables import joined_files
         from pointkit.tables import write_table
 
         table = joined_files(list(zip(self.models, self.files(results), strict=True)), self.kind)
@@ -33,13 +35,10 @@ class ComparedResiduals(OfNames):
     """Simulate residuals of error models on the rays of recorded walls."""
 
     def plugins(self) -> Iterable[str | None]:
-        from jenco2022.residuals.compared import COMPARED
-
         return COMPARED
 
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
-        from jenco2022.residuals.compared import compared_residuals, real_walls
-        from jenco2022.residuals.joining import subsampled
+        from jenco2022.residuals.tables import compared_residuals, real_walls, subsampled
         from pointkit.tables import write_table
         from virtual_lidar.errors import open_error_model
         from virtual_lidar.residual_table import read_residuals

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from jenco2022.residuals.tables import JOINED
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
@@ -24,9 +25,24 @@ SWEEP = Sweep(frames_skipped=1)
 
 @dataclass(frozen=True)
 class Procedure:
-    """Settings of Procedure 1, by default the thesis's.
+    """Settings of Procedure 1 of the thesis: scan a wall and a floor, and fit a plane to each.
 
-    `refit`: fit planes to RANSAC's inliers by least squares. `keep`: maximum rows per scan.
+    Parameters
+    ----------
+    model
+        Name of the error model.
+    options
+        Changes to the parameters of the error model.
+    sensor
+        Name of the sensor.
+    sweep
+        Rotation and motion of the sensor.
+    threshold_m
+        Largest distance of RANSAC's inliers from the plane, m.
+    refit
+        Whether planes are fitted to RANSAC's inliers by least squares. The thesis did not.
+    keep
+        Maximum number of rows of a scan, chosen at random; None keeps all.
     """
 
     model: str
@@ -41,9 +57,30 @@ class Procedure:
 def residual_table(
     procedure: Procedure, distances: Sequence[float], runs: int, seed: int
 ) -> pd.DataFrame:
-    """Return the residuals (m) of `runs` scans from each distance, in the columns `COLUMNS`.
+    """Return the plane residuals of `runs` scans from each distance.
 
-    Raises InputError if a distance or model is unknown, or there is no scan.
+    A plane residual is the signed distance of a point from the plane fitted to its surface.
+
+    Parameters
+    ----------
+    procedure
+        Settings of the scans and fits.
+    distances
+        Distances of the sensor from the wall, m; there are scenes for 1, 2, 3, 4, 5 and 30 m.
+    runs
+        Number of scans from each distance, which differ in the sensor's errors.
+    seed
+        Seed of all random numbers.
+
+    Returns
+    -------
+    DataFrame
+        A row for each return, in the columns `virtual_lidar.residual_table.COLUMNS`.
+
+    Raises
+    ------
+    InputError
+        A distance or the error model is unknown, or there is no distance or run.
     """
     if not distances or runs < 1:
         raise InputError("residuals need at least one distance and one run")
@@ -114,3 +151,57 @@ def _frame(
         **about,
     }
     return pd.DataFrame({name: columns[name] for name in COLUMNS})
+
+
+POINT_SURFACES = ("wall", "floor", "surroundings")
+POINT_COLUMNS = JOINED["scans"]
+"""Columns of a table of points. The wall is at y = 0, the floor at z = 0, the sensor at y =
+`distance_m`, z = 1 m; `range_error_m` is measured minus true range. "surroundings" is the rest of
+the room."""
+
+
+def wall_points(
+    procedure: Procedure, distances: Sequence[float], seed: int, run: int = 1
+) -> pd.DataFrame:
+    """Return the points of one run of Procedure 1 at each distance (m), before cropping.
+
+    The table has the columns `POINT_COLUMNS`. Raises InputError for an unknown distance or model.
+    """
+    parts = [_scan_points(procedure, distance, run, seed) for distance in distances]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _scan_points(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
+    mesh, origin = calibration_scene(distance, room=True)
+    sensor = load_sensor(procedure.sensor)
+    names = ("residuals", procedure.model, f"{distance:g} m", f"run {run}")
+    model = open_error_model(procedure.model, procedure.options)
+    returns = scan(mesh, sensor, procedure.sweep, model, origin, generator(seed, *names, "scan"))
+    objects = mesh.labels.objects if mesh.labels else ()
+    surfaces = np.array([each.semantic for each in objects])[returns.object_id]
+    rng, parts = generator(seed, *names, "points"), []
+    for surface in POINT_SURFACES:
+        of_surface = np.flatnonzero(surfaces == surface)
+        rows = returns.select(of_surface[random_rows(len(of_surface), procedure.keep, rng)])
+        parts.append(_points(rows, sensor, procedure.model, surface, distance))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _points(
+    rows: ScanTable, sensor: Sensor, model: str, surface: str, distance: float
+) -> pd.DataFrame:
+    elevations = np.array(sensor.laser_elevation_deg)
+    x, y, z = rows.xyz_noisy.T
+    numbers = {
+        "elevation_deg": elevations[rows["laser_id"]],
+        # Undo the half turn of the scene, by which the sweep (+y) faces the wall.
+        "x_m": -x,
+        "y_m": -y,
+        "z_m": z,
+        "range_error_m": rows["distance_noisy"] - rows["distance"],
+        "incidence_rad": rows["incidence"],
+    }
+    table = pd.DataFrame({name: column.astype(np.float32) for name, column in numbers.items()})
+    table["laser_id"] = rows["laser_id"]
+    table = table.assign(model=model, surface=surface, distance_m=np.float32(distance))
+    return table[list(POINT_COLUMNS)]

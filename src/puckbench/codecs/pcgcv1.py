@@ -45,7 +45,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
     """PCGCv1 with its hyper-prior, as published (Wang, Zhu, Liu, Ma 2021)."""
 
     title = "PCGCv1"
-    use = "the thesis's claims, as its authors published it"
+    use = "comparisons with publications, as its authors published it"
     colour = "#66CDAA"
     marker = "<"
     line: Line = "--"

@@ -41,7 +41,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     """
 
     title = "PCGCv2"
-    use = "the thesis's claims, as its authors published it"
+    use = "comparisons with publications, as its authors published it"
     colour = "#F0A070"
     marker = "2"
     line: Line = "--"

@@ -68,7 +68,7 @@ def figure_width(columns: int, style: FigureStyle) -> float:
 
 
 def panels_abreast(panels: int) -> int:
-    """Return the number of panels in a row: two for four panels, as in the thesis."""
+    """Return the number of panels in a row: two for four panels."""
     return {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(panels, 4)
 
 

@@ -42,8 +42,7 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     medians in ten bins of equally many results or, with few clouds, at each rate. Bars: quartiles;
     with fewer than six clouds, dots for each cloud.
 
-    Only codecs that decode labelled surfaces, and streams with primitives, are shown. Not in the
-    thesis.
+    Only codecs that decode labelled surfaces, and streams with primitives, are shown.
     """
     columns = tuple(metric.column for metric in _METRICS)
     require_rows(

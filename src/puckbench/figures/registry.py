@@ -2,9 +2,9 @@
 
 A figure is a function, whose docstring is the caption::
 
-    @FIGURES.register("fig_6_4", title="Point counts", category="Clouds", number="6.4")
+    @FIGURES.register("point_counts", title="Point counts", category="Clouds")
     def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-        \"\"\"Number of points per cloud in each data set (thesis figure 6.4).\"\"\"
+        \"\"\"Number of points per cloud in each data set.\"\"\"
 
 Parameters besides ``style`` are inputs: a DataFrame is the table of that name, a PointCloud is an
 example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``). Import
@@ -42,6 +42,13 @@ class FigureEntry:
         Heading and group in the report.
     number
         Number in a publication, for sorting, or empty.
+    instead_of
+        Name of another figure whose picture this one shows under its own name and number, or
+        empty. A run draws this figure and not the other, which can still be asked for.
+    remark
+        Text that follows the docstring of `draw` in the caption.
+    is_first_look
+        Whether a run draws the figure of the first codec's results while other codecs run.
     needs
         Further requirements on a plan: names of registered needs, or distances (`at`) and error
         models of the sensor study.
@@ -54,6 +61,9 @@ class FigureEntry:
     title: str = ""
     category: str = "Further figures"
     number: str = ""
+    instead_of: str = ""
+    remark: str = ""
+    is_first_look: bool = False
     needs: tuple[str, ...] = ()
     frame: CoordinateFrame = "scaled"
 
@@ -72,7 +82,7 @@ class FigureEntry:
 
     @property
     def caption(self) -> str:
-        return caption_of(self.draw)
+        return f"{caption_of(self.draw)}\n\n{self.remark}".strip()
 
 
 FIGURES: Registry[FigureEntry] = Registry("figure", "figures", make=FigureEntry)

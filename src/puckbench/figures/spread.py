@@ -39,7 +39,7 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     codec (rows), data set (columns) and rate of the codec. Boxes: quartiles and median; whiskers: 5
     and 95 % quantiles. With fewer than six clouds: circles for clouds, line for medians. n: clouds.
 
-    Zeros (lossless) are not drawn. The thesis shows medians only.
+    Zeros (lossless) are not drawn.
     """
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", CD_PLANE.column), "metrics")
     require_numbers(metrics, (CD_PLANE.column,), "metrics")

@@ -61,7 +61,7 @@ def draw_truth_chamfer(
 
     Dashed: median distance of the scan before coding, if inside the axes. The curve of a codec that
     reproduces the scan's noise approaches this line. Below the line, decoded points are nearer to
-    the surface than the scan is. Not in the thesis.
+    the surface than the scan is.
     """
     return _draw_references(metrics, scan_errors, _D2, style)
 

@@ -22,7 +22,7 @@ from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
 
 SENSOR = "Sensor, tables"
-"""Category of tables of the sensor study (thesis chapter 5)."""
+"""Category of tables of the sensor study."""
 STUDY = "sensor_study"
 """Requirement: a sensor study."""
 SEVERAL_CODECS = "codecs"

@@ -325,7 +325,7 @@ _MODELS = ("none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence")
 
 
 class StudyConfig(Model):
-    """The sensor's errors measured on a wall and a floor (thesis chapter 5, Procedure 1)."""
+    """The sensor's errors measured on a wall and a floor."""
 
     seed: Seed | None = Field(
         None, description="Seed of the sensor's errors; by default the run's."
@@ -346,15 +346,13 @@ class StudyConfig(Model):
         description="Distances of the sensor from the wall, in m; a figure shows scans at 1 and 5.",
     )
     far_m: Annotated[float, Field(ge=30)] | None = Field(
-        30.0, description="A further distance, for the effect of beam divergence (Figure 5.19)."
+        30.0, description="A further distance, for the effect of beam divergence."
     )
     runs: int = Field(3, ge=1, description="Number of scans at each distance.")
     rows: int = Field(
         10_000, ge=1, description="Number of residuals that are kept of each scan, at random."
     )
-    refit: bool = Field(
-        False, description="Refit planes by least squares; the thesis used the planes of RANSAC."
-    )
+    refit: bool = Field(False, description="Refit the planes of RANSAC by least squares.")
 
     @field_validator("models")
     @classmethod
@@ -418,7 +416,7 @@ class ReportConfig(Model):
 
 
 class ExamplesConfig(Model):
-    """Example clouds of Figures 6.1 to 6.3, each `dataset/cloud`."""
+    """Example clouds, which figures and the report show, each `dataset/cloud`."""
 
     object: CloudName | None = Field(None, description="An object.")
     raw: CloudName | None = Field(None, description="A room.")
@@ -447,7 +445,7 @@ class FiguresConfig(Model):
     )
     examples: ExamplesConfig = Field(
         ExamplesConfig(),
-        description="Example clouds of figures 6.1-6.3, each `dataset/cloud`: `object`, `raw`, "
+        description="Example clouds that figures show, each `dataset/cloud`: `object`, `raw`, "
         "`clean`, `noisy`, `spin`. A figure is drawn if all its clouds are named.",
     )
     stand_in: Options = Field(

@@ -28,27 +28,28 @@ from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
 from puckbench.planning.sensing import code_of_models
+from puckbench.planning.study import STUDIES, StudyJobs
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
+from puckbench.report.sections import SECTIONS, sections_of
 from virtual_lidar import open_error_model
 
-FIRST_FIGURES = ("fig_6_6", "fig_6_9")
-"""Figures that are drawn as soon as the first codec's results are complete."""
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Tables with a row for each cloud, or for each cloud and codec."""
 _GATHERED = ("metrics", "clouds", "drives", "scan_errors", "recovery")
 """Gathered tables of results, which tables and figures may read."""
 _OF_CURVES = {"metrics", "recovery"}
 """Tables with rows for coded clouds only."""
-_OF_STUDY = ("residuals", "scans", "compared_residuals", "compared")
-"""Joined tables of the sensor study, which tables and figures may read."""
 Inputs = dict[str, str]
 """Files of inputs by name."""
 
 
 class OutputJobs:
-    def __init__(self, plan: Plan, coding: CodingJobs, drives: DriveJobs) -> None:
+    def __init__(
+        self, plan: Plan, coding: CodingJobs, drives: DriveJobs, study: StudyJobs | None
+    ) -> None:
         self.plan, self.coding, self.drives, self.config = plan, coding, drives, plan.config
+        self.study = study
         register_user_plugins(self.config.figures.own, self.config.tables)
         self._check_inputs()
         for name in self.figures:
@@ -59,7 +60,8 @@ class OutputJobs:
     def _check_inputs(self) -> None:
         """Raise InputError if a table or figure of the user has an input that does not exist."""
         examples = (f"example_{kind}" for kind in type(self.config.figures.examples).model_fields)
-        known = [*TABLES.names(), *_OF_STUDY, *examples]
+        of_studies = (name for study in STUDIES.names() for name in STUDIES.get(study).input_names)
+        known = [*dict.fromkeys([*TABLES.names(), *of_studies, *examples])]
         entries: dict[str, TableEntry | FigureEntry]
         entries = {f"table {place}": table_entry(place) for place in self.config.tables}
         entries |= {f"figure {place}": figure_entry(place) for place in self.config.figures.own}
@@ -171,6 +173,15 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
+        """Figures that a run draws, and the files of their inputs: each picture once.
+
+        Of two figures with the same picture, this is the one that is `instead_of` the other.
+        """
+        others = {entry.instead_of for entry in figure_entries().values()}
+        return {name: files for name, files in self.drawable.items() if name not in others}
+
+    @cached_property
+    def drawable(self) -> dict[str, Inputs]:
         """Figures with available inputs and met needs, and the files of their inputs."""
         inputs = self._cloud_inputs() | self._study_inputs()
         return {
@@ -193,7 +204,7 @@ class OutputJobs:
     def figure(self, name: str) -> PlannedJob:
         record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
         also = self._codec_styles if self._shows_codecs(name) else ""
-        examples = [file for file in self.figures[name].values() if file.endswith(".ply")]
+        examples = [file for file in self.drawable[name].values() if file.endswith(".ply")]
         clouds = " ".join(str(Path(file).relative_to(self.plan.results)) for file in examples)
         return planned(record, FIGURES.module_of(name), also=f"{also} {clouds}".strip())
 
@@ -211,7 +222,9 @@ class OutputJobs:
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
         """Return a figure's style as layers: for data sets, for all figures, for this figure."""
-        changes = self.config.figures.style, self.config.figures.options.get(figure, {})
+        options, other = self.config.figures.options, figure_entry(figure).instead_of
+        of_other = (options[other],) if other in options else ()
+        changes = self.config.figures.style, *of_other, options.get(figure, {})
         if self._shows_codecs(figure):
             return self._style(*changes)
         return (self._dataset_style(), *changes) if self._shows_datasets(figure) else changes
@@ -254,7 +267,7 @@ class OutputJobs:
     def first_figures(self) -> list[str]:
         if self.plan.has_failed("first_look"):
             return []
-        return [name for name in FIRST_FIGURES if name in self.figures]
+        return [name for name in self.figures if figure_entry(name).is_first_look]
 
     @cached_property
     def first_look(self) -> Gathering:
@@ -282,7 +295,8 @@ class OutputJobs:
         places = (*contents.own_figures, *contents.own_tables)
         record = Report(contents=contents.as_json(), code=places)
         also = f"{assets_version()} {self._codec_styles} {digest}"
-        return planned(record, also=also)
+        sections = (SECTIONS.module_of(each.name) for each in sections_of(contents.tables))
+        return planned(record, *sections, also=also)
 
     # ---- reference results
 
@@ -326,16 +340,8 @@ class OutputJobs:
         return inputs
 
     def _study_inputs(self) -> Inputs:
-        study = self.plan.study
-        if study is None:
-            return {}
-        names = ["residuals", *(["scans"] if study.shown_m else [])]
-        if study.captures and self._can_make("compared_residuals"):
-            names += ["compared_residuals", "model_distances"]
-        inputs = {name: self._file(name) for name in names if self._can_make(name)}
-        if "compared_residuals" in inputs:
-            inputs["compared"] = inputs["compared_residuals"]
-        return inputs
+        tables = {} if self.study is None else self.study.inputs
+        return {name: self._file(table) for name, table in tables.items() if self._can_make(table)}
 
     @cached_property
     def _met(self) -> dict[str, Options]:

@@ -119,7 +119,7 @@ class DataSetPlan:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The sensor study (thesis chapter 5), with the checked names and options of its models."""
+    """The sensor study, with the checked names and options of its models."""
 
     settings: StudyConfig
     models: dict[str, tuple[str, dict[str, Any]]]

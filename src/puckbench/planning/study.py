@@ -1,49 +1,66 @@
+"""Jobs of the sensor study, of which another package has those that scan and compare.
+
+A package that measures errors of sensors registers one class, in its module ``study``::
+
+    @STUDIES.register("sensor_study")
+    class MyStudy(StudyJobs): ...
+"""
+
 from __future__ import annotations
 
-from functools import cached_property
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
-from pointkit.lidar.sensors import load_sensor
+from pointkit.errors import InputError
+from pointkit.registry import Registry
 from puckbench.datasets.recordings import recording_files
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
-from puckbench.jobs.registry import JOBS, Job
 from puckbench.planning.clouds import reader_modules
 from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
-from puckbench.planning.sensing import code_of_models, files_named
-from virtual_lidar import open_error_model
-from virtual_lidar.residual_table import REAL
-
-WALL_POINTS = 40_000
-"""Number of points per surface and distance in figures of scans."""
+from puckbench.planning.sensing import files_named
 
 
-class StudyJobs:
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
+class StudyJobs(ABC):
+    """Plans the jobs in ``workflow/rules/sensor.smk`` for a plan with a sensor study.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    study
+        The plan's sensor study: the checked settings, error models and captures.
+    """
+
+    input_names: ClassVar[tuple[str, ...]]
+    """Names of all inputs that a study of this class can have (`inputs`)."""
+
+    def __init__(self, plan: Plan, study: StudyPlan) -> None:
+        self.plan, self.study = plan, study
+
+    @abstractmethod
+    def residuals(self, model: str) -> PlannedJob:
+        """Plan the job that measures the plane residuals of an error model."""
+
+    @abstractmethod
+    def wall_points(self, model: str) -> PlannedJob:
+        """Plan the job that makes the points of an error model for figures of scans."""
 
     @property
-    def study(self) -> StudyPlan:
-        assert self.plan.study is not None  # noqa: S101
-        return self.plan.study
+    @abstractmethod
+    def gathered(self) -> Mapping[str, Gathering]:
+        """Jobs that join files of several error models or captures, by name of their table."""
 
-    def residuals(self, model: str) -> PlannedJob:
-        study = self.study
-        return self._scan(
-            "residuals",
-            model,
-            distances=study.all_distances_m,
-            runs=study.settings.runs,
-            keep=study.settings.rows,
-            refit=study.settings.refit,
-        )
-
-    def wall_points(self, model: str) -> PlannedJob:
-        return self._scan("wall_points", model, distances=self.study.shown_m, keep=WALL_POINTS)
+    @property
+    @abstractmethod
+    def inputs(self) -> Mapping[str, str]:
+        """Tables of this study, by the names of parameters of tables and figures that read them."""
 
     def capture_residuals(self, capture: str) -> PlannedJob:
+        """Plan the job that measures the plane residuals of a recording, given by its name."""
         record = CaptureResiduals(options=self.study.captures[capture][1])
         files = [file for inputs in self.recording(capture).values() for file in inputs]
         modules = reader_modules(self.recording(capture)["capture"])
@@ -59,44 +76,29 @@ class StudyJobs:
         return {"capture": [path], "beside": beside}
 
     def capture_files(self) -> tuple[str, ...]:
+        """Return the files of the recordings' residuals, relative to the results folder."""
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
+        """Plan the job that fits an error model to the recordings' residuals."""
         return planned(Calibrate(), also=self.capture_files())
 
-    @cached_property
-    def gathered(self) -> dict[str, Gathering]:
-        models, captures = tuple(self.study.models), self.capture_files()
-        residuals = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
-        points = tuple(f"wall_points/{model}.parquet" for model in models)
-        names = (*models, *[REAL] * len(captures))
-        tables = {
-            "residuals": _joined("joined_table", residuals, kind="residuals", models=names),
-            "scans": _joined("joined_table", points, kind="scans", models=models),
-        }
-        if captures:
-            tables["compared_residuals"] = self._compared(captures)
-        return tables
-
-    def _compared(self, captures: tuple[str, ...]) -> Gathering:
-        job = _job("compared_residuals", names=captures)
-        modules, parameters = code_of_models(map(open_error_model, filter(None, job.plugins())))
-        return Gathering(planned(job, *modules, also=parameters), captures)
-
-    def _scan(self, job: str, model: str, **settings: Any) -> PlannedJob:
-        errors, options = self.study.models[model]
-        modules, parameters = code_of_models([open_error_model(errors, options)])
-        record = _job(job, model=errors, model_options=options, seed=self.study.seed, **settings)
-        files = self.plan.digest_of(self.model_files(model))
-        return planned(record, *modules, also=f"{parameters} {load_sensor('vlp16')} {files}")
-
     def model_files(self, model: str) -> list[str]:
+        """Return the paths of the files that the options of an error model name."""
         return files_named(self.study.models[model][1].values())
 
 
-def _job(name: str, **settings: Any) -> Job:
-    return JOBS.get(name).create(**settings)
+STUDIES: Registry[type[StudyJobs]] = Registry("study", "study")
 
 
-def _joined(job: str, files: tuple[str, ...], **settings: Any) -> Gathering:
-    return Gathering(planned(_job(job, names=files, **settings)), files)
+def study_jobs(plan: Plan) -> StudyJobs | None:
+    """Return the jobs of a plan's sensor study, or None if it has no study.
+
+    Raises InputError if no installed package has the jobs.
+    """
+    if plan.study is None:
+        return None
+    if "sensor_study" not in STUDIES:
+        fault = "no installed package measures it: install one, or set it to false"
+        raise InputError(f"sensor_study: {fault}")
+    return STUDIES.get("sensor_study")(plan, plan.study)

@@ -14,7 +14,7 @@ from puckbench.planning.config import trusted
 from puckbench.planning.drives import DriveJobs
 from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.plan import Plan
-from puckbench.planning.study import StudyJobs
+from puckbench.planning.study import study_jobs
 from puckbench.planning.training import TrainingJobs
 
 
@@ -24,10 +24,10 @@ class Workflow:
         self.plan = Plan(self.config, check_scenes)
         self.clouds = CloudJobs(self.plan)
         self.coding = CodingJobs(self.clouds)
-        self.study = StudyJobs(self.plan)
+        self.study = study_jobs(self.plan)
         self.drives = DriveJobs(self.plan)
         self.training = TrainingJobs(self.plan)
-        self.outputs = OutputJobs(self.plan, self.coding, self.drives)
+        self.outputs = OutputJobs(self.plan, self.coding, self.drives, self.study)
 
     def check_names(self, names: Mapping[str, str]) -> None:
         """Raise InputError if the plan has no result with these values of wildcards."""

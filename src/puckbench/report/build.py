@@ -15,8 +15,6 @@ from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.table_registry import TABLES, table_entry
 from puckbench.report.captions import caption_html
-from puckbench.report.claims import TABLE as CLAIMS
-from puckbench.report.claims import Claims, claim_cards
 from puckbench.report.column_labels import name_in_words
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.findings import findings
@@ -25,6 +23,7 @@ from puckbench.report.pictures import embedded
 from puckbench.report.plot_data import plot_payload
 from puckbench.report.run_description import RunDescription, describe_run
 from puckbench.report.run_record import RunRecord
+from puckbench.report.sections import SectionData, sections_of
 from puckbench.report.tables import table_html
 from puckbench.report.viewer_data import viewer_payload
 
@@ -33,8 +32,6 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 _PARTS = {
-    "findings": "Findings",
-    "claims": "Claims",
     "curves": "Rate and distortion",
     "clouds": "Example clouds",
     "figures": "Figures",
@@ -83,22 +80,30 @@ def build_page(
     tables = {name: read_table(file) for name, file in files.items() if not _is_empty(file)}
     scan_errors = tables.get("scan_errors")
     data: dict[str, Any] = {}
-    page_parts: dict[str, Any] = {"tables": list(_tables(contents, tables, folder, style))}
+    sections = sections_of(tables)
+    headings = {"findings": "Findings", **{each.name: each.title for each in sections}, **_PARTS}
+    shown = {name for section in sections for name in section.tables}
+    listed = {name: table for name, table in tables.items() if name not in shown}
+    page_parts: dict[str, Any] = {"tables": list(_tables(contents, listed, folder, style))}
     if metrics is not None:
         data["curves"] = plot_payload(metrics, style)
     if metrics is not None or "odometry_bits" in tables:
         page_parts["findings"] = findings(metrics, tables, style)
     if contents.examples:
         data["clouds"] = viewer_payload(contents, metrics, scan_errors, style)
-    if CLAIMS in tables:
-        page_parts["claims"] = _claims(contents, tables[CLAIMS], folder)
+    of_run = SectionData(
+        tables=tables,
+        links={name: _link(file, folder) for name, file in files.items()},
+        figures={name: _figure_title(name) for name in contents.figures},
+    )
+    page_parts |= {section.name: section.make(of_run) for section in sections}
     page_parts["figures"] = _by_category(contents, folder)
     page_parts["run"] = _facts(contents, metrics, tables.get("clouds"), machine, style)
     available = {**data, **page_parts}
     return whole_page(
         title=contents.title,
         record={**record.facts(), **remarks},
-        parts={name: heading for name, heading in _PARTS.items() if available.get(name)},
+        parts={name: heading for name, heading in headings.items() if available.get(name)},
         data=data,
         shown=page_parts,
     )
@@ -121,17 +126,10 @@ def _facts(contents: Contents, *more: Any) -> RunDescription:
         ) from error
 
 
-def _claims(contents: Contents, table: pd.DataFrame, folder: Path) -> Claims:
-    titles = {name: _figure_title(name) for name in contents.figures}
-    return claim_cards(table, titles, _link(Path(contents.tables[CLAIMS]), folder))
-
-
 def _tables(
     contents: Contents, tables: Mapping[str, pd.DataFrame], folder: Path, style: FigureStyle
 ) -> Iterator[TableShown]:
     for name, table in tables.items():
-        if name == CLAIMS:
-            continue
         rows_html = table_html(table, _link(Path(contents.tables[name]), folder), style)
         entry = table_entry(name) if name in TABLES else None
         caption = caption_html(entry.caption if entry else "", name)

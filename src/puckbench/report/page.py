@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from markupsafe import Markup
 
 STYLE = "page.css"
 SCRIPTS = (
@@ -26,6 +27,13 @@ TEMPLATES = ("page.html", "table.html")
 def rendered(template: str, **values: Any) -> str:
     """Render a template; all values except markup are escaped."""
     return _environment().get_template(template).render(values)
+
+
+def filled(template: str, **values: Any) -> Markup:
+    """Return HTML: a Jinja template, given as text, with values filled in and escaped."""
+    from markupsafe import Markup
+
+    return Markup(_environment().from_string(template).render(values))  # noqa: S704 (escaped)
 
 
 def whole_page(**values: Any) -> str:

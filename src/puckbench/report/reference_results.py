@@ -41,7 +41,7 @@ _TITLES = {
     "real": "Real objects and rooms",
     "sweeps": "Turns of a sensor",
     "evidence": "Rooms, objects and streets with several seeds",
-    "capod_learned": "CAPOD, the thesis's learned codecs",
+    "capod_learned": "CAPOD, learned codecs",
     "sweeps_reno": "Turns of a sensor, RENO",
 }
 _DIGITS = 6

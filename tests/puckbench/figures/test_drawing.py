@@ -16,12 +16,12 @@ from PIL import Image
 
 import puckbench
 from cloud_files.clouds import write_cloud
-from jenco2022.figures.example_clouds import round_length
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import returns_file, write_firings
 from pointkit.tables import read_table
 from puckbench.figures.drawing import draw_files, lay_out, save_figure
+from puckbench.figures.example_clouds import round_length
 from puckbench.figures.panels import add_rows_legend, label_rates, log_limits
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
@@ -31,7 +31,6 @@ from tests.support.figures_lookalike import (
     CD_MEDIANS,
     SCALE,
     clouds_table,
-    gpcc_scales_table,
     metrics_table,
     recovery_table,
     room_cloud,
@@ -39,15 +38,17 @@ from tests.support.figures_lookalike import (
     sweeps_clouds_table,
     sweeps_scan_errors_table,
     sweeps_table,
-    thesis_medians_table,
 )
-from tests.support.residuals_lookalike import residual_table, scan_table
 from tests.support.returns import recorded
 
+OWN = [name for name in FIGURES.names() if FIGURES.module_of(name).startswith("puckbench.")]
 FROM_METRICS = [
     name
     for name, entry in figure_entries().items()
-    if entry.inputs == ("metrics",) and entry.frame == "scaled"
+    if name in OWN
+    and not entry.instead_of
+    and entry.inputs == ("metrics",)
+    and entry.frame == "scaled"
 ]
 
 
@@ -75,19 +76,9 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     mixed = pd.concat([metrics_table(3), sweeps_table(3)])
     mixed.to_csv(files["metrics"], index=False)
     pd.concat([clouds_table(3), sweeps_clouds_table(3)]).to_parquet(files["clouds"])
-    residuals = residual_table(50)
-    distances = {"std_m": 0.01, "emd_m": 2e-3, "emd_low_m": 1e-3, "emd_high_m": 3e-3}
     tables = {
         "scan_errors": pd.concat([scan_errors_table(), sweeps_scan_errors_table()]),
         "recovery": recovery_table(),
-        "thesis_medians": thesis_medians_table(),
-        "gpcc_scales": gpcc_scales_table(),
-        "residuals": residuals,
-        "scans": scan_table(50),
-        "compared_residuals": residuals,
-        "model_distances": pd.DataFrame(
-            {"model": ["real", "vlp16"], **distances, "chance_m": 1e-3}
-        ),
     }
     tables["drives"] = pd.read_parquet(REFERENCE_DRIVES)
     for name, table in tables.items():
@@ -102,7 +93,7 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return files
 
 
-@pytest.mark.parametrize("name", ["fig_6_3", "fig_6_4", "truth_rd"])
+@pytest.mark.parametrize("name", ["room_scans", "point_counts", "truth_rd"])
 def test_the_same_input_gives_the_same_bytes(
     name: str, input_files: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -116,7 +107,7 @@ def test_the_same_input_gives_the_same_bytes(
     assert not any(word in pdf + png for word in (b"CreationDate", b"Matplotlib"))
 
 
-@pytest.mark.parametrize("name", FIGURES.names())
+@pytest.mark.parametrize("name", OWN)
 def test_every_figure_is_drawn_from_files(
     name: str, input_files: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -132,9 +123,9 @@ def test_a_figure_with_a_resolution_of_its_own_has_that_of_the_style(tmp_path: P
         assert picture.size == (200, 100)
 
 
-def test_figure_6_5_shows_the_thesis_medians() -> None:
+def test_medians_per_rate_are_those_of_the_table() -> None:
     table = metrics_table(clouds=301)
-    panels = draw("fig_6_5", metrics=table).axes
+    panels = draw("medians_per_rate", metrics=table).axes
     assert len(panels) == 16
     noisy = FigureStyle().of_datasets(table["dataset"])["s3dis_noisy"].colour
     for codec, cd in zip(("draco", "gpcc", "pcgcv1", "pcgcv2"), panels[::4], strict=True):
@@ -144,7 +135,7 @@ def test_figure_6_5_shows_the_thesis_medians() -> None:
         assert cd.get_title(loc="left") == codec_style(codec).title
 
 
-@pytest.mark.parametrize("name", ["fig_6_5", "spread"])
+@pytest.mark.parametrize("name", ["medians_per_rate", "spread"])
 def test_an_axis_of_rates_is_one_codecs_own(name: str) -> None:
     table = metrics_table(2)
     table.loc[table["codec"] == "gpcc", "rate"] += "0mm"
@@ -189,7 +180,7 @@ def test_limits_of_the_style_widen_by_whole_decades_only_where_needed() -> None:
 def test_a_lossless_rate_is_a_tick_at_the_foot_and_no_point() -> None:
     table = metrics_table(1)
     table.loc[table["rate"] == "r8", "cd_plane"] = 0.0
-    axes = draw("fig_6_6", metrics=table).axes[0]
+    axes = draw("chamfer_rd", metrics=table).axes[0]
     vertical = [c for c in axes.collections if isinstance(c, LineCollection)]
     ticks = [c for c in vertical if c.get_transform() != axes.transData]
     bits = {float(path.vertices[0, 0]) for tick in ticks for path in tick.get_paths()}
@@ -203,7 +194,10 @@ def test_times_that_cannot_be_ranked_are_dotted() -> None:
     table = metrics_table(2)
     assert not unranked_codecs(table)
     table.loc[table["codec"] == "gpcc", "repeats"] = 1
-    by_codec, by_panel = draw("fig_6_8", metrics=table), draw("fig_6_5", metrics=table)
+    by_codec, by_panel = (
+        draw("encoding_time", metrics=table),
+        draw("medians_per_rate", metrics=table),
+    )
     shown = {line.get_color(): line for line in by_codec.axes[0].get_lines()}
     for number, (codec, is_dotted) in enumerate((("draco", False), ("gpcc", True))):
         of_codec = [shown[codec_style(codec).colour], *by_panel.axes[4 * number + 2].get_lines()]
@@ -217,7 +211,7 @@ def test_times_that_cannot_be_ranked_are_dotted() -> None:
 
 def test_bars_are_quartiles_over_clouds_and_titles_count_these() -> None:
     table = metrics_table(6)
-    figure = draw("fig_6_6", metrics=table)
+    figure = draw("chamfer_rd", metrics=table)
     axes = figure.axes[0]
     assert "quartiles over clouds" in [text.get_text() for text in figure.legends[0].get_texts()]
     assert axes.get_title() == "Capod (n\xa0=\xa06)"
@@ -229,7 +223,7 @@ def test_bars_are_quartiles_over_clouds_and_titles_count_these() -> None:
 
 def test_fewer_than_six_clouds_are_dots_and_have_no_bars() -> None:
     table = metrics_table(5)
-    figure = draw("fig_6_6", metrics=table)
+    figure = draw("chamfer_rd", metrics=table)
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "single clouds" in texts
     assert "quartiles over clouds" not in texts
@@ -241,7 +235,7 @@ def test_fewer_than_six_clouds_are_dots_and_have_no_bars() -> None:
 def test_titles_count_scenes_if_these_are_fewer_than_clouds() -> None:
     table = metrics_table(6)
     scenes = table["cloud"].replace({f"cloud_{n}": f"scene_{n // 2}" for n in range(6)})
-    axes = draw("fig_6_6", metrics=table.assign(scene=scenes)).axes[0]
+    axes = draw("chamfer_rd", metrics=table.assign(scene=scenes)).axes[0]
     assert axes.get_title() == "Capod (n\xa0=\xa06 of 3 scenes)"
 
 
@@ -250,23 +244,23 @@ def test_only_the_chosen_codecs_and_data_sets_are_drawn(
 ) -> None:
     chosen = {"codec": ["draco"], "dataset": ["capod"]}
     out = [tmp_path / "figure.svg"]
-    draw_files("fig_6_6", input_files, out, FigureStyle(), chosen)
+    draw_files("chamfer_rd", input_files, out, FigureStyle(), chosen)
     text = out[0].read_text()
     assert codec_style("draco").colour.lower() in text
     assert codec_style("gpcc").colour.lower() not in text
     with pytest.raises(InputError, match=r"no codec 'drako' in the tables .* did you mean 'draco'"):
-        draw_files("fig_6_6", input_files, out, FigureStyle(), {"codec": ["drako"]})
+        draw_files("chamfer_rd", input_files, out, FigureStyle(), {"codec": ["drako"]})
 
 
 def test_colours_stay_when_a_codec_or_data_set_is_added_or_taken_away() -> None:
     table = metrics_table(2)
     added = table[table["codec"] == "draco"].assign(codec="a_new_codec")
     fewer = table[(table["codec"] != "draco") & (table["dataset"] != "capod")]
-    before = set(lines(draw("fig_6_6", metrics=table).axes[0]))
-    after = set(lines(draw("fig_6_6", metrics=pd.concat([added, table])).axes[0]))
+    before = set(lines(draw("chamfer_rd", metrics=table).axes[0]))
+    after = set(lines(draw("chamfer_rd", metrics=pd.concat([added, table])).axes[0]))
     assert after - before == {FigureStyle().of_codec("a_new_codec").colour}
     assert before - after == set()
-    alone = set(lines(draw("fig_6_6", metrics=fewer).axes[0]))
+    alone = set(lines(draw("chamfer_rd", metrics=fewer).axes[0]))
     assert alone == before - {codec_style("draco").colour}
 
 
@@ -287,7 +281,7 @@ def test_titles_and_labels_do_not_overlap(datasets: int) -> None:
     table = metrics_table(1)
     first = table[table["dataset"] == "s3dis_clean"]
     many = pd.concat(first.assign(dataset=f"some_long_data_set_{i}") for i in range(datasets))
-    figure = draw("fig_6_6", metrics=many)
+    figure = draw("chamfer_rd", metrics=many)
     lay_out(figure)
     rows: dict[float, list[Any]] = {}
     for axes in figure.axes:
@@ -304,7 +298,7 @@ def test_titles_and_labels_do_not_overlap(datasets: int) -> None:
 def test_a_data_set_without_values_keeps_its_panel_and_says_so() -> None:
     table = metrics_table(2)
     table.loc[table["dataset"] == "s3dis_raw", "cd_plane"] = np.nan
-    panel = draw("fig_6_6", metrics=table).axes[1]
+    panel = draw("chamfer_rd", metrics=table).axes[1]
     assert [text.get_text() for text in panel.texts] == ["no values"]
 
 
@@ -395,7 +389,7 @@ def test_a_missing_rate_leaves_a_gap() -> None:
     table = metrics_table(2)
     is_left_out = (table["dataset"] == "capod") & (table["rate"] == "r3")
     colour = FigureStyle().of_datasets(table["dataset"])["capod"].colour
-    drawn = lines(draw("fig_6_5", metrics=table[~is_left_out]).axes[0])[colour]
+    drawn = lines(draw("medians_per_rate", metrics=table[~is_left_out]).axes[0])[colour]
     assert np.isfinite(drawn[:, 1]).tolist() == [True, True, False, True, True, True, True, True]
 
 
@@ -418,57 +412,6 @@ def test_recovery_is_drawn_over_all_kinds_and_without_streams_of_points() -> Non
         assert axes.get_ylim() == (0, 1)
 
 
-def test_the_thesis_s_medians_lie_behind_ours() -> None:
-    table = thesis_medians_table()
-    panel = draw("beside_thesis", thesis_medians=table).axes[0]
-    colour = FigureStyle().of_datasets(table["dataset"])["s3dis_noisy"].colour
-    rows = table[(table["dataset"] == "s3dis_noisy") & (table["codec"] == "draco")]
-    cd = rows[rows["quantity"] == "cd_plane"]
-    drawn = [line for line in panel.get_lines() if line.get_color() == colour]
-    wide, ours = sorted(drawn, key=lambda line: -line.get_linewidth())
-    np.testing.assert_allclose(np.asarray(wide.get_ydata()), cd["thesis"])
-    np.testing.assert_allclose(np.asarray(ours.get_ydata()), cd["here"])
-
-
-def test_scales_that_are_no_power_of_two_have_small_markers() -> None:
-    table = gpcc_scales_table()
-    usual = FigureStyle().marker_size
-    for axes in draw("gpcc_grid", gpcc_scales=table).axes:
-        assert all(line.get_markerfacecolor() != "white" for line in axes.get_lines())
-        small = [line for line in axes.get_lines() if line.get_markersize() < 0.7 * usual]
-        drawn = {float(x) for line in small for x in np.asarray(line.get_xdata())}
-        assert drawn == {0.375, 0.625, 0.75, 0.875}
-
-
-@pytest.mark.parametrize(("name", "last"), [("gpcc_rounding", 3.0), ("gpcc_contexts", 1.1)])
-def test_what_the_settings_as_run_cost_is_a_ratio_per_scale(name: str, last: float) -> None:
-    axes = draw(name, gpcc_scales=gpcc_scales_table()).axes[0]
-    first = axes.get_lines()[0]
-    assert np.asarray(first.get_xdata())[-1] == 1.0
-    assert np.asarray(first.get_ydata())[-1] == pytest.approx(last)
-
-
-def test_without_the_settings_as_run_there_is_no_ratio_to_draw() -> None:
-    table = gpcc_scales_table()
-    with pytest.raises(InputError, match="no scale that both G-PCC codecs have"):
-        draw("gpcc_rounding", gpcc_scales=table[table["codec"] == "gpcc"])
-
-
-def test_legends_of_data_sets_are_within_the_page() -> None:
-    table = gpcc_scales_table()
-    titles = {name: f"{name} with a long title" for name in set(table["dataset"])}
-    for name in ("gpcc_rounding", "gpcc_contexts"):
-        for clouds in (3, 6):
-            scales = table.assign(clouds=clouds)
-            figure = draw(name, FigureStyle(dataset_titles=titles), gpcc_scales=scales)
-            figure.draw_without_rendering()
-            box, page = figure.legends[0].get_window_extent(), figure.bbox
-            assert page.x0 <= box.x0 < box.x1 <= page.x1
-            shown = [text.get_text() for text in figure.legends[0].get_texts()]
-            shaded = any(drawn.get_paths() for drawn in figure.axes[0].collections)
-            assert ("quartiles over clouds" in shown) == shaded == (clouds == 6)
-
-
 def test_clouds_of_different_elongation_are_not_joined() -> None:
     figure = draw("elongation", metrics=metrics_table(3), clouds=clouds_table(3))
     drawn = [line for axes in figure.axes for line in axes.get_lines()]
@@ -476,10 +419,10 @@ def test_clouds_of_different_elongation_are_not_joined() -> None:
     assert all(line.get_linestyle() == "None" for line in drawn)
 
 
-def test_figure_6_4_shows_quartiles_median_and_mean() -> None:
+def test_point_counts_show_quartiles_median_and_mean() -> None:
     counts = [100, 200, 200, 300, 400, 400, 9000]
     table = pd.DataFrame({"dataset": "rooms", "cloud": list("abcdefg"), "points": counts})
-    axes = draw("fig_6_4", clouds=table).axes[0]
+    axes = draw("point_counts", clouds=table).axes[0]
     drawn = [set(np.asarray(line.get_ydata()).tolist()) for line in axes.get_lines()]
     assert {300.0} in drawn  # median
     assert {sum(counts) / 7} in drawn  # mean
@@ -488,9 +431,9 @@ def test_figure_6_4_shows_quartiles_median_and_mean() -> None:
     assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Rooms\n(n = 7)"]
 
 
-def test_figure_6_4_has_no_quartiles_of_few_clouds() -> None:
+def test_point_counts_have_no_quartiles_of_few_clouds() -> None:
     table = pd.DataFrame({"dataset": "rooms", "cloud": range(5), "points": [1, 2, 3, 4, 10]})
-    figure = draw("fig_6_4", clouds=table)
+    figure = draw("point_counts", clouds=table)
     drawn = [set(line.get_ydata()) for line in figure.axes[0].get_lines() if len(line.get_ydata())]
     assert {2.0, 4.0} not in drawn
     assert {3.0} in drawn
@@ -499,9 +442,9 @@ def test_figure_6_4_has_no_quartiles_of_few_clouds() -> None:
 
 
 @pytest.mark.parametrize(("clouds", "last"), [(12, "cloud"), (13, "mean")])
-def test_figure_6_4_has_a_key_of_its_marks(clouds: int, last: str) -> None:
+def test_point_counts_have_a_key_of_its_marks(clouds: int, last: str) -> None:
     table = pd.DataFrame({"dataset": "rooms", "cloud": range(clouds), "points": range(clouds)})
-    figure = draw("fig_6_4", clouds=table)
+    figure = draw("point_counts", clouds=table)
     top = figure.axes[0].get_ylim()[1]
     assert 0.9 * top < table["points"].max() < 0.95 * top
     texts = figure.legends[0].get_texts()
@@ -510,7 +453,7 @@ def test_figure_6_4_has_a_key_of_its_marks(clouds: int, last: str) -> None:
 
 def test_example_clouds_carry_a_scale_bar_in_metres() -> None:
     room = room_cloud(20_000)
-    figure = draw("fig_6_3", example_raw=room, example_clean=room, example_noisy=room)
+    figure = draw("room_scans", example_raw=room, example_clean=room, example_noisy=room)
     *panels, bar = figure.axes
     assert [axes.get_title()[:3] for axes in panels] == ["(a)", "(b)", "(c)"]
     assert [axes.texts[0].get_text() for axes in panels] == ["1 m"] * 3
@@ -523,9 +466,9 @@ def test_scale_bars_have_round_lengths(length: float, expected: float) -> None:
     assert round_length(length) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("name", [*FROM_METRICS, "fig_6_4"])
+@pytest.mark.parametrize("name", [*FROM_METRICS, "point_counts"])
 def test_a_table_without_rows_is_an_input_error(name: str) -> None:
-    table = "clouds" if name == "fig_6_4" else "metrics"
+    table = "clouds" if name == "point_counts" else "metrics"
     empty = (clouds_table(1) if table == "clouds" else metrics_table(1)).iloc[:0]
     with pytest.raises(InputError, match=f"^{table} table: no rows, nothing to draw$"):
         draw(name, **{table: empty})
@@ -542,12 +485,12 @@ def test_a_table_without_rows_is_an_input_error(name: str) -> None:
 )
 def test_values_that_cannot_be_drawn_are_named(change: dict[str, Any], fault: str) -> None:
     with pytest.raises(InputError, match=f"metrics table: {fault}"):
-        draw("fig_6_6", metrics=metrics_table(1).assign(**change))
+        draw("chamfer_rd", metrics=metrics_table(1).assign(**change))
 
 
 def test_a_missing_column_is_named() -> None:
     with pytest.raises(InputError, match="metrics table: no column 'encode_s'"):
-        draw("fig_6_8", metrics=metrics_table(1).drop(columns="encode_s"))
+        draw("encoding_time", metrics=metrics_table(1).drop(columns="encode_s"))
 
 
 @pytest.mark.parametrize(
@@ -575,9 +518,11 @@ def test_names_that_look_like_numbers_stay_text(tmp_path: Path) -> None:
 
 def test_a_failed_drawing_leaves_no_file(input_files: dict[str, Path], tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a figure is written as \.pdf, \.png, \.svg"):
-        draw_files("fig_6_6", input_files, [tmp_path / "a.pdf", tmp_path / "a.gif"], FigureStyle())
-    with pytest.raises(InputError, match="figure fig_6_4: needs the input 'clouds'"):
-        draw_files("fig_6_4", {}, [tmp_path / "a.pdf"], FigureStyle())
+        draw_files(
+            "chamfer_rd", input_files, [tmp_path / "a.pdf", tmp_path / "a.gif"], FigureStyle()
+        )
+    with pytest.raises(InputError, match="figure point_counts: needs the input 'clouds'"):
+        draw_files("point_counts", {}, [tmp_path / "a.pdf"], FigureStyle())
     assert list(tmp_path.iterdir()) == []
 
 

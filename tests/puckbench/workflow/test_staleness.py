@@ -233,7 +233,7 @@ CHANGED_BY: dict[str, set[str]] = {
     "metrics/tables/nearest_truth.py": {"table nearest_truth", "table truth_bits"},
     "thesis/claims/rate_distortion.py": {"table claims"},
     "thesis/claims/catalogue.yaml": {"table claims"},
-    "thesis/published_rates.yaml": {"table claims", "table thesis_medians"},
+    "thesis/published.yaml": {"table claims", "table thesis_medians"},
     "thesis/figures/violins.py": _each("figure", *VIOLINS),
     "figures/truth_rd.py": {
         f"figure truth_{name}" for name in ("rd", "rd_point", "rd_hausdorff", "accuracy")

@@ -14,7 +14,7 @@ from pointkit.errors import InputError
 from puckbench.figures.registry import FIGURES
 from puckbench.planning.workflow import Workflow
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 CHAPTER_5 = {name for name in FIGURES.names() if name.startswith("fig_5_")}
 
 

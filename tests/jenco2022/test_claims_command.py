@@ -13,7 +13,7 @@ import yaml
 from puckbench.cli import main
 from puckbench.planning.workflow import Workflow
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

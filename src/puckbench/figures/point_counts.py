@@ -22,9 +22,9 @@ _MEAN: dict[str, Any] = {"marker": "^", "markersize": 3.5, "mfc": "white", "mec"
 _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 
 
-@FIGURES.register("fig_6_4", title="Point counts per data set", category="Clouds", number="6.4")
+@FIGURES.register("point_counts", title="Point counts per data set", category="Clouds")
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Number of points per cloud in each data set (thesis figure 6.4).
+    """Number of points per cloud in each data set.
 
     Box, of six clouds or more: quartiles. Whiskers: farthest cloud within 1.5 interquartile ranges;
     outliers are not drawn. n: clouds. Circles: clouds of small data sets.

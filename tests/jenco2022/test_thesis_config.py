@@ -14,7 +14,7 @@ from puckbench.planning.workflow import Workflow
 from tests.support import stanford_lookalike as lookalike
 from tests.support.files import put
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 ROOM = ((0.0, 0.0, 0.0), (4.0, 5.0, 3.0))
 
 

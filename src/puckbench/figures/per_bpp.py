@@ -15,43 +15,47 @@ if TYPE_CHECKING:
 _figure = partial(FIGURES.register, category="Rate-distortion")
 
 
-@_figure("fig_6_6", title="Chamfer distance (point-to-plane) against bits per point", number="6.6")
+@_figure(
+    "chamfer_rd",
+    title="Chamfer distance (point-to-plane) against bits per point",
+    is_first_look=True,
+)
 def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Chamfer distance (point-to-plane, squared grid units) against bits per point (thesis figure
-    6.6).
+    """Chamfer distance (point-to-plane, squared grid units) against bits per point.
 
     Markers: medians of ten bins of equally many results or, with few clouds, of each rate. Bars:
-    quartiles. n: clouds. Ticks at the lower edge: zero (lossless). Bits of geometry only; in the
-    thesis, Draco also coded other attributes of scans.
+    quartiles. n: clouds. Ticks at the lower edge: zero (lossless). Bits of geometry only.
     """
     return draw_data_sets(metrics, CD_PLANE, style)
 
 
 @_figure(
-    "fig_6_7",
+    "hausdorff_rd",
     title="Hausdorff distance (point-to-plane, squared) against bits per point",
-    number="6.7",
 )
 def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Squared Hausdorff distance (point-to-plane, squared grid units) against bits per point
-    (thesis figure 6.7).
+    """Squared Hausdorff distance (point-to-plane, squared grid units) against bits per point.
 
-    Markers as in figure 6.6. The thesis omits "squared", but the tool reports squared distances.
+    Markers as in the figure of the Chamfer distance.
     """
     return draw_data_sets(metrics, HD_PLANE, style)
 
 
-@_figure("fig_6_8", title="Encoding time against bits per point", number="6.8")
+@_figure("encoding_time", title="Encoding time against bits per point")
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Encoding time in seconds against bits per point (thesis figure 6.8).
+    """Encoding time in seconds, without the start of a process, against bits per point.
 
-    Markers as in figure 6.6. Dotted: times that cannot be ranked, because other jobs ran or fewer
-    than three calls were timed. Unlike in the thesis, times exclude the start of a process.
+    Markers as in the figure of the Chamfer distance. Dotted: times that cannot be ranked, because
+    other jobs ran or fewer than three calls were timed.
     """
     return draw_data_sets(metrics, ENCODE_TIME, style)
 
 
-@_figure("fig_6_9", title="Decoding time against bits per point", number="6.9")
+@_figure("decoding_time", title="Decoding time against bits per point", is_first_look=True)
 def draw_decoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Decoding time in seconds against bits per point, as in figure 6.8 (thesis figure 6.9)."""
+    """Decoding time in seconds, without the start of a process, against bits per point.
+
+    Markers as in the figure of the Chamfer distance. Dotted: times that cannot be ranked, because
+    other jobs ran or fewer than three calls were timed.
+    """
     return draw_data_sets(metrics, DECODE_TIME, style)

@@ -31,16 +31,14 @@ _COLUMNS = (CD_PLANE, HD_PLANE, ENCODE_TIME, DECODE_TIME)
 
 
 @FIGURES.register(
-    "fig_6_5", title="Medians per compression rate", category="Results per rate", number="6.5"
+    "medians_per_rate", title="Medians per compression rate", category="Results per rate"
 )
 def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians over clouds at each compression rate of each codec (rows), in order of bits (thesis
-    figure 6.5, which draws all codecs over one axis of rates).
+    """Medians over clouds at each compression rate of each codec (rows), in order of bits.
 
     Chamfer and squared Hausdorff distance (point-to-plane, squared grid units), encoding and
     decoding time in seconds. Bars: quartiles; with fewer than six clouds, dots for each cloud. n:
-    clouds. Ticks at the lower edge: lossless rates. Unlike in the thesis, times exclude the start
-    of a process.
+    clouds. Ticks at the lower edge: lossless rates. Times exclude the start of a process.
     """
     columns = tuple(quantity.column for quantity in _COLUMNS)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")

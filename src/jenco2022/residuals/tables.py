@@ -1,9 +1,12 @@
+"""Tables of several error models and captures: joined, or compared on the rays of real walls."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
@@ -14,11 +17,6 @@ from virtual_lidar.errors import Draws, ErrorModel, Hits
 from virtual_lidar.errors.calibrated import Calibrated
 from virtual_lidar.residual_table import REAL
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
-"""Compared models; the thesis chose `vlp16_divergence` (section 5.5.3)."""
 WALL_KEYS = ["capture", "distance_m", "run"]
 REPLICATES = 20
 _FRAME_RAD = np.radians(15.0)
@@ -26,12 +24,11 @@ _FRAME_RAD = np.radians(15.0)
 
 
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Join the wall rows of captures' residual tables; ``capture`` is the table's number, from 1.
+    """Return the rows of walls in residual tables of captures, for `compared_residuals`.
 
-    Raises InputError if a table has no wall or lacks columns for a calibration.
+    The column ``capture`` is the number of the row's table, from 1, and ``replicate`` is 0. Raises
+    InputError if a table has no wall, or lacks columns that a calibration needs.
     """
-    import pandas as pd
-
     from virtual_lidar.calibration.observations import PLACE
 
     parts = []
@@ -52,13 +49,27 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return residuals, from least-squares planes, of `real_walls` and of `replicates` simulations
-    of each model on the same rays.
+    """Simulate error models on the rays of real walls, and return all residuals.
 
-    A `Calibrated` model draws a new device for each capture and replicate.
+    Parameters
+    ----------
+    walls
+        Table of `real_walls`.
+    models
+        Error models by name. A `Calibrated` model draws a new device for each capture and
+        simulation.
+    replicates
+        Number of simulations of each model.
+    seed
+        Seed of the simulations.
+
+    Returns
+    -------
+    DataFrame
+        The rows of `walls`, then those of the simulations, with the model's name in ``model``, the
+        number of the simulation in ``replicate``, and in ``residual_m`` the distances (m) from
+        planes that are fitted to each wall by least squares.
     """
-    import pandas as pd
-
     replicas = [
         _replica(walls, name, model, replicate, seed)
         for name, model in models.items()
@@ -88,8 +99,6 @@ def _device(model: ErrorModel, replicate: int, capture: int) -> ErrorModel:
 
 
 def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generator) -> Floats:
-    import pandas as pd
-
     sensor = load_sensor("vlp16")
     azimuth = np.arctan2(rows["plane_u_m"], rows["distance_m"])
     frames = rows["frame"] * 24 + np.floor(azimuth / _FRAME_RAD)
@@ -119,3 +128,54 @@ def _from_planes(walls: pd.DataFrame, residuals: Floats) -> Floats:
         coefficients, *_ = np.linalg.lstsq(terms, residuals[rows], rcond=None)
         refitted[rows] -= terms @ coefficients
     return refitted
+
+
+JOINED = {
+    "residuals": (
+        *("model", "surface", "distance_m", "run", "laser_id", "elevation_deg"),
+        *("residual_m", "incidence_rad"),
+    ),
+    "scans": (
+        *("model", "surface", "distance_m", "laser_id", "elevation_deg", "x_m", "y_m", "z_m"),
+        *("range_error_m", "incidence_rad"),
+    ),
+}
+"""Columns of joined tables, by kind, that figures and statistics use."""
+
+MAX_ROWS = 500_000
+"""Maximum number of random rows kept of each table, since captures can have any length."""
+
+
+def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
+    """Read Parquet tables of several error models into one.
+
+    Parameters
+    ----------
+    files
+        Pairs of the name that the column ``model`` gets and a path. Of longer tables, `MAX_ROWS`
+        random rows are read.
+    kind
+        "residuals" or "scans", which determines the columns (`JOINED`).
+
+    Raises
+    ------
+    InputError
+        A file lacks a column.
+    """
+    table = pd.concat([_part(*file, JOINED[kind]) for file in files], ignore_index=True)
+    return table.astype({"model": "category", "surface": "category"})
+
+
+def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
+    table = pd.read_parquet(path)
+    if missing := [column for column in columns if column not in table]:
+        raise InputError(f"{path}: no column {missing[0]!r}")
+    rows = subsampled(table, MAX_ROWS, name)
+    return rows.assign(model=name)[list(columns)].astype({"surface": str})
+
+
+def subsampled(table: pd.DataFrame, max_rows: int, name: str) -> pd.DataFrame:
+    """Return at most `max_rows` random rows in their original order; `name` determines the seed."""
+    if len(table) <= max_rows:
+        return table
+    return table.sample(max_rows, random_state=generator(0, "joined", name)).sort_index()

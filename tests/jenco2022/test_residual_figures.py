@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from jenco2022.figures import residual_incidence, residual_violins
 from jenco2022.figures import residual_table as parts
 from jenco2022.figures.model_styles import MODEL_STYLES, model_style, ordered_models
-from jenco2022.figures.violins import moments_text, symmetric_limit, violin_shape
+from jenco2022.figures.residual_table import moments_text, symmetric_limit, violin_shape
 from pointkit.errors import InputError
 from pointkit.seeding import generator
 from puckbench.figures.drawing import lay_out, save_figure

@@ -33,9 +33,8 @@ _POINTS: dict[str, Any] = {"linestyle": "", "markerfacecolor": "none", "markered
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane) at each codec's middle rate, against a cloud's elongation.
 
-    Markers: n clouds. Elongation: shortest over longest side of the bounding box. The thesis
-    reports no visible effect of a room's elongation, without a figure. Zeros (lossless) are not
-    drawn.
+    Markers: n clouds. Elongation: shortest over longest side of the bounding box. Zeros
+    (lossless) are not drawn.
     """
     numbers = ("elongation", CD_PLANE.column)
     require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from puckbench.geometry.rendering import Image, View
 
+CODE = ("puckbench.geometry.rendering",)
+
 _figure = partial(FIGURES.register, category="Clouds")
 _AZIMUTH_DEG, _ELEVATION_DEG = -60.0, 38.0
 _CUT_HEIGHT = 0.8
@@ -28,9 +30,9 @@ _COVER = 10.0
 _DARKEST = 0.12
 
 
-@_figure("fig_6_1", title="Example cloud of the object set", number="6.1")
+@_figure("sampled_object", title="Example cloud of the object set")
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
-    """An object, as input to codecs, in metres (thesis figure 6.1).
+    """An object, as input to codecs, in metres.
 
     Colour: height above the lowest point. Brightness: orientation of the surface. Orthographic
     projection; the bar shows the scale.
@@ -38,26 +40,28 @@ def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
     return _draw({"": _in_metres(example_object)}, style)
 
 
-@_figure("fig_6_2", title="Example cloud of a raw room", number="6.2")
+@_figure("raw_room", title="Example cloud of a raw room")
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
-    """A raw room, as input to codecs, in metres (thesis figure 6.2).
+    """A raw room, as input to codecs, in metres.
 
-    The upper fifth and the two near walls are left out, to show the inside. Colours and scale as in
-    figure 6.1.
+    The upper fifth and the two near walls are left out, to show the inside. Colour: height above
+    the lowest point. Brightness: orientation of the surface. Orthographic projection; the bar shows
+    the scale.
     """
     return _draw({"": _opened(_in_metres(example_raw))}, style)
 
 
-@_figure("fig_6_3", title="One room: raw, scanned without noise, scanned with noise", number="6.3")
+@_figure("room_scans", title="One room: raw, scanned without noise, scanned with noise")
 def draw_room_versions(
     example_raw: PointCloud,
     example_clean: PointCloud,
     example_noisy: PointCloud,
     style: FigureStyle,
 ) -> Figure:
-    """One room (a) raw, (b) scanned without noise and (c) scanned with noise (thesis figure 6.3).
+    """One room (a) raw, (b) scanned without noise and (c) scanned with noise, in metres.
 
-    View and colours as in figure 6.2. White areas in (b) and (c) are hidden from the sensor.
+    The upper fifth and the two near walls are left out, to show the inside. Colour: height above
+    the lowest point. White areas in (b) and (c) are hidden from the sensor.
     """
     versions = {
         "(a) Raw": example_raw,

@@ -1,10 +1,23 @@
+"""Which data sets and codecs of a run represent those of the thesis, and tables that need them."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from jenco2022.claims.roles import DRACO, GPCC, GPCC_AS_RUN, PCGCV1, PCGCV2, SAMPLED
-from jenco2022.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
+from jenco2022.published import (
+    CLEAN,
+    DRACO,
+    GPCC,
+    GPCC_AS_RUN,
+    NOISY,
+    OBJECTS,
+    PCGCV1,
+    PCGCV2,
+    RATES,
+    ROOMS,
+    SAMPLED,
+)
 from puckbench.codecs.base import Codec
 from puckbench.codecs.draco import Draco
 from puckbench.codecs.draco_tools import DracoCli
@@ -14,6 +27,7 @@ from puckbench.codecs.pcgcv1 import Pcgcv1
 from puckbench.codecs.pcgcv2 import Pcgcv2
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.tmc13 import Tmc13
+from puckbench.planning.needs.registry import NEEDS, Options
 
 if TYPE_CHECKING:
     from puckbench.planning.config import DataSetConfig
@@ -100,3 +114,32 @@ def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
         and all("scale" in values for values in codec.rates.values())
         and any(plan.codes(name, dataset) for dataset in dataset_roles(plan))
     }
+
+
+@NEEDS.register("claims")
+def claims_options(plan: Plan) -> Options | None:
+    """Return the roles of data sets and codecs; None if there are no roles and no sensor study."""
+    datasets = dataset_roles(plan)
+    if plan.datasets and not datasets and plan.study is None:
+        return None
+    return {"datasets": datasets, "codecs": codec_roles(plan), "stand_ins": stand_in_roles(plan)}
+
+
+@NEEDS.register("gpcc_scales")
+def gpcc_scales_options(plan: Plan) -> Options | None:
+    scales = grid_scales(plan)
+    codecs = {role: name for role, name in codec_roles(plan).items() if role in (GPCC, GPCC_AS_RUN)}
+    return {"codecs": codecs, "scales": scales} if scales else None
+
+
+@NEEDS.register("thesis_medians")
+def thesis_medians_options(plan: Plan) -> Options | None:
+    """Return the roles of data sets and codecs; None without roles or the thesis's rates."""
+    datasets, codecs = dataset_roles(plan), codec_roles(plan)
+    has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
+    return {"datasets": datasets, "codecs": codecs} if datasets and has_rates else None
+
+
+@NEEDS.register("rounded_and_truncated_gpcc")
+def rounded_and_truncated_gpcc(plan: Plan) -> Options | None:
+    return {} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else None
