@@ -2,8 +2,8 @@
 
 from virtual_lidar.errors import ErrorModel, error_model_names, open_error_model
 from virtual_lidar.placement import free_origin
-from virtual_lidar.scan import ScanJob, scan
 from virtual_lidar.scan_table import COLUMNS, ScanTable, read_scan, write_scan, write_scan_portions
+from virtual_lidar.scanning import ScanJob, scan
 from virtual_lidar.sweep import SWEEPS, Sweep, open_sweep
 
 __all__ = [

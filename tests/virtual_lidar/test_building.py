@@ -13,9 +13,17 @@ from pointkit.errors import InputError
 from pointkit.geometry.mesh import Mesh, check_mesh
 from puckbench.datasets.embedded_areas import EmbeddedAreas
 from tests.support.scenes_residuals import assert_furniture_within, worst_residual
-from virtual_lidar.scenes.building import MAX_STRETCH, ROOM_CHOICES, room_types, stretched
-from virtual_lidar.scenes.room_catalogue import ROOMS
-from virtual_lidar.scenes.rooms import make_room, origin, room_box, room_spec
+from virtual_lidar.scenes.rooms import (
+    MAX_STRETCH,
+    ROOM_CHOICES,
+    ROOMS,
+    make_room,
+    origin,
+    room_box,
+    room_spec,
+    room_types,
+    stretched,
+)
 
 SOME = (
     "Area_2_WC_1", "Area_2_auditorium_2", "Area_1_conferenceRoom_1", "Area_6_copyRoom_1",

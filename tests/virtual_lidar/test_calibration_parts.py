@@ -12,15 +12,15 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from tests.support.calibration_lookalike import residuals
 from virtual_lidar.calibration import kernels
-from virtual_lidar.calibration.fitting import free_parameters, interval
-from virtual_lidar.calibration.likelihood import NAMES, RestrictedLikelihood, Sigmas
-from virtual_lidar.calibration.noise_shape import (
+from virtual_lidar.calibration.calibrating import (
     RayShape,
     _log_gaussian,
     _log_laplace,
     _standard_differences,
     ray_shape,
 )
+from virtual_lidar.calibration.fitting import free_parameters, interval
+from virtual_lidar.calibration.likelihood import NAMES, RestrictedLikelihood, Sigmas
 from virtual_lidar.calibration.observations import (
     Observations,
     _beyond_plane,
@@ -184,7 +184,7 @@ def test_equations_without_cells_are_those_of_the_whole_covariance() -> None:
     of = np.repeat(cell, count)
     inverse = np.linalg.inv(np.diag(rays) + 0.05 * (of[:, None] == of))
     matrix, right = np.zeros((15, 15)), np.zeros(15)
-    taken, added = kernels.absorb_cells.py_func(codes, sums, 0.05, matrix, right)
+    taken, added = kernels.eliminate_cell_biases.py_func(codes, sums, 0.05, matrix, right)
     np.testing.assert_allclose(matrix, design.T @ inverse @ design, atol=1e-9)
     np.testing.assert_allclose(right, design.T @ inverse @ errors, atol=1e-9)
     assert (errors**2 / rays).sum() - taken == pytest.approx(errors @ inverse @ errors)

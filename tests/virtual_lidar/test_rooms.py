@@ -9,8 +9,7 @@ import pytest
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Mesh, check_mesh
 from tests.support.scenes_residuals import assert_furniture_within, plane_alignment, worst_residual
-from virtual_lidar.scenes.room_catalogue import RoomSpec
-from virtual_lidar.scenes.rooms import ROOMS, make_room, origin, room_box
+from virtual_lidar.scenes.rooms import ROOMS, RoomSpec, make_room, origin, room_box
 
 S3DIS = {
     "ceiling", "floor", "wall", "beam", "column", "window", "door", "table", "chair", "sofa",

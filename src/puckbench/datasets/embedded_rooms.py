@@ -23,7 +23,7 @@ class EmbeddedRooms(GeneratedSet):
     """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
-        from virtual_lidar.scenes.room_catalogue import ROOMS
+        from virtual_lidar.scenes.rooms import ROOMS
 
         return sorted(select_names("rooms", self.rooms, list(ROOMS)))
 

@@ -11,11 +11,10 @@ import pytest
 from pointkit.errors import InputError
 from puckbench import __version__
 from puckbench.jobs.calibrate import Calibrate
-from virtual_lidar.calibration.calibrating import Calibration, CalibrationOptions
+from virtual_lidar.calibration.calibrating import Calibration, CalibrationOptions, RayShape
 from virtual_lidar.calibration.files import model_file, settings_for
 from virtual_lidar.calibration.fitting import Estimate
 from virtual_lidar.calibration.likelihood import NAMES
-from virtual_lidar.calibration.noise_shape import RayShape
 from virtual_lidar.residual_table import REAL
 
 LASERS, FRAMES, RAY = "laser_sigma_m", "frame_sigma_m", "ray_sigma_m"

@@ -76,7 +76,7 @@ def test_another_packages_model_has_a_name(
     monkeypatch.setattr("pointkit.registry.entry_points", lambda group: result.get(group, []))
     monkeypatch.syspath_prepend(str(tmp_path))
     models: Registry[type[ErrorModel]] = Registry("error model", "errors")
-    monkeypatch.setattr("virtual_lidar.errors.registry.ERROR_MODELS", models)
+    monkeypatch.setattr("virtual_lidar.errors.ERROR_MODELS", models)
     assert "too_far" in error_model_names()
     assert open_error_model("too_far").described() == {"model": "TooFar", "share": 0.01}
     sys.modules.pop("far", None)
