@@ -32,12 +32,12 @@ class EmbeddedAreas(GeneratedSet):
         return sorted(name for area in kept for name in _rooms_of(area)[: self.rooms])
 
     def load(self, name: str) -> Scene:
-        from virtual_lidar.scenes.rooms import make_room, origin, room_box, room_types
+        from virtual_lidar.scenes.rooms import make_room, room_box, room_origin, room_types
 
         kind = look_up(room_types(), name, "the generated building")
         mesh = make_room(name, self.seed, self.detail)
         about = self._about(seed=self.seed, detail=self.detail)
-        place, box = origin(name, self.seed), room_box(name, self.seed)
+        place, box = room_origin(name, self.seed), room_box(name, self.seed)
         return Scene(name, kind, mesh=mesh, origin=place, box=box, about=about)
 
 

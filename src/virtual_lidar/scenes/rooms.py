@@ -103,7 +103,7 @@ def make_room(name: str, seed: int, detail: float = 1.0) -> Mesh:
     return build_mesh(room.item)
 
 
-def origin(name: str, seed: int = 0) -> tuple[float, float, float]:
+def room_origin(name: str, seed: int = 0) -> tuple[float, float, float]:
     """Return a sensor's position in a room of `make_room`, (x, y, z), m.
 
     It is 1.3 m high, and displaced at random by up to 5 cm from the room's `RoomSpec.origin`.
