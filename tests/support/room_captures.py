@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pointkit.geometry.mesh import Mesh
-from pointkit.lidar.recorded_returns import RecordedReturns, table_of_returns
+from pointkit.lidar.recorded_returns import RecordedReturns
 from pointkit.lidar.sensors import load_sensor
 from tests.support.sensor_scenes import ROOM, room
 from virtual_lidar import ScanTable, open_error_model, open_sweep, returns_of_scan, scan
@@ -48,4 +48,4 @@ def room_scan(
 
 def captured(table: ScanTable) -> RecordedReturns:
     """The returns that the sensor of a scan would report."""
-    return table_of_returns(returns_of_scan(table).returns)
+    return returns_of_scan(table).table()
