@@ -22,16 +22,21 @@ _IF_MEANT = "(to scan from there, add --anywhere)"
 
 
 def check_untouched(caster: RayCaster, places: Floats) -> None:
-    """Raise InputError if any of the `places` (n, 3), relative to the origin, is on the mesh."""
+    """Raise InputError if a position is within 1 mm of the mesh.
+
+    `places` are (n, 3), m, relative to the ray caster's origin.
+    """
     touching = caster.clearances(places) < _LEAST_CLEARANCE_M
     if touching.any():
         raise InputError(f"the sensor at {_world(caster, places[touching][0])} touches the mesh")
 
 
 def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
-    """Raise InputError unless a sensor's path starts in free space and crosses no surface.
+    """Raise InputError unless a sensor's path begins in free space and crosses no surface.
 
-    The path, from `Sweep.way`, has times (n,), s, and positions (n, 3), m.
+    Free space is inside the scene, outside of its objects, and not within 1 m of all that is seen.
+    The path, from `Sweep.way`, has times (n,), s, and positions relative to the ray caster's
+    origin, (n, 3), m.
     """
     where = f"the sensor at {_world(caster, places[0])}"
     distances, triangles = seen_around(caster, places[0])
@@ -51,7 +56,7 @@ def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
 
 
 def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-    """Cast rays in 256 uniform directions; return distances (inf for a miss) and triangles hit."""
+    """Cast 256 rays in all directions from a position (3,); return what `RayCaster.met` does."""
     turns = np.arange(_DIRECTIONS) * np.pi * (3 - np.sqrt(5))
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
     around = np.sqrt(1 - z**2)
@@ -93,10 +98,30 @@ _AT_A_TIME = 256
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """Return the free grid position (3,), m, nearest to the middle of the floor plan.
+    """Find a position for a sensor in a scene.
 
-    The position is `height` above the floor and at least `clearance` from all surfaces. More than
-    the share `inside` of rays in all directions, and a ray straight down, must hit the scene.
+    Parameters
+    ----------
+    mesh
+        The scene, m, z up.
+    height
+        Height of the sensor above the floor, m.
+    clearance
+        Least distance from all surfaces, m.
+    inside
+        Share of the rays in all directions that must hit the scene, more than which the sensor
+        counts as inside.
+
+    Returns
+    -------
+    array
+        Position (3,), m: of the free ones on a grid, the nearest to the middle of the scene. It has
+        a floor below it.
+
+    Raises
+    ------
+    InputError
+        There is no such position, or the mesh has no faces.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()

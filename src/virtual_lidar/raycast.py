@@ -19,11 +19,25 @@ from virtual_lidar.trajectory import Poses
 
 _LEAST_COSINE = 1e-9
 """Below this cosine between ray and normal, Embree's distance is more accurate than the plane's."""
+_MOST_MIRRORS = 8
+"""Limit of reflections; a path with more has no return."""
+_OFF_THE_MIRROR = 1e-4
+"""Offset, m, of a reflected ray's start, so that rounding to float32 causes no second hit."""
 
 
 @dataclass(frozen=True)
 class Cast:
-    """Rays in world coordinates: directions (n, 3), origins of steps (steps, 3), and hits."""
+    """Rays in world coordinates, and what they hit.
+
+    Parameters
+    ----------
+    directions
+        Unit vectors, (n, 3), for all rays of all azimuth steps of all frames.
+    origins
+        Position of the sensor in each azimuth step, (steps of all frames, 3), m.
+    hits
+        What each ray hits first.
+    """
 
     directions: Floats
     origins: Floats
@@ -31,9 +45,27 @@ class Cast:
 
 
 class RayCaster:
-    """Casts rays at a mesh from positions at or near `origin` (3,).
+    """Casts rays at a mesh from positions at or near `origin`.
 
-    `planes` (t, 4) are unit normals of triangles, and distances of their planes from `origin`.
+    Parameters
+    ----------
+    mesh
+        The scene, m; `check_mesh` must accept it.
+    origin
+        Position in world coordinates, (3,), m. Other positions are relative to it, and lose
+        precision far away from it.
+    threads
+        Number of threads; 0 for one per processor.
+
+    Attributes
+    ----------
+    planes
+        Unit normals of the triangles (0 if degenerate), and distances of their planes from
+        `origin`, (t, 4).
+    object_id, primitive_id
+        Object and geometric primitive of each triangle, (t,), -1 without labels.
+    surfaces
+        Objects of the triangles; None without labels.
     """
 
     def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
@@ -41,13 +73,11 @@ class RayCaster:
 
         self.threads = threads
         self.origin = np.asarray(origin, dtype=np.float64)
-        self.planes = planes_of(mesh, self.origin)
-        unlabelled = np.full(len(mesh.triangles), -1, dtype=np.int32)
-        self.object_id = mesh.labels.object_id if mesh.labels else unlabelled
-        self.primitive_id = mesh.labels.primitive_id if mesh.labels else unlabelled
-        self.surfaces = (
-            Surfaces(mesh.labels.object_id, mesh.labels.objects) if mesh.labels else None
-        )
+        self.planes = _planes_of(mesh, self.origin)
+        labels, unlabelled = mesh.labels, np.full(len(mesh.triangles), -1, dtype=np.int32)
+        self.object_id = labels.object_id if labels else unlabelled
+        self.primitive_id = labels.primitive_id if labels else unlabelled
+        self.surfaces = Surfaces(labels.object_id, labels.objects) if labels else None
         self.scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
         self.scene.add_triangles(
             o3d.core.Tensor.from_numpy((mesh.vertices - self.origin).astype(np.float32)),
@@ -55,6 +85,7 @@ class RayCaster:
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
+        """Cast the rays of a sensor at its poses; hits at distances outside `limits`, m, miss."""
         (yaw_sine, yaw_cosine), (z, level) = _sine_cosine(rays.yaw), _sine_cosine(rays.pitch)
         x, y = -yaw_sine * level, yaw_cosine * level
         turned = np.moveaxis(poses.rotations, (-2, -1), (0, 1))[..., None]
@@ -65,13 +96,18 @@ class RayCaster:
         return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
+        """Return the distances, (n,), m, of positions (n, 3) from the nearest surface."""
         import open3d as o3d
 
         queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
         return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-        """Cast rays; return distances (n,) of float32 accuracy (inf: miss) and triangles (n,)."""
+        """Return at which distances rays first meet the mesh, and which triangles they meet.
+
+        `starts` and `directions` are (n, 3), directions of length 1. Distances, (n,), m, have the
+        accuracy of float32, and are inf for a ray that meets nothing.
+        """
         import open3d as o3d
 
         single = np.column_stack([starts, directions]).astype(np.float32)
@@ -85,9 +121,18 @@ class RayCaster:
         shape: tuple[int, ...],
         limits: tuple[float, float],
     ) -> Hits:
-        """Return the hits of rays (n, 3), reshaped to `shape`, at distances within `limits`.
+        """Return the hits of rays at distances within `limits`, m.
 
-        `starts`, (steps, 3) or (n, 3), are relative to `origin`.
+        Parameters
+        ----------
+        directions
+            Unit vectors, (n, 3).
+        starts
+            Positions relative to `origin`, (n, 3), or one for every few successive rays.
+        shape
+            Shape of the arrays that are returned.
+        limits
+            Least and greatest distance.
         """
         starts = np.repeat(starts, len(directions) // len(starts), axis=0)
         nearest, triangle = self.met(starts, directions)
@@ -99,10 +144,24 @@ class RayCaster:
 def plane_distances(
     directions: Floats, starts: Floats, nearest: Floats, planes: Floats, limits: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Compute distances (n,), m, along rays (n, 3) to planes (n, 4), and cosines of incidence.
+    """Compute the exact distances, (n,), m, along rays to the planes that they meet.
 
-    They are inf and nan for a miss, or a distance outside `limits`. `nearest` (n,) are distances
-    from Embree (inf for a miss), which are kept for rays parallel to their planes.
+    Parameters
+    ----------
+    directions, starts
+        Rays, (n, 3).
+    nearest
+        Distances of float32 accuracy, (n,), which are kept for rays parallel to their planes; inf
+        for a ray that meets nothing.
+    planes
+        Unit normal and distance of the plane that each ray meets, (n, 4).
+    limits
+        Least and greatest distance of a hit.
+
+    Returns
+    -------
+    distances, cosines
+        Distances, inf without a hit, and cosines of the incidence, nan without a hit.
     """
     cosine = dot(planes, directions)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,8 +177,7 @@ def dot(a: Floats, b: Floats) -> Floats:
     return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
 
 
-def planes_of(mesh: Mesh, origin: Floats) -> Floats:
-    """Return planes (t, 4): unit normals (0 if degenerate) and distances from `origin`."""
+def _planes_of(mesh: Mesh, origin: Floats) -> Floats:
     a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
     length = np.sqrt(dot(normals, normals))[:, None]
@@ -131,3 +189,79 @@ def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
     # Each value of a broadcast array is computed once.
     values = angles[tuple(slice(None) if stride else slice(1) for stride in angles.strides)]
     return np.sin(values), np.cos(values)
+
+
+@dataclass(frozen=True)
+class _Paths:
+    """Paths of rays that end on a mirror so far: each ray's number, and its last segment."""
+
+    rays: NDArray[np.int64]
+    directions: Floats
+    ends: Floats
+    lengths: Floats
+    triangles: NDArray[np.uint32]
+
+    def select(self, chosen: NDArray[np.bool_]) -> _Paths:
+        return _Paths(**{name: part[chosen] for name, part in vars(self).items()})
+
+
+def follow_mirrors(
+    caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
+) -> Cast:
+    """Replace the hits on mirrors by what the reflected rays hit.
+
+    Parameters
+    ----------
+    caster
+        The scene.
+    cast
+        Rays and their first hits.
+    mirrors
+        Which triangles are mirrors, (t,).
+    farthest
+        Greatest length of a path, m.
+
+    Returns
+    -------
+    Cast
+        The same rays. The distance of a hit is the length of the whole path; a path that meets
+        nothing but mirrors has no hit.
+    """
+    shape = cast.hits.distance.shape
+    distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()
+    incidence = cast.hits.incidence.ravel().copy()
+    paths = _paths_to_mirrors(caster, cast, mirrors)
+    distance[paths.rays], incidence[paths.rays] = np.inf, np.nan
+    for _ in range(_MOST_MIRRORS):
+        if not len(paths.rays):
+            break
+        paths, angles = _reflected(caster, paths)
+        hit = paths.lengths <= farthest
+        again = hit & mirrors[np.where(hit, paths.triangles, 0)]
+        seen, rays = hit & ~again, paths.rays[hit & ~again]
+        distance[rays], triangle[rays] = paths.lengths[seen], paths.triangles[seen]
+        incidence[rays] = angles[seen]
+        paths = paths.select(again)
+    hits = Hits(distance, triangle, incidence, caster.surfaces)
+    return Cast(cast.directions, cast.origins, hits.reshaped(shape))
+
+
+def _paths_to_mirrors(caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_]) -> _Paths:
+    lengths, triangles = cast.hits.distance.ravel(), cast.hits.triangle.ravel()
+    hit = np.isfinite(lengths)
+    rays = np.flatnonzero(hit & mirrors[np.where(hit, triangles, 0)])
+    starts = cast.origins[rays // (len(lengths) // len(cast.origins))] - caster.origin
+    directions = cast.directions[rays]
+    ends = starts + lengths[rays, None] * directions
+    return _Paths(rays, directions, ends, lengths[rays], triangles[rays])
+
+
+def _reflected(caster: RayCaster, paths: _Paths) -> tuple[_Paths, Floats]:
+    normals = caster.planes[paths.triangles, :3]
+    across = (paths.directions * normals).sum(axis=1, keepdims=True)
+    turned = paths.directions - 2 * across * normals
+    starts = paths.ends + _OFF_THE_MIRROR * turned
+    seen = caster.hits(turned, starts, paths.rays.shape, (0.0, np.inf))
+    ends = starts + np.where(np.isfinite(seen.distance), seen.distance, 0)[:, None] * turned
+    lengths = paths.lengths + _OFF_THE_MIRROR + seen.distance
+    return _Paths(paths.rays, turned, ends, lengths, seen.triangle), seen.incidence

@@ -48,7 +48,7 @@ _OPTIONAL = ("range_m", "frame", "plane_u_m", "plane_v_m")
 
 
 def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate residual tables, keeping models and surfaces as categories."""
+    """Concatenate residual tables; the columns `model` and `surface` stay categories."""
     import pandas as pd
     from pandas.api.types import union_categoricals
 
@@ -59,7 +59,11 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a table of plane residuals; old tables lack `range_m` and the columns after it."""
+    """Read a table of plane residuals (Parquet or CSV) with the columns `COLUMNS`.
+
+    Old tables lack `range_m` and the columns after it. Raises InputError if another column is
+    missing.
+    """
     from pointkit.tables import read_table
 
     table = read_table(path)
@@ -70,9 +74,21 @@ def read_residuals(path: Path) -> pd.DataFrame:
 
 
 def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
-    """Return the columns of a residual table that depend on points (n, 3) and the fitted plane.
+    """Return the columns of a residual table that follow from points and the plane fitted to them.
 
-    The plane's normal must point to the sensor's position `origin` (3,).
+    Parameters
+    ----------
+    points
+        Measured points, (n, 3), m.
+    plane
+        The fitted plane, whose normal points to the sensor.
+    origin
+        Position of the sensor, (3,), m.
+
+    Returns
+    -------
+    dict
+        Columns ``residual_m``, ``range_m``, ``plane_u_m`` and ``plane_v_m``, (n,), float32.
     """
     u, v = plane_coordinates(points, plane, origin).T
     values = {
@@ -85,9 +101,10 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Return the coordinates (n, 2), m, of points in a plane, relative to the sensor's projection.
+    """Return coordinates of points within a plane, (n, 2), m.
 
-    The first axis is horizontal, the second points upwards; `origin` is the sensor's position.
+    The first axis is horizontal, the second points upwards, and the origin is where the
+    perpendicular from the sensor's position `origin` (3,) meets the plane.
     """
     level = np.cross([0.0, 0.0, 1.0], plane.normal)
     # On a horizontal plane any axis is horizontal.

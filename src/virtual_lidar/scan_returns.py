@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
+from pointkit.lidar.recorded_returns import RecordedReturns, table_of_returns
 from pointkit.lidar.returns import USUAL_QUANTUM_M, Beams, Firing, Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.turns import CENTIDEGREES, MAX_RANGE, Layout, Turn
@@ -17,23 +18,45 @@ from virtual_lidar.sweep import Sweep
 
 @dataclass(frozen=True)
 class ScanReturns:
-    """Returns of a scan as its sensor would report them, and their rows (n,) in the scan's table.
+    """Returns of a scan, as its sensor would report them.
 
-    Rows are in the order of ``returns.points()``. `still_at` is the position, m, of a level sensor
-    at rest, otherwise None.
+    Parameters
+    ----------
+    returns
+        Ranges by revolution, laser and firing.
+    rows
+        Row in the scan's table of each return, in the order of ``returns.points()``, (n,).
+    still_at
+        Position of the sensor, (3,), m, if it is level and at rest, otherwise None.
     """
 
     returns: Returns
     rows: NDArray[np.intp]
     still_at: Floats | None
 
+    def table(self) -> RecordedReturns:
+        """Return the returns as a table, like those of a recording, for `recorded_planes`."""
+        return table_of_returns(self.returns)
+
 
 def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
-    """Return the measured returns of a scan of whole revolutions, or the true ones if `clean`.
+    """Convert a scan to what its sensor would report, for codecs of returns.
 
-    Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees. Returns are
-    left out if the rounded range is 0 or exceeds 16 bits (for sensors with longer ranges:
-    `MAX_RANGE`).
+    Ranges are rounded to the sensor's quantum, azimuths to 0.01 degrees. Returns are left out if
+    the rounded range is 0 or exceeds 16 bits (for sensors with longer ranges:
+    `pointkit.lidar.turns.MAX_RANGE`).
+
+    Parameters
+    ----------
+    table
+        A scan whose frames are whole revolutions, such as one with the sweep ``spin``.
+    clean
+        Whether to take the true distances in place of the measured ones.
+
+    Raises
+    ------
+    InputError
+        A frame is not a revolution, or the table does not describe its sensor and sweep.
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")
@@ -66,7 +89,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
 
 
 def true_points(table: ScanTable, scan_returns: ScanReturns) -> Floats:
-    """Return the true points (n, 3) of returns, in sensor coordinates, m."""
+    """Return the points without errors of a scan's returns, in sensor coordinates, (n, 3), m."""
     rows = scan_returns.rows
     yaw, pitch = table["yaw"][rows], table["pitch"][rows]
     level = table["distance"][rows] * np.cos(pitch)

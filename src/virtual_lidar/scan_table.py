@@ -52,39 +52,48 @@ class _ScanMetadata(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class ScanTable(ReturnTable):
-    """Table of a virtual scan's returns, in the order of firing, with true and measured values."""
+    """Returns of a virtual scan, in the order of firing, with true and measured values.
+
+    ``table["yaw"]`` is a column (n,); `COLUMNS` describes all of them. ``xyz`` are the true points
+    (n, 3). ``about`` is a dictionary with the parameters of the sensor (``sensor``), the sweep
+    (``sweep``) and the error model (``errors``), and the sensor's position (``origin``).
+    """
 
     schema = TableSchema("scan table", "puckbench", COLUMNS)
 
     @property
     def xyz_noisy(self) -> Floats:
-        """Measured points (n, 3) in the world, m."""
+        """Measured points in the world, (n, 3), m."""
         return self.vectors("x_noisy", "y_noisy", "z_noisy")
 
     @property
     def normals(self) -> Floats:
-        """Unit normals (n, 3) at the true points, towards the sensor."""
+        """Unit normals of the surface at the true points, towards the sensor, (n, 3)."""
         return self.vectors("nx", "ny", "nz")
 
     @property
     def object_id(self) -> NDArray[np.int32]:
+        """Object of the mesh at each true point, (n,); -1 without labels."""
         return self.columns["object_id"]
 
     @property
     def primitive_id(self) -> NDArray[np.int32]:
+        """Geometric primitive of the mesh at each true point, (n,); -1 without labels."""
         return self.columns["primitive_id"]
 
 
 def write_scan(path: Path, table: ScanTable) -> None:
+    """Write a scan to a Parquet file, with the unit and description of each column."""
     write_return_table(path, table)
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
-    """Write the parts of a scan to one Parquet file; return its number of rows."""
+    """Write the portions of a scan to one Parquet file, as they come; return its number of rows."""
     return write_portions(path, portions)
 
 
 def read_scan(path: Path) -> ScanTable:
+    """Read a scan that `write_scan` wrote; raise InputError if the file is not one."""
     table = read_return_table(path, ScanTable)
     parsed(_ScanMetadata, table.about, f"{path}: its metadata")
     return table

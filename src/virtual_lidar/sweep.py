@@ -21,8 +21,7 @@ from pointkit.errors import InputError, among
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.sensor import Sensor
 from pointkit.models import Model, parsed
-from virtual_lidar.motion import Motion
-from virtual_lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows
+from virtual_lidar.trajectory import Motion, Poses, Trajectory, read_rows, trajectory_from_rows
 
 # Blender up to 2.79, on which BlenSor is built, places the handles of an automatic Bezier key at
 # the length of the interval over this number (blenkernel/intern/curve.c, calchandleNurb_intern),
@@ -32,9 +31,16 @@ _HANDLE_DIVISOR = 2.5614
 
 @dataclass(frozen=True)
 class Rays:
-    """Angles of rays in sensor coordinates, (frames, steps, lasers), rad; may be broadcast views.
+    """Directions of rays in sensor coordinates, in arrays of shape (frames, azimuth steps, lasers).
 
-    Measured points lie on these rays if `placed_as_fired`, otherwise on the nominal rays.
+    Parameters
+    ----------
+    yaw
+        Azimuths from forward (y), counter-clockwise seen from above, rad.
+    pitch
+        Elevations, upwards positive, rad.
+    placed_as_fired
+        Whether a measured point lies on its ray here; otherwise it lies on the nominal ray.
     """
 
     yaw: Floats
@@ -43,14 +49,19 @@ class Rays:
 
 
 class Sweep(Model):
-    """Rotation and motion of a virtual sensor; defaults are those of the thesis, section 5.2."""
+    """Rotation and motion of a virtual sensor; the defaults are those of the thesis, section 5.2.
+
+    `open_sweep` creates it from a preset and a few values.
+    """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     frames_per_second: PositiveFloat = 120.0
+    """Frames per second, which need not be turns; without a trajectory, a frame has one pose."""
     duration_s: PositiveFloat = 4.0
+    """Duration of the scan."""
     pitch_start_deg: float = -60.0
-    """Pitch in the first frame."""
+    """Pitch of the sensor in the first frame, upwards positive."""
     pitch_end_deg: float = 60.0
     """Pitch in the last frame; in between, the pitch follows Blender's easing."""
     rotation_hz: PositiveFloat | None = None
@@ -97,6 +108,7 @@ class Sweep(Model):
 
     @property
     def frames(self) -> int:
+        """Number of frames that are scanned."""
         return self._keyed_frames - self.frames_skipped
 
     @property
@@ -104,12 +116,13 @@ class Sweep(Model):
         return round(self.duration_s * self.frames_per_second)
 
     def pitch_rad(self) -> Floats:
+        """Return the sensor's pitch in each frame, (frames,), rad; a trajectory replaces it."""
         time = np.arange(self.frames) / max(self._keyed_frames - 1, 1)
         span = self.pitch_end_deg - self.pitch_start_deg
         return np.radians(self.pitch_start_deg + span * ease(time))
 
     def rotations(self) -> Floats:
-        """Return the rotation from the sensor to the world in each frame, (frames, 3, 3)."""
+        """Return the matrices (frames, 3, 3) from the sensor to the world, without a trajectory."""
         pitch = self.pitch_rad()
         sine, cosine = np.sin(pitch), np.cos(pitch)
         rotations = np.tile(np.eye(3), (len(pitch), 1, 1))
@@ -118,7 +131,7 @@ class Sweep(Model):
         return rotations
 
     def poses(self, sensor: Sensor, frames: range) -> Poses:
-        """Return the sensor's pose at each step, (frames, steps), relative to the scan's origin."""
+        """Return the sensor's poses relative to the scan's origin, (frames, azimuth steps)."""
         shape = (len(frames), self.steps(sensor))
         if self._trajectory is not None:
             return self._trajectory.at(self.timestamps(sensor, frames))
@@ -127,17 +140,21 @@ class Sweep(Model):
         return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
 
     def poses_during(self, times: Floats) -> Poses:
-        """Return the poses of a trajectory at times (n,), s, relative to the scan's origin."""
+        """Return the poses of the trajectory at times (n,), s, relative to the scan's origin.
+
+        Raises InputError if there is no trajectory.
+        """
         if self._trajectory is None:
             raise InputError("the sweep has no trajectory, along which the sensor moves")
         return self._trajectory.at(times)
 
     @property
     def is_level_and_still(self) -> bool:
+        """Whether the sensor neither moves nor pitches."""
         return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
 
     def way(self) -> tuple[Floats, Floats]:
-        """Return the vertices of the sensor's path: times (n,), s, and positions (n, 3), m."""
+        """Return the sensor's path as a polyline: times (n,), s, and positions (n, 3), m."""
         if self._trajectory is None:
             return np.zeros(1), np.zeros((1, 3))
         keyed = self._trajectory.times
@@ -148,7 +165,7 @@ class Sweep(Model):
         return times, self._trajectory.at(times).positions
 
     def steps(self, sensor: Sensor) -> int:
-        """Return the number of whole azimuth steps in a frame."""
+        """Return the number of whole azimuth steps in a frame; raise InputError if it is 0."""
         steps = self._degrees_per_frame(sensor) / self.step_deg(sensor)
         count = int(steps * (1 + 1e-9))
         if count < 1:
@@ -158,7 +175,7 @@ class Sweep(Model):
         return count
 
     def rays(self, sensor: Sensor, frames: range) -> Rays:
-        """Return the nominal rays of frames; azimuths continue from frame to frame."""
+        """Return the rays without errors of some frames; azimuths continue from frame to frame."""
         starts = np.asarray(frames) * self._degrees_per_frame(sensor)
         steps = np.arange(self.steps(sensor)) * self.step_deg(sensor)
         degrees = (starts[:, None] + steps)[:, :, None]
@@ -170,21 +187,27 @@ class Sweep(Model):
         return Rays(np.broadcast_to(yaw, shape), np.broadcast_to(pitch, shape))
 
     def timestamps(self, sensor: Sensor, frames: range) -> Floats:
-        """Return start times of azimuth steps, (frames, steps), s since the sweep's start."""
+        """Return when azimuth steps begin, (frames, azimuth steps), s after the sweep's start."""
         second_per_step = self.step_deg(sensor) / (360.0 * self.turning_hz(sensor))
         within = np.arange(self.steps(sensor)) * second_per_step
         return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
 
     def firing_times(self, sensor: Sensor, frames: range) -> Floats:
-        """Return firing times, (frames, steps, lasers), s since the sweep's start."""
+        """Return when lasers fire, (frames, azimuth steps, lasers), s after the sweep's start."""
         steps = self.timestamps(sensor, frames)[:, :, None]
         fired = steps + _delays(sensor) if self.timing == "firing" else steps
         return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))
 
     def turning_hz(self, sensor: Sensor) -> float:
+        """Return how often the sensor turns in a second."""
         return sensor.rotation_hz if self.rotation_hz is None else self.rotation_hz
 
     def step_deg(self, sensor: Sensor) -> float:
+        """Return the azimuth step between firings, degrees.
+
+        With the timing ``firing``, it follows from the sensor's firing sequence. Raises InputError
+        if the sensor does not state the length of that sequence.
+        """
         if self.timing == "firing":
             return 360.0 * self.turning_hz(sensor) * _sequence_s(sensor)
         return sensor.azimuth_step_deg if self.azimuth_step_deg is None else self.azimuth_step_deg
@@ -203,8 +226,6 @@ def _sequence_s(sensor: Sensor) -> float:
     return sensor.firing_sequence_us * 1e-6
 
 
-# `thesis_room`: the room scans of the thesis, with BlenSor's defaults instead of the VLP-16's.
-# `spin`: one turn of a level sensor at rest, in one frame.
 SWEEPS: dict[str, dict[str, Any]] = {
     "thesis": {},
     "thesis_room": {
@@ -222,14 +243,29 @@ SWEEPS: dict[str, dict[str, Any]] = {
         "pitch_end_deg": 0.0,
     },
 }
+"""Fields of `Sweep` by name of a preset.
+
+``thesis_room`` has the room scans of the thesis, with BlenSor's defaults instead of the VLP-16's.
+"""
 
 
 def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
-    """Create a sweep from the name of a preset, or from values such as ``{"duration_s": 1.0}``.
+    """Create a sweep from a preset and values of your own.
 
-    Missing values are those of the ``preset`` (default: ``thesis``). A ``trajectory``, rows of
-    poses, a file's path, or values of a `Motion`, determines the duration unless ``duration_s`` is
-    set.
+    Parameters
+    ----------
+    settings
+        Name of a preset in `SWEEPS`: ``"spin"`` is one turn of a level sensor at rest, in one
+        frame, ``"thesis"`` and ``"thesis_room"`` are the scans of the thesis. Or fields of `Sweep`
+        by name, such as ``{"preset": "spin", "timing": "firing"}``; the others are those of the
+        preset, by default ``"thesis"``. The field ``trajectory`` may also be the path of a file
+        (`read_rows`), or the fields of a `Motion`; it determines the duration unless
+        ``duration_s`` is given.
+
+    Raises
+    ------
+    InputError
+        There is no such preset or field, or a value is invalid.
     """
     options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
     name = options.pop("preset", "thesis")
@@ -251,9 +287,10 @@ def _duration(rows: Any) -> dict[str, float]:
 
 
 def ease(time: Floats) -> Floats:
-    """Interpolate smoothly from 0 to 1 at `time` in [0, 1], as Blender does by default.
+    """Return a value that rises smoothly from 0 to 1 with `time`, as Blender animates by default.
 
-    The Bezier curve has the control points (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614.
+    Times are from 0 to 1, in an array of any shape. The curve of value over time is the Bezier
+    curve with the control points (0, 0), (h, 0), (1 - h, 1) and (1, 1), h = 1 / 2.5614.
     """
     h = 1 / _HANDLE_DIVISOR
     s = np.array(time, dtype=np.float64)

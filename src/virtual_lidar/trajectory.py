@@ -1,16 +1,21 @@
+"""Trajectories: poses over time, read from files or made from a few numbers."""
+
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ConfigDict, NonNegativeFloat, PositiveFloat
 
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import Floats
+from pointkit.models import Model
 from pointkit.yaml_files import read_yaml
 
 Row = tuple[float, ...]
@@ -21,7 +26,9 @@ _FORM = "needs rows of t, x, y, z, yaw, pitch, roll or of t, x, y, z, qw, qx, qy
 
 @dataclass(frozen=True)
 class Poses:
-    """Rotations from the sensor to the world (..., 3, 3), and positions (..., 3), m."""
+    """Poses of a sensor: rotations from the sensor to the world (..., 3, 3), and positions
+    (..., 3), m.
+    """
 
     rotations: Floats
     positions: Floats
@@ -29,9 +36,17 @@ class Poses:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses at times (n,), s: positions (n, 3), m, and unit quaternions wxyz (n, 4).
+    """Motion of a sensor, between n poses.
 
-    Quaternions rotate from sensor coordinates (x right, y forward, z up) to the world.
+    Parameters
+    ----------
+    times
+        Times of the poses, increasing, (n,), s.
+    positions
+        Positions, (n, 3), m.
+    quaternions
+        Unit quaternions (w, x, y, z), (n, 4), which rotate from sensor coordinates (x right, y
+        forward, z up) to the world.
     """
 
     times: Floats
@@ -39,7 +54,11 @@ class Trajectory:
     quaternions: Floats
 
     def at(self, times: Floats) -> Poses:
-        """Interpolate positions linearly and rotations by slerp; clamp beyond the ends."""
+        """Return the poses at times of any shape, s.
+
+        Between poses, positions are interpolated linearly and rotations by slerp. Before the first
+        pose and after the last one the sensor stands still.
+        """
         if len(self.times) == 1:
             first = np.zeros(times.shape, dtype=np.intp)
             return Poses(_matrices(self.quaternions[first]), self.positions[first])
@@ -52,10 +71,12 @@ class Trajectory:
 
 
 def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
-    """Convert rows of t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
+    """Make a trajectory from rows of numbers.
 
-    Rotations are intrinsic: yaw about z, counter-clockwise seen from above; then pitch about x,
-    upwards positive; then roll about y, right side down positive.
+    A row has the time, s, the position x, y, z, m, and either the angles yaw, pitch, roll, degrees,
+    or a unit quaternion w, x, y, z. The sensor is turned by yaw about z, counter-clockwise seen
+    from above, then by pitch about its own x axis, upwards positive, then by roll about its own y
+    axis, right side down positive. Raises InputError for other rows, or times that do not increase.
     """
     lengths = {len(row) for row in rows}
     if lengths not in ({_ANGLES}, {_QUATERNION}):
@@ -71,7 +92,11 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
 
 
 def read_rows(path: Path) -> tuple[Row, ...]:
-    """Read the rows of a trajectory from a CSV file (header optional) or a YAML list."""
+    """Read the rows of a trajectory, as `trajectory_from_rows` takes them, from a file.
+
+    The file is a CSV file, with or without a header, or a YAML file with a list of lists. Raises
+    InputError, with the number of the line or pose, if a row is not valid.
+    """
     if path.suffix.lower() == ".csv":
         return _checked(_csv_rows(path), path)
     rows = read_yaml(path)
@@ -147,3 +172,68 @@ def _matrices(quaternions: Floats) -> Floats:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+_STEP_S, _SUBSTEPS = 0.05, 20
+_FORWARD_DEG = 90.0
+"""Direction of the sensor's forward axis, y, at yaw 0, counter-clockwise from x."""
+
+
+class Motion(Model):
+    """Motion of a level sensor on a vehicle, by a few numbers; the sensor looks where it drives.
+
+    It stands still, accelerates to its speed, and may stop again and again. Its heading, after a
+    path of s metres, is ``heading_deg + bend_deg_per_m * s + swing_deg * cos(2 pi s / swing_m)``.
+    """
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+    duration_s: PositiveFloat
+    """Time from the first to the last pose."""
+    speed_m_s: PositiveFloat
+    """Highest speed."""
+    acceleration_m_s2: PositiveFloat = 3.0
+    """Acceleration, and deceleration before stops."""
+    rest_s: NonNegativeFloat = 0.5
+    """Time before the sensor starts."""
+    stop_every_s: PositiveFloat | None = None
+    """Period of stop and go: in its second half, the sensor slows down and stands; by default it
+    never stops."""
+    start: tuple[float, float] = (0.0, 0.0)
+    """First position, x and y in m, relative to the scan's origin."""
+    heading_deg: float = 0.0
+    """Mean direction of travel in degrees, counter-clockwise from the x axis."""
+    swing_deg: float = 0.0
+    """By how many degrees the heading swings to each side of its mean."""
+    swing_m: PositiveFloat = 25.0
+    """Length of the path, in m, in which the heading swings to both sides once."""
+    bend_deg_per_m: float = 0.0
+    """Turn of the mean heading per metre: 57.3 / radius, positive to the left."""
+
+    def rows(self) -> tuple[tuple[float, ...], ...]:
+        """Return a row every 0.05 s, as `trajectory_from_rows` takes them."""
+        (x, y), path, speed, rows = self.start, 0.0, 0.0, []
+        step = _STEP_S / _SUBSTEPS
+        for number in range(math.ceil(self.duration_s / _STEP_S - 1e-9) + 1):
+            time = number * _STEP_S
+            pose = (time, x, y, 0.0, self._heading(path) - _FORWARD_DEG, 0.0, 0.0)
+            rows.append(tuple(round(value, 6) + 0.0 for value in pose))
+            for part in range(_SUBSTEPS):
+                change = self._wanted_speed(time + part * step) - speed
+                most = self.acceleration_m_s2 * step
+                speed += min(max(change, -most), most)
+                heading = math.radians(self._heading(path + speed * step / 2))
+                x, y = x + speed * step * math.cos(heading), y + speed * step * math.sin(heading)
+                path += speed * step
+        return tuple(rows)
+
+    def _heading(self, path: float) -> float:
+        swing = self.swing_deg * math.cos(2 * math.pi * path / self.swing_m)
+        return self.heading_deg + self.bend_deg_per_m * path + swing
+
+    def _wanted_speed(self, time: float) -> float:
+        driven = time - self.rest_s
+        if driven < 0:
+            return 0.0
+        period = self.stop_every_s
+        return self.speed_m_s if period is None or driven % period < period / 2 else 0.0

@@ -13,7 +13,7 @@ from puckbench.geometry.sampling import sample_surface
 from puckbench.jobs.preparation import prepare
 from virtual_lidar.errors import open_error_model
 from virtual_lidar.placement import free_origin
-from virtual_lidar.scan import scan
+from virtual_lidar.scanning import scan
 from virtual_lidar.sweep import open_sweep
 
 

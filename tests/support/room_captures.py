@@ -1,4 +1,4 @@
-"""Captures of a virtual Puck in an empty room, as its packets are decoded."""
+"""Recordings of a virtual Puck in an empty room."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike
 from pointkit.geometry.mesh import Mesh
 from pointkit.lidar.recorded_returns import RecordedReturns
 from pointkit.lidar.sensors import load_sensor
-from puck.recordings.packet_turns import decode_packets
-from puckbench.recordings.writing import scan_packets
 from tests.support.sensor_scenes import ROOM, room
-from virtual_lidar import ScanTable, open_error_model, open_sweep, scan
+from virtual_lidar import ScanTable, open_error_model, open_sweep, returns_of_scan, scan
 
 ROTATION_HZ = 10.0
 STEP_DEG = 0.5
@@ -35,6 +33,7 @@ def room_scan(
     sweep = open_sweep(
         {
             "duration_s": turns / ROTATION_HZ,
+            "frames_per_second": ROTATION_HZ,
             "rotation_hz": ROTATION_HZ,
             "azimuth_step_deg": STEP_DEG,
             **pose,
@@ -48,5 +47,5 @@ def room_scan(
 
 
 def captured(table: ScanTable) -> RecordedReturns:
-    """What a decoder makes of a scan's packets."""
-    return decode_packets(scan_packets(table).payloads)
+    """The returns that the sensor of a scan would report."""
+    return returns_of_scan(table).table()

@@ -18,7 +18,7 @@ from puck.recordings.packet_turns import packet_kind, packets_of
 from tests.support.spinning import HDL64E, SENSORS, STATUS, STRONGEST, pcap, rows
 from virtual_lidar import open_error_model, open_sweep, scan
 from virtual_lidar.scan_returns import returns_of_scan
-from virtual_lidar.scenes.street.layout import make_street, street_origin
+from virtual_lidar.scenes.street import make_street, street_origin
 
 
 def virtual_packets(product: int, turns: int = 3, columns: int | None = None) -> NDArray[np.uint8]:

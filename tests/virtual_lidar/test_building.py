@@ -9,13 +9,19 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from pointkit.errors import InputError
 from pointkit.geometry.mesh import Mesh, check_mesh
-from puckbench.datasets.embedded_areas import EmbeddedAreas
 from tests.support.scenes_residuals import assert_furniture_within, worst_residual
-from virtual_lidar.scenes.building import MAX_STRETCH, ROOM_CHOICES, room_types, stretched
-from virtual_lidar.scenes.room_catalogue import ROOMS
-from virtual_lidar.scenes.rooms import make_room, origin, room_box, room_spec
+from virtual_lidar.scenes.rooms import (
+    MAX_STRETCH,
+    ROOM_CHOICES,
+    ROOMS,
+    make_room,
+    room_box,
+    room_origin,
+    room_spec,
+    room_types,
+    stretched,
+)
 
 SOME = (
     "Area_2_WC_1", "Area_2_auditorium_2", "Area_1_conferenceRoom_1", "Area_6_copyRoom_1",
@@ -30,19 +36,12 @@ def room(name: str) -> Mesh:
 
 
 def test_areas_have_the_published_numbers_of_rooms() -> None:
-    names = EmbeddedAreas().names()
+    names = list(room_types())
     counts = Counter(name.split("_")[1] for name in names)
     assert len(names) == len(set(names)) == 272
     assert dict(counts) == {"1": 44, "2": 40, "3": 23, "4": 49, "5": 68, "6": 48}
     assert set(room_types().values()) == set(ROOM_CHOICES)
     assert {name for bases in ROOM_CHOICES.values() for name in bases} == set(ROOMS)
-
-
-def test_rooms_are_chosen_by_area_and_number() -> None:
-    assert EmbeddedAreas(areas=("Area_3",), rooms=2).names() == ["Area_3_WC_1", "Area_3_WC_2"]
-    assert len(EmbeddedAreas(areas=2).names()) == 84
-    with pytest.raises(InputError, match="areas: unknown name 'Area_7'"):
-        EmbeddedAreas(areas=("Area_7",)).names()
 
 
 def test_rooms_have_different_shapes_that_depend_on_the_seed() -> None:
@@ -58,7 +57,7 @@ def test_rooms_have_different_shapes_that_depend_on_the_seed() -> None:
 
 @pytest.mark.parametrize("name", SOME)
 def test_a_room_is_labelled_and_its_sensor_is_free(name: str) -> None:
-    mesh, place, (low, high) = room(name), np.array(origin(name, 3)), room_box(name, 3)
+    mesh, place, (low, high) = room(name), np.array(room_origin(name, 3)), room_box(name, 3)
     check_mesh(mesh, name)
     assert worst_residual(mesh) < 1e-8
     scene = o3d.t.geometry.RaycastingScene()
@@ -76,12 +75,3 @@ def test_furniture_stays_in_a_room_of_maximal_stretch(
     monkeypatch.setitem(ROOMS, name, stretched(ROOMS[name], MAX_STRETCH, MAX_STRETCH))
     mesh, (low, high) = make_room(name, 1, 0.2), room_box(name)
     assert_furniture_within(mesh, low, high)
-
-
-def test_a_scene_has_a_type_and_a_box() -> None:
-    scene = EmbeddedAreas(seed=3, detail=0.2).load("Area_6_copyRoom_1")
-    assert scene.group == "copyRoom"
-    assert scene.box is not None
-    assert np.array_equal(scene.box, room_box("Area_6_copyRoom_1", 3))
-    with pytest.raises(InputError, match="no scene 'Area_6_office_38'"):
-        EmbeddedAreas().load("Area_6_office_38")

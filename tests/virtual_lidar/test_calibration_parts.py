@@ -12,18 +12,18 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from tests.support.calibration_lookalike import residuals
 from virtual_lidar.calibration import kernels
-from virtual_lidar.calibration.fitting import free_parameters, interval
-from virtual_lidar.calibration.likelihood import NAMES, RestrictedLikelihood, Sigmas
-from virtual_lidar.calibration.noise_shape import (
+from virtual_lidar.calibration.calibrating import (
     RayShape,
     _log_gaussian,
     _log_laplace,
     _standard_differences,
     ray_shape,
 )
+from virtual_lidar.calibration.fitting import free_parameters, interval
+from virtual_lidar.calibration.likelihood import NAMES, RestrictedLikelihood, Sigmas
 from virtual_lidar.calibration.observations import (
     Observations,
-    _beyond_plane,
+    _beyond_regressed_plane,
     _heights,
     observations,
 )
@@ -157,7 +157,13 @@ def test_a_cell_leaves_the_equations_by_a_matrix_of_rank_one() -> None:
     size = 3 * planes + lasers + scans
     matrix, right, outer = np.zeros((size, size)), np.zeros(size), np.zeros(size)
     kernels._take_cell.py_func(
-        first, last, (*codes, *columns), sums, (shrunk, weight, product), matrix, right
+        first,
+        last,
+        kernels.Columns(*codes, *columns),
+        sums,
+        (shrunk, weight, product),
+        matrix,
+        right,
     )
     outer[[3 * planes + 1, 3 * planes + lasers + 2]] = weight
     outer[3:6], outer[9:12] = sums[1, 1:4], sums[2, 1:4]
@@ -170,7 +176,7 @@ def test_equations_without_cells_are_those_of_the_whole_covariance() -> None:
     groups = np.array([0, 4, 6, 11, 13, 18, 20])
     cell, surface = np.array([0, 0, 1, 2, 2, 3]), np.array([0, 1, 1, 0, 2, 2])
     laser, scan = np.array([0, 0, 1, 0, 0, 1]), np.array([0, 0, 1, 2, 2, 3])
-    codes = (cell, surface, 9 + laser, 11 + scan)
+    codes = kernels.Columns(cell, surface, 9 + laser, 11 + scan)
     count = np.diff(groups)
     errors, basis = RANDOM.normal(size=20), RANDOM.random((20, 3))
     features = np.column_stack([np.ones(20), *RANDOM.random((2, 20))])
@@ -179,12 +185,12 @@ def test_equations_without_cells_are_those_of_the_whole_covariance() -> None:
     design = np.zeros((20, 15))
     for row, group in enumerate(np.repeat(np.arange(6), count)):
         design[row, 3 * surface[group] + np.arange(3)] = basis[row]
-        design[row, [codes[2][group], codes[3][group]]] = 1.0
+        design[row, [codes.laser[group], codes.scan[group]]] = 1.0
     rays = (features @ [0.1, 0.2, 0.3]) ** 2
     of = np.repeat(cell, count)
     inverse = np.linalg.inv(np.diag(rays) + 0.05 * (of[:, None] == of))
     matrix, right = np.zeros((15, 15)), np.zeros(15)
-    taken, added = kernels.absorb_cells.py_func(codes, sums, 0.05, matrix, right)
+    taken, added = kernels.eliminate_cell_biases.py_func(codes, sums, 0.05, matrix, right)
     np.testing.assert_allclose(matrix, design.T @ inverse @ design, atol=1e-9)
     np.testing.assert_allclose(right, design.T @ inverse @ errors, atol=1e-9)
     assert (errors**2 / rays).sum() - taken == pytest.approx(errors @ inverse @ errors)
@@ -198,7 +204,7 @@ def test_errors_are_along_the_rays_beyond_a_plane_that_may_be_askew() -> None:
     rays = np.column_stack([*RANDOM.uniform(-0.5, 0.5, (2, 50)), np.full(50, -1.0)])
     rays /= np.linalg.norm(rays, axis=1)[:, None]
     far = 3.0 / (rays @ normal)
-    error, met, cosine, *basis = _beyond_plane(rays * far[:, None]).T
+    error, met, cosine, *basis = _beyond_regressed_plane(rays * far[:, None]).T
     assert error == pytest.approx(np.zeros(50), abs=1e-12)
     assert met == pytest.approx(far)
     assert cosine == pytest.approx(rays @ normal)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from virtual_lidar.scenes.floor_plan import FloorPlan, footprint, square
+from virtual_lidar.scenes.furnishing import FloorPlan, footprint, square
 from virtual_lidar.scenes.surfaces import pose
 
 L_SHAPE = np.array([(0.0, 0.0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)])

@@ -5,8 +5,8 @@ import pytest
 
 from pointkit.errors import InputError
 from pointkit.models import parsed
-from virtual_lidar.motion import Motion
 from virtual_lidar.sweep import open_sweep
+from virtual_lidar.trajectory import Motion
 
 
 def rows(**values: object) -> np.ndarray:

@@ -9,8 +9,7 @@ import pytest
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Mesh, check_mesh
 from tests.support.scenes_residuals import assert_furniture_within, plane_alignment, worst_residual
-from virtual_lidar.scenes.room_catalogue import RoomSpec
-from virtual_lidar.scenes.rooms import ROOMS, make_room, origin, room_box
+from virtual_lidar.scenes.rooms import ROOMS, RoomSpec, make_room, room_box, room_origin
 
 S3DIS = {
     "ceiling", "floor", "wall", "beam", "column", "window", "door", "table", "chair", "sofa",
@@ -50,7 +49,7 @@ def test_labels_fit_the_triangles(name: str) -> None:
 
 @every_room
 def test_the_sensor_is_free_and_sees_front_faces_only(name: str) -> None:
-    mesh, place = room(name), np.array(origin(name, 3))
+    mesh, place = room(name), np.array(room_origin(name, 3))
     scene = scene_of(mesh)
     point = o3d.core.Tensor(place[None].astype(np.float32))
     assert float(scene.compute_distance(point).numpy()[0]) > 0.3
@@ -103,7 +102,7 @@ def test_the_seed_determines_the_room() -> None:
     assert again.labels is not None
     assert first.labels.primitives == again.labels.primitives
     assert first.vertices.shape != other.vertices.shape or (first.vertices != other.vertices).any()
-    assert origin("office_1", 5) == origin("office_1", 5) != origin("office_1", 6)
+    assert room_origin("office_1", 5) == room_origin("office_1", 5) != room_origin("office_1", 6)
 
 
 @pytest.mark.parametrize("name", ["copy_room_1", "auditorium_1"])

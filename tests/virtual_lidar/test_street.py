@@ -14,7 +14,7 @@ from pointkit.geometry.mesh import Labels, Mesh, check_mesh
 from pointkit.lidar.sensors import load_sensor
 from tests.support.scenes_residuals import plane_alignment, worst_residual
 from virtual_lidar import ScanJob, open_error_model, open_sweep, scan
-from virtual_lidar.scenes.street.layout import free_way, make_street, street_origin
+from virtual_lidar.scenes.street import free_way, make_street, street_origin
 
 LENGTH = 120.0
 SEEDS = pytest.mark.parametrize("seed", [0, 5])

@@ -6,7 +6,7 @@ import pytest
 from pointkit.geometry.mesh import Mesh
 from tests.support.scenes_residuals import plane_alignment, volume, worst_residual
 from virtual_lidar.scenes import outlines, solids
-from virtual_lidar.scenes.pieces import Piece, build_mesh
+from virtual_lidar.scenes.bodies import Body, build_mesh
 from virtual_lidar.scenes.surfaces import Surface, pose
 
 TURN = pose(0.3, -2.0, 1.1, turn=30, tilt=50, roll=-20, scale=1.7)
@@ -48,7 +48,7 @@ SOLIDS: dict[str, tuple[Surface, float]] = {
 
 
 def mesh_of(surface: Surface) -> Mesh:
-    return build_mesh([Piece("thing", "clutter", surface)])
+    return build_mesh([Body("thing", "clutter", surface)])
 
 
 @pytest.mark.parametrize("name", SOLIDS)
@@ -84,7 +84,7 @@ def test_scaling_scales_lengths_and_keeps_angles() -> None:
 
 def test_coplanar_faces_of_one_object_share_a_primitive_and_other_objects_do_not() -> None:
     two = solids.box(1, 1, 1) + solids.box(1, 1, 1).at(x=3.0)
-    mesh = build_mesh([Piece("a", "wall", two), Piece("b", "wall", solids.box(1, 1, 1))])
+    mesh = build_mesh([Body("a", "wall", two), Body("b", "wall", solids.box(1, 1, 1))])
     assert mesh.labels is not None
     assert len(mesh.labels.primitives) == 8 + 6
     assert [item.name for item in mesh.labels.objects] == ["a_1", "b_1"]

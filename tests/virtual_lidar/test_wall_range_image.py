@@ -1,8 +1,8 @@
 import numpy as np
 
 from pointkit.lidar.recorded_returns import RecordedReturns
-from virtual_lidar.walls.range_image import (
-    COLUMNS,
+from virtual_lidar.walls.detection import (
+    AZIMUTH_COLUMNS,
     RangeImage,
     largest_patch,
     widened,
@@ -12,9 +12,9 @@ from virtual_lidar.walls.range_image import (
 
 def image(*spans: tuple[int, int, int]) -> np.ndarray:
     """Cells of (laser, first column, last column) in an image of 16 lasers."""
-    pixels = np.zeros((16, COLUMNS), dtype=bool)
+    pixels = np.zeros((16, AZIMUTH_COLUMNS), dtype=bool)
     for laser, first, last in spans:
-        pixels[laser, np.arange(first, last + 1) % COLUMNS] = True
+        pixels[laser, np.arange(first, last + 1) % AZIMUTH_COLUMNS] = True
     return pixels
 
 
@@ -55,7 +55,7 @@ def test_returns_are_counted_by_laser_elevation_and_degree() -> None:
     }
     pixels = RangeImage.of(RecordedReturns(columns))
     counts = pixels.counts(np.array([True, True, True, False]))
-    assert counts.shape == (2, COLUMNS)
+    assert counts.shape == (2, AZIMUTH_COLUMNS)
     assert (counts[0, 0], counts[1, 359], counts.sum()) == (1, 2, 3)
     assert pixels.rows(counts > 1).tolist() == [False, True, True, False]
     assert pixels.laser_rank.tolist() == [0, 1, 1, 0]

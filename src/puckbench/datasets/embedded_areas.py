@@ -26,23 +26,22 @@ class EmbeddedAreas(GeneratedSet):
     """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
-        from virtual_lidar.scenes.building import AREAS
+        from virtual_lidar.scenes.rooms import AREAS
 
         kept = select_names("areas", self.areas, list(AREAS))
         return sorted(name for area in kept for name in _rooms_of(area)[: self.rooms])
 
     def load(self, name: str) -> Scene:
-        from virtual_lidar.scenes.building import room_types
-        from virtual_lidar.scenes.rooms import make_room, origin, room_box
+        from virtual_lidar.scenes.rooms import make_room, room_box, room_origin, room_types
 
         kind = look_up(room_types(), name, "the generated building")
         mesh = make_room(name, self.seed, self.detail)
         about = self._about(seed=self.seed, detail=self.detail)
-        place, box = origin(name, self.seed), room_box(name, self.seed)
+        place, box = room_origin(name, self.seed), room_box(name, self.seed)
         return Scene(name, kind, mesh=mesh, origin=place, box=box, about=about)
 
 
 def _rooms_of(area: str) -> list[str]:
-    from virtual_lidar.scenes.building import room_types
+    from virtual_lidar.scenes.rooms import room_types
 
     return [name for name in room_types() if name.startswith(f"{area}_")]

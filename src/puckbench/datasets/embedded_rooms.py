@@ -23,14 +23,14 @@ class EmbeddedRooms(GeneratedSet):
     """Factor of the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
-        from virtual_lidar.scenes.room_catalogue import ROOMS
+        from virtual_lidar.scenes.rooms import ROOMS
 
         return sorted(select_names("rooms", self.rooms, list(ROOMS)))
 
     def load(self, name: str) -> Scene:
-        from virtual_lidar.scenes.rooms import make_room, origin, room_box, room_spec
+        from virtual_lidar.scenes.rooms import make_room, room_box, room_origin, room_spec
 
         mesh = make_room(name, self.seed, self.detail)
-        place, box = origin(name, self.seed), room_box(name, self.seed)
+        place, box = room_origin(name, self.seed), room_box(name, self.seed)
         about = self._about(seed=self.seed, detail=self.detail)
         return Scene(name, room_spec(name).kind, mesh=mesh, origin=place, box=box, about=about)

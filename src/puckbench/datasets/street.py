@@ -7,7 +7,7 @@ from pydantic import Field, PositiveInt
 from puckbench.datasets.base import GeneratedSet, look_up
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
-from virtual_lidar.scenes.street.layout import free_way, make_street, street_origin
+from virtual_lidar.scenes.street import free_way, make_street, street_origin
 
 CODE = ("virtual_lidar.scenes.*",)
 

@@ -18,7 +18,7 @@ class Calibrate(Job):
     quantum_mm: float | None = None
 
     def run(self, model: Path, residuals: tuple[Path, ...] = ()) -> dict[str, Any]:
-        from virtual_lidar.calibration import calibrate, write_calibration
+        from virtual_lidar import calibrate, write_calibration
         from virtual_lidar.calibration.files import read_tables, settings_for
 
         if not residuals:

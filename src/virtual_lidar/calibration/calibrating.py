@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from virtual_lidar.calibration.fitting import Estimate, fit, free_parameters, interval, intervals
 from virtual_lidar.calibration.likelihood import NAMES, RestrictedLikelihood, Sigmas
-from virtual_lidar.calibration.noise_shape import RayShape, ray_shape
 from virtual_lidar.calibration.observations import Observations, observations
 
 FRAME, SPOT = "frame", "spot"
@@ -17,13 +17,24 @@ FRAME, SPOT = "frame", "spot"
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """Options of a calibration.
+    """Options of `calibrate`.
 
-    The returns of a cell share a bias. A cell contains the returns of one laser in one frame
-    (`cells` is ``"frame"``, for virtual scans) or in one direction (``"spot"``, for a sensor at
-    rest). With spots, `frame_sigma_m` is the unevenness of the walls, and the lasers' mean bias is
-    assumed to be zero. `parameters` names the fields of `Sigmas` to estimate; the other fields are
-    zero. Ranges are multiples of `quantum_m`.
+    Parameters
+    ----------
+    cells
+        Which returns of a laser share one more bias, besides those of the laser and of the scan:
+        ``"frame"`` for those of one frame, in virtual scans; ``"spot"`` for those in one direction,
+        in recordings of a sensor at rest, where this bias is the unevenness of the walls. With
+        spots, the mean bias of all lasers is assumed to be 0.
+    parameters
+        Names of the fields of `Sigmas` to estimate; the others are 0.
+    quantum_m
+        Step to which the sensor rounds its ranges, m; 0 for exact ranges.
+
+    Raises
+    ------
+    InputError
+        There are no such cells, or `quantum_m` is negative.
     """
 
     cells: str = FRAME
@@ -39,12 +50,27 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Estimated parameters of range errors with 95 % intervals.
+    """Estimated parameters of a sensor's range errors, with 95 % intervals.
 
-    `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean;
-    they are empty for several devices. `mean`, m, is the lasers' mean bias; None if it cannot be
-    separated from the positions of the planes. `most_incidence_rad` is the largest incidence, and
-    `ranges_m` are the shortest and longest range, of the returns used.
+    Parameters
+    ----------
+    sigmas
+        Estimates of the fields of `Sigmas`, by name, in their units.
+    biases
+        Bias of each laser in `laser_ids`, relative to their mean, m; empty for several devices.
+    mean
+        Mean bias of all lasers, m; None if it cannot be told from the positions of the planes.
+    shape
+        Distribution of the ray noise.
+    settings
+        Options of the calibration.
+    laser_ids
+        Numbers of the lasers that were seen.
+    most_incidence_rad, ranges_m
+        Largest incidence, and shortest and longest range, of the returns that were used.
+    counts
+        Numbers of devices, lasers, surfaces, pairs of laser and scan (``rings``), cells and
+        residuals.
     """
 
     sigmas: dict[str, Estimate]
@@ -61,10 +87,28 @@ class Calibration:
 def calibrate(
     tables: Sequence[pd.DataFrame], settings: CalibrationOptions | None = None
 ) -> Calibration:
-    """Estimate the parameters of range errors from one table of plane residuals per device.
+    """Estimate how a sensor's ranges err, from the residuals of its points on planes.
 
     The method is restricted maximum likelihood (Patterson and Thompson, "Recovery of inter-block
-    information when block sizes are unequal", Biometrika 58, 1971).
+    information when block sizes are unequal", Biometrika 58, 1971): the errors that fitting the
+    planes hides are accounted for.
+
+    Parameters
+    ----------
+    tables
+        Tables of plane residuals (`virtual_lidar.residual_table.COLUMNS`), one for each device.
+    settings
+        Options; the default is for a virtual scan with exact ranges.
+
+    Returns
+    -------
+    Calibration
+        The estimates; `write_calibration` makes a file of them for the error model ``calibrated``.
+
+    Raises
+    ------
+    InputError
+        A table lacks a column or has invalid values, or there are too few residuals or lasers.
     """
     settings = settings or CalibrationOptions()
     seen = observations(tables, cells=settings.cells)
@@ -116,3 +160,70 @@ def _counts(seen: Observations) -> dict[str, int]:
         "cells": seen.cells,
         "residuals": len(seen),
     }
+
+
+# The standard deviation of a Laplace distribution is sqrt(2) b.
+_ROOT = np.sqrt(2.0)
+
+
+@dataclass(frozen=True)
+class RayShape:
+    """Distribution of the ray noise.
+
+    Parameters
+    ----------
+    distribution
+        The more likely one, ``"gaussian"`` or ``"laplace"``.
+    laplace_over_gaussian
+        Logarithm of the ratio of their likelihoods, above 0 for Laplace.
+    kurtosis
+        Kurtosis: 3 for Gaussian noise, 6 for Laplace noise.
+    """
+
+    distribution: str
+    laplace_over_gaussian: float
+    kurtosis: float
+
+    @property
+    def widening(self) -> float:
+        """Factor by which a sigma's standard error exceeds that for Gaussian noise.
+
+        The score of a scale parameter is ``e^2 - 1`` for standardised noise e; its variance is the
+        kurtosis minus one (2 for Gaussian noise).
+        """
+        return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
+
+
+def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
+    """Estimate the distribution of the ray noise; with fewer than 30 pairs of returns, Gaussian.
+
+    A pair is two successive returns of a laser on a surface, whose biases cancel.
+    """
+    pairs = _standard_differences(likelihood, sigmas)
+    if len(pairs) < 30:
+        return RayShape("gaussian", 0.0, 3.0)
+    gain = float(np.sum(_log_laplace(pairs) - _log_gaussian(pairs)))
+    # The excess kurtosis of the difference of two noises is half of that of one.
+    kurtosis = 2 * float(np.mean(pairs**4) / np.mean(pairs**2) ** 2) - 3
+    return RayShape("laplace" if gain > 0 else "gaussian", gain, kurtosis)
+
+
+def _standard_differences(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> Floats:
+    seen = likelihood.seen
+    group = np.repeat(np.arange(len(seen.surface)), np.diff(seen.groups))
+    first = np.flatnonzero((np.arange(len(seen)) - seen.groups[group]) % 2 == 0)
+    first = first[first + 1 < len(seen)]
+    first = first[group[first] == group[first + 1]]
+    variance = likelihood.variances(sigmas)
+    scale = np.sqrt((variance[first] + variance[first + 1]) / 2)
+    return np.asarray((seen.error[first + 1] - seen.error[first]) / scale)
+
+
+def _log_gaussian(difference: Floats) -> Floats:
+    return np.asarray(-(difference**2) / 4 - np.log(2 * np.sqrt(np.pi)))
+
+
+def _log_laplace(difference: Floats) -> Floats:
+    # The density is (1 + |d| / b) exp(-|d| / b) / (4 b), for two Laplace noises of variance 1.
+    scaled = np.abs(difference) * _ROOT
+    return np.asarray(np.log1p(scaled) - scaled + np.log(_ROOT / 4))

@@ -21,9 +21,26 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Read the plane residuals of one error model from tables; return them with the model's name.
+    """Read tables of plane residuals, and keep the rows of one error model.
 
-    If `model` is None, the tables must have only one model.
+    Parameters
+    ----------
+    paths
+        Parquet or CSV files, one for each device.
+    model
+        Value of the column ``model`` to keep; None if the tables have only one.
+
+    Returns
+    -------
+    tables
+        The rows kept, in one table for each file.
+    model
+        The model's name.
+
+    Raises
+    ------
+    InputError
+        A file is no such table, or has no row of the model.
     """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
@@ -43,9 +60,11 @@ def settings_for(
     parameters: Sequence[str] | None = None,
     quantum_mm: float | None = None,
 ) -> CalibrationOptions:
-    """Return the options for calibrating an error model, or a real sensor (the model ``real``).
+    """Return the options to calibrate an error model, or a real sensor (the model ``real``).
 
-    Options that are None have the model's defaults.
+    The parameters are those of `CalibrationOptions`, with the quantum in millimetres. Those that
+    are None get defaults: spots and a quantum of 2 mm (the VLP-16's) for a real sensor, frames and
+    exact ranges for an error model.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
@@ -58,9 +77,20 @@ _DIGITS = 6
 
 
 def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the content of a calibration's YAML file: parameters, intervals and `sources`.
+    """Return the content of a calibration's file, which the error model ``calibrated`` reads.
 
-    Sources are the names and hashes of the input tables.
+    Parameters
+    ----------
+    calibration
+        Estimates, which are rounded to 0.001 mm.
+    sources
+        Descriptions of the input tables to include, such as names and hashes.
+
+    Returns
+    -------
+    dict
+        The format, the parameters of the error model, their 95 % intervals, the shape of the ray
+        noise, and the provenance.
     """
     return {
         "format": FORMAT,
@@ -86,7 +116,10 @@ def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -
 def write_calibration(
     path: Path, calibration: Calibration, tables: Sequence[Path]
 ) -> dict[str, Any]:
-    """Write the YAML file of a calibration from `tables`; return its content."""
+    """Write a calibration to a YAML file, with names and hashes of the files in `tables`.
+
+    Returns the content, as `model_file` does.
+    """
     sources = [{"file": table.name, "sha256": sha256(table)} for table in tables]
     content = model_file(calibration, sources)
     write_bytes(path, yaml_text(content).encode())

@@ -35,9 +35,10 @@ class Estimate:
 
 
 def free_parameters(seen: Observations, requested: Sequence[str] = NAMES) -> tuple[str, ...]:
-    """Return which of the requested parameters the observations can determine.
+    """Return which of the requested parameters the observations can determine, as names.
 
-    For example, the sigma of biases per scan needs several scans of a laser.
+    For example, the sigma of biases per scan needs several scans of a laser. Raises InputError for
+    an unknown name, or if the effects of incidence and range cannot be separated.
     """
     for name in requested:
         if name not in NAMES:
@@ -65,7 +66,11 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Maximise the restricted likelihood over the parameters in `free`, beginning at `start`."""
+    """Return the parameters of greatest restricted likelihood.
+
+    Only the parameters named in `free` change; the search begins at `start`, by default at the
+    spread of the errors.
+    """
     first = start or _start(likelihood, free)
     if not free:
         return first
@@ -110,11 +115,12 @@ def _searched(
 def intervals(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, widening: float = 1.0
 ) -> dict[str, Estimate]:
-    """Return the estimate and 95 % interval of each `free` parameter, m, m per rad^2 or m per m.
+    """Return the estimate and 95 % interval of each parameter in `free`, by name.
 
-    Intervals come from the curvature of the likelihood (observed Fisher information). If the
-    standard error of a bias's sigma exceeds 10 %, the interval comes from the profile likelihood,
-    and may begin at zero. Intervals of ray noise are widened by the factor `RayShape.widening`.
+    Intervals come from the curvature of the likelihood at its maximum `best` (observed Fisher
+    information). If the standard error of a bias's sigma exceeds 10 %, the interval comes from the
+    profile likelihood, and may begin at zero. Intervals of ray noise are made wider by the factor
+    `widening`, since noise that is not Gaussian makes them less certain (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
@@ -130,6 +136,7 @@ def intervals(
 
 
 def interval(value: float, error: float) -> Estimate:
+    """Return a value and its 95 % interval, from its standard error."""
     value, reach = float(value), _NORMAL_95 * float(error)
     return Estimate(value, value - reach, value + reach)
 

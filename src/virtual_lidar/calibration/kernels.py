@@ -6,16 +6,32 @@ its plane, 1 for the laser's bias, and 1 for the laser's bias in the scan.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pointkit.compiling import compiled
+from pointkit.geometry.cholesky import factorise, substitute
 from pointkit.geometry.cloud import Floats
+from pointkit.geometry.moments import add_point
 from virtual_lidar.calibration.observations import Codes
 
 # Columns of the sums of a group: w = 1 / variance, b the basis, z the error.
 WIDTH = 16
 _W, _WB, _WBB, _WZ, _WZB = 0, 1, 4, 10, 11
 SQUARES, LOGARITHMS = 14, 15
+
+
+class Columns(NamedTuple):
+    """For each group, (g,): its cell and surface, and the matrix columns of two biases.
+
+    They are that of the laser, and that of the laser in its scan.
+    """
+
+    cell: Codes
+    surface: Codes
+    laser: Codes
+    scan: Codes
 
 
 @compiled
@@ -26,57 +42,55 @@ def group_sums(
     least: tuple[float, float],
     sums: Floats,
 ) -> None:
-    """Sum the terms of the normal equations over each group of returns, in `sums` (g, 16).
+    """Sum the terms of the normal equations over each group of returns.
 
-    For weight w = 1 / variance, basis b and error z, the terms are w, w b (3), w b b (6), w z,
-    w z b (3), w z z and the log variance. `groups` (g + 1,) are the groups' first rows, and n;
-    `values` are errors (n,), basis (n, 3) and features (n, 3). The standard deviation, m, is the
-    scalar product of features and `sigma`, at least ``least[0]``; ``least[1]`` is added to the
-    variance.
+    Parameters
+    ----------
+    groups
+        First row of each group, and the number of rows n, (g + 1,).
+    values
+        Errors z (n,), basis b (n, 3) and features (n, 3) of the returns.
+    sigma
+        Factors of the features in the sum that is a return's standard deviation, m.
+    least
+        Least standard deviation, m, and what is added to the variance, m^2.
+    sums
+        The result is written here, (g, 16): sums of w, w b (3), w b b (6), w z, w z b (3), w z z
+        and the logarithm of the variance, with the weight w = 1 / variance.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
-        total = np.zeros(16)
+        total = np.zeros(WIDTH)
         for row in range(groups[group], groups[group + 1]):
             scale = sigma[0] + sigma[1] * features[row, 1] + sigma[2] * features[row, 2]
             variance = max(scale, least[0]) ** 2 + least[1]
-            weight, b0, b1, b2 = 1.0 / variance, basis[row, 0], basis[row, 1], basis[row, 2]
-            w0, w1, w2, wz = weight * b0, weight * b1, weight * b2, weight * errors[row]
-            total[0] += weight
-            total[1] += w0
-            total[2] += w1
-            total[3] += w2
-            total[4] += w0 * b0
-            total[5] += w0 * b1
-            total[6] += w0 * b2
-            total[7] += w1 * b1
-            total[8] += w1 * b2
-            total[9] += w2 * b2
-            total[10] += wz
-            total[11] += wz * b0
-            total[12] += wz * b1
-            total[13] += wz * b2
-            total[14] += wz * errors[row]
-            total[15] += np.log(variance)
+            weight = 1.0 / variance
+            add_point(total, basis[row, 0], basis[row, 1], basis[row, 2], weight)
+            wz = weight * errors[row]
+            total[_WZ] += wz
+            for i in range(3):
+                total[_WZB + i] += wz * basis[row, i]
+            total[SQUARES] += wz * errors[row]
+            total[LOGARITHMS] += np.log(variance)
         sums[group] = total
 
 
 @compiled
-def absorb_cells(
-    codes: tuple[Codes, Codes, Codes, Codes],
+def eliminate_cell_biases(
+    columns: Columns,
     sums: Floats,
     variance: float,
     matrix: Floats,
     right: Floats,
 ) -> tuple[float, float]:
-    """Add ``X' V^-1 X`` to `matrix` (p, p) and ``X' V^-1 z`` to `right` (p,).
+    """Make the normal equations of the errors z, without the biases that the cells share.
 
-    The covariance V of the errors z is the diagonal of the rays' variances, plus `variance` for
-    each pair of returns in a cell; the Sherman-Morrison formula inverts V. `codes` are each group's
-    cell, surface, matrix column of the laser, and matrix column of the laser in its scan.
-    Returns the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells' biases.
+    ``X' V^-1 X`` is added to `matrix` (p, p), and ``X' V^-1 z`` to `right` (p,). The covariance V
+    of the errors is the diagonal of the rays' variances, plus `variance` for each pair of returns
+    in a cell; the Sherman-Morrison formula inverts V. `sums` are those of `group_sums`. Returns the
+    decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells' biases.
     """
-    cell, surface, laser, scan = codes
+    cell, surface, laser, scan = columns
     taken, added, first = 0.0, 0.0, 0
     while first < len(cell):
         last = first
@@ -89,7 +103,7 @@ def absorb_cells(
         shrunk = variance / (1.0 + variance * weight)
         taken += shrunk * product * product
         added += np.log1p(variance * weight)
-        _take_cell(first, last, codes, sums, (shrunk, weight, product), matrix, right)
+        _take_cell(first, last, columns, sums, (shrunk, weight, product), matrix, right)
         first = last
     return taken, added
 
@@ -119,7 +133,7 @@ def _add_group(
 def _take_cell(
     first: int,
     last: int,
-    codes: tuple[Codes, Codes, Codes, Codes],
+    columns: Columns,
     sums: Floats,
     about: tuple[float, float, float],
     matrix: Floats,
@@ -127,26 +141,28 @@ def _take_cell(
 ) -> None:
     shrunk, weight, product = about
     width = 3 * (last - first) + 2
-    columns, outer = np.empty(width, dtype=np.int64), np.empty(width)
-    columns[0], columns[1] = codes[2][first], codes[3][first]
+    place, outer = np.empty(width, dtype=np.int64), np.empty(width)
+    place[0], place[1] = columns.laser[first], columns.scan[first]
     outer[0], outer[1] = weight, weight
     for group in range(first, last):
         for i in range(3):
             at = 2 + 3 * (group - first) + i
-            columns[at] = 3 * codes[1][group] + i
+            place[at] = 3 * columns.surface[group] + i
             outer[at] = sums[group, _WB + i]
     for i in range(width):
-        right[columns[i]] -= shrunk * outer[i] * product
+        right[place[i]] -= shrunk * outer[i] * product
         for j in range(width):
-            matrix[columns[i], columns[j]] -= shrunk * outer[i] * outer[j]
+            matrix[place[i], place[j]] -= shrunk * outer[i] * outer[j]
 
 
 @compiled
-def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Eliminate the scan biases, the columns from `core` on, from the equations.
+def eliminate_scan_biases(
+    core: int, variance: float, matrix: Floats, right: Floats
+) -> tuple[float, float]:
+    """Eliminate the lasers' biases in single scans, the columns from `core` on, from the equations.
 
-    Scan biases are normally distributed with variance `variance`; no equation contains two. Returns
-    the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to them.
+    They are normally distributed with variance `variance`; no equation contains two. Returns the
+    decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to them.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -168,24 +184,13 @@ def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
 
     Both are nan unless A is positive definite.
     """
-    size = len(matrix)
-    lower, y = np.zeros((size, size)), np.zeros(size)
+    lower, y = matrix.copy(), right.copy()
+    factorise(lower, -np.inf)
+    substitute(lower, y)
     determinant, product = 0.0, 0.0
-    for i in range(size):
-        for j in range(i + 1):
-            rest = matrix[i, j]
-            for k in range(j):
-                rest -= lower[i, k] * lower[j, k]
-            if i != j:
-                lower[i, j] = rest / lower[j, j]
-            elif rest > 1e-12 * matrix[i, i]:
-                lower[i, i] = np.sqrt(rest)
-            else:
-                return np.nan, np.nan
-        value = right[i]
-        for k in range(i):
-            value -= lower[i, k] * y[k]
-        y[i] = value / lower[i, i]
+    for i in range(len(matrix)):
+        if not lower[i, i] ** 2 > 1e-12 * matrix[i, i]:
+            return np.nan, np.nan
         determinant += 2.0 * np.log(lower[i, i])
         product += y[i] * y[i]
     return determinant, product

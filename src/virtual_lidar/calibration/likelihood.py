@@ -17,8 +17,9 @@ from virtual_lidar.calibration.kernels import (
     LOGARITHMS,
     SQUARES,
     WIDTH,
-    absorb_cells,
-    absorb_scans,
+    Columns,
+    eliminate_cell_biases,
+    eliminate_scan_biases,
     group_sums,
     solved,
 )
@@ -29,10 +30,11 @@ _LEAST_SIGMA_M = 1e-6
 
 @dataclass(frozen=True)
 class Sigmas:
-    """Parameters of range errors.
+    """Parameters of range errors, which are estimated.
 
-    `laser_sigma_m`, `scan_sigma_m` and `frame_sigma_m` are standard deviations, m, of a laser's
-    biases per device, per scan and per frame. Ray noise at incidence theta and range r has the
+    Each laser has three biases, drawn once for a device, once for a scan, and for every frame (or
+    spot, see `CalibrationOptions`). Their standard deviations are `laser_sigma_m`, `scan_sigma_m`
+    and `frame_sigma_m`. The noise of a ray at the incidence theta, rad, and the range r, m, has the
     standard deviation ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r``.
     """
 
@@ -78,7 +80,10 @@ class RestrictedLikelihood:
     _kept: dict[tuple[float, float, float], Floats] = field(default_factory=dict, repr=False)
 
     def deviance(self, sigmas: Sigmas) -> float:
-        """Return minus twice the restricted log-likelihood, up to a constant."""
+        """Return minus twice the restricted log-likelihood, up to a constant.
+
+        Raises InputError if the planes and the biases cannot be separated.
+        """
         equations = self._mixed(sigmas)
         determinant, explained = solved(equations.matrix, equations.right)
         if not np.isfinite(determinant):
@@ -86,8 +91,9 @@ class RestrictedLikelihood:
         return equations.log_determinant + determinant + equations.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Return the best linear unbiased prediction of the lasers' biases, m, and their
-        covariance.
+        """Return the best linear unbiased prediction of the lasers' biases, (lasers,), m.
+
+        Its covariance, (lasers, lasers), is returned as well.
         """
         equations, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(equations.matrix)
@@ -111,7 +117,7 @@ class RestrictedLikelihood:
 
     def _mixed(self, sigmas: Sigmas) -> Equations:
         """Return Henderson's mixed model equations for planes, mean and scaled laser biases."""
-        equations = self._absorbed(sigmas)
+        equations = self._without_drawn_biases(sigmas)
         rows = self._in_parts(equations.matrix, sigmas)
         matrix = self._in_parts(rows.T, sigmas)
         lasers = len(matrix) - 3 * self.seen.surfaces - int(self.seen.tells_mean)
@@ -128,14 +134,14 @@ class RestrictedLikelihood:
         drawn = sigmas.laser_sigma_m * lasers if sigmas.laser_sigma_m > 0 else lasers[:0]
         return np.vstack([rows[:planes], mean, drawn])
 
-    def _absorbed(self, sigmas: Sigmas) -> Equations:
+    def _without_drawn_biases(self, sigmas: Sigmas) -> Equations:
         seen, sums = self.seen, self._sums(sigmas.ray)
         lasers = 3 * seen.surfaces
         core = lasers + len(seen.laser_ids)
         matrix, right = np.zeros((core + seen.scans,) * 2), np.zeros(core + seen.scans)
-        codes = (seen.cell, seen.surface, seen.laser + lasers, seen.scan + core)
-        of_cells = absorb_cells(codes, sums, sigmas.frame_sigma_m**2, matrix, right)
-        of_scans = absorb_scans(core, sigmas.scan_sigma_m**2, matrix, right)
+        columns = Columns(seen.cell, seen.surface, seen.laser + lasers, seen.scan + core)
+        of_cells = eliminate_cell_biases(columns, sums, sigmas.frame_sigma_m**2, matrix, right)
+        of_scans = eliminate_scan_biases(core, sigmas.scan_sigma_m**2, matrix, right)
         return Equations(
             matrix[:core, :core],
             right[:core],

@@ -36,7 +36,7 @@ Codes = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observations:
-    """Range errors of returns on planes whose parameters are uncertain, sorted by cell and surface.
+    """Range errors of n returns on planes that are not known exactly, sorted by cell and surface.
 
     A cell contains the returns of one laser in one frame (or direction) of one scan. A group is the
     part of a cell on one surface. Lasers of different devices have different numbers.
@@ -44,17 +44,23 @@ class Observations:
     Parameters
     ----------
     error
-        (n,) range errors, m.
+        Range errors, (n,), m.
     basis
-        (n, 3) derivatives of the error with respect to the surface's plane parameters.
+        Derivatives of the error with respect to the three parameters of the surface's plane,
+        (n, 3).
     features
-        (n, 3): 1, squared incidence (rad^2), range (m).
+        Columns 1, squared incidence (rad^2) and range (m), (n, 3): a ray's standard deviation is a
+        weighted sum of them.
     groups
-        (g + 1,) first row of each group, and n.
+        First row of each of g groups, and n, (g + 1,).
     surface, laser, scan, cell
-        (g,) numbers from 0; `scan` numbers pairs of laser and scan.
+        Numbers of each group's surface, laser, pair of laser and scan, and cell, from 0, (g,).
+    laser_ids
+        Each laser's number in its sensor.
+    devices
+        Number of sensors.
     tells_mean
-        Whether the lasers' mean bias can be separated from the planes.
+        Whether the lasers' mean bias can be separated from the positions of the planes.
     """
 
     error: Floats
@@ -86,9 +92,10 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Compute range errors from one table of plane residuals per device.
+    """Compute range errors from tables of plane residuals, one for each device.
 
-    For `cells` see `CalibrationOptions`.
+    `cells` is ``"frame"`` or ``"spot"``, as in `CalibrationOptions`. Raises InputError if a table
+    lacks a column or has invalid values, or if there are fewer than 100 residuals.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")
@@ -126,7 +133,7 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
     planes = _codes(rows, _PLANE)
     for plane in range(int(planes.max()) + 1):
         on_it = planes == plane
-        values_on_rays[on_it] = _beyond_plane(points[on_it])
+        values_on_rays[on_it] = _beyond_regressed_plane(points[on_it])
     return rows.assign(height=height, **dict(zip(_RAY_COLUMNS, values_on_rays.T, strict=True)))
 
 
@@ -139,7 +146,9 @@ def _heights(rows: pd.DataFrame) -> Floats:
     return np.asarray(pd.Series(each, rows.index).groupby(keys).transform("median"))
 
 
-def _beyond_plane(points: Floats) -> Floats:
+def _beyond_regressed_plane(points: Floats) -> Floats:
+    # A regression of heights on the plane's coordinates, not a fit by distance from the plane as in
+    # `pointkit.geometry.ransac.least_squares_plane`.
     terms = np.column_stack([np.ones(len(points)), points[:, :2]])
     (offset, *slopes), *_ = np.linalg.lstsq(terms, points[:, 2], rcond=None)
     normal = np.array([-slopes[0], -slopes[1], 1.0])
@@ -162,8 +171,8 @@ def _grouped(rows: pd.DataFrame, cells: str) -> Observations:
     )
     order = np.lexsort((coded["surface"], coded["cell"]))
     coded, rows = coded.iloc[order], rows.iloc[order]
-    changes = np.diff(coded[["cell", "surface"]].to_numpy(), axis=0).any(axis=1)
-    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    is_next = np.diff(coded[["cell", "surface"]].to_numpy(), axis=0).any(axis=1)
+    starts = np.concatenate([[0], np.flatnonzero(is_next) + 1])
     error, met = rows[["error", "met"]].to_numpy(dtype=np.float64).T
     angle = rows["incidence_rad"].to_numpy(dtype=np.float64)
     basis = rows[["basis_u", "basis_v", "basis_n"]].to_numpy(dtype=np.float64)

@@ -8,9 +8,8 @@ from pydantic import NonNegativeFloat, PositiveInt
 
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.sensor import Sensor
-from virtual_lidar.errors.beam import BeamOfWidth
-from virtual_lidar.errors.model import Draws, Hits
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import ERROR_MODELS, Draws, Hits
+from virtual_lidar.errors.vlp16 import BeamOfWidth
 from virtual_lidar.sweep import Rays
 
 CODE = ("virtual_lidar.errors.vlp16",)
@@ -21,11 +20,12 @@ Echo = Literal["first", "strongest", "last", "mean"]
 
 @ERROR_MODELS.register("beam_footprint")
 class BeamFootprint(BeamOfWidth):
-    """Error model that samples a beam by several rays, and adds the noise of `Vlp16` to the echo.
+    """Error model of a wide beam, which several rays sample; with the noise of `Vlp16`.
 
-    Rays of equal energy cover the beam's elliptical cross-section in a sunflower pattern with a
-    random rotation. Hits at similar ranges form an echo at their mean range (a mixed pixel). The
-    measured point lies on the beam's axis.
+    The rays have equal energy, and cover the beam's elliptical cross-section in a sunflower pattern
+    with a random rotation. Those that hit at similar ranges form an echo at their mean range, which
+    lies between two surfaces where a beam hits both (a mixed pixel). The sensor measures one of the
+    echoes, and places the point on the beam's axis. This model is not in the thesis.
     """
 
     title, colour = "Beam footprint", "#334400"
@@ -61,10 +61,24 @@ class BeamFootprint(BeamOfWidth):
 
 
 def echoes(apart: Floats, gap: float, choice: Echo) -> tuple[Floats, NDArray[np.intp]]:
-    """Return the mean distance of each beam's chosen echo, and the ray nearest to this distance.
+    """Group the hits of each beam's rays into echoes, and choose one echo of each beam.
 
-    `apart` (beams, rays) are distances, m, inf for a miss. In increasing order, a distance more
-    than `gap` beyond the previous one begins a new echo. A beam without echo has the distance inf.
+    Parameters
+    ----------
+    apart
+        Distances of the rays' hits, (beams, rays), m; inf for a ray that hits nothing.
+    gap
+        In increasing order, a distance that is more than `gap` metres beyond the previous one
+        begins a new echo.
+    choice
+        The echo to choose, as in `BeamFootprint.returns`.
+
+    Returns
+    -------
+    distances
+        Mean distances of the chosen echoes, (beams,), m; inf for a beam without a hit.
+    nearest
+        Index of the ray of each echo whose distance is nearest to the mean, (beams,).
     """
     order = np.argsort(apart, axis=1, kind="stable")
     reach = np.take_along_axis(apart, order, axis=1)

@@ -13,9 +13,14 @@ from pointkit.lidar.sensor import Sensor
 from pointkit.models import parsed
 from pointkit.seeding import generator
 from pointkit.yaml_files import read_yaml
-from virtual_lidar.errors.model import Draws, ErrorModel, Hits
-from virtual_lidar.errors.noise import Distribution, standard_noise
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import (
+    ERROR_MODELS,
+    Distribution,
+    Draws,
+    ErrorModel,
+    Hits,
+    standard_noise,
+)
 
 FORMAT = "puckbench range error model 1"
 _SHIPPED = Path(__file__).parent / "calibrations"
@@ -24,18 +29,21 @@ _NOT_IN_FILES = {"file", "device"}
 
 @ERROR_MODELS.register("calibrated")
 class Calibrated(ErrorModel):
-    """Error model with the range noise that `puckbench calibrate` estimates.
+    """Error model with the range noise that `virtual_lidar.calibrate` estimates from a sensor.
 
-    A measured range is ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The
-    standard deviation of the ray noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d``
-    for the incidence theta (rad) and the distance d (m), which are clipped to the calibrated
-    domain.
+    A measured range is ``d + range_mean_m + b1 + b2 + b3 + noise`` for the true range d. The biases
+    b1, b2 and b3 are drawn for each laser: b1 once for a device (`laser_sigma_m`), b2 once for a
+    scan (`scan_sigma_m`), and b3 for every frame (`frame_sigma_m`). The noise is drawn for every
+    ray, with the standard deviation ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d`` at the
+    incidence theta (rad). There, d and theta outside of the calibrated domain are replaced by its
+    nearest values.
     """
 
     title, colour = "Calibrated", "#6666AA"
 
     file: str | None = None
-    """Path of a model file, or name of a shipped one; other parameters override the file's."""
+    """Path of a file of `write_calibration`, or name of one in this package, such as
+    ``vlp16_measured``; other parameters that are given override the file's."""
     device: NonNegativeInt | None = None
     """0 is the measured device (`bias_m`); n > 0 is a simulated device, whose biases, drawn from
     ``N(0, laser_sigma_m)``, are equal in all scans. The default is the measured device or, without
@@ -45,9 +53,9 @@ class Calibrated(ErrorModel):
     laser_sigma_m: NonNegativeFloat = 0.0
     """Standard deviation of the biases of a device's lasers."""
     scan_sigma_m: NonNegativeFloat = 0.0
-    """Standard deviation of a laser's bias per scan."""
+    """Standard deviation of the biases that are drawn for each scan."""
     frame_sigma_m: NonNegativeFloat = 0.0
-    """Standard deviation of a laser's bias per frame."""
+    """Standard deviation of the biases that are drawn for each frame."""
     ray_sigma_m: NonNegativeFloat
     """Coefficient of the ray noise, m."""
     ray_incidence_m: float = 0.0
@@ -119,7 +127,11 @@ class Calibrated(ErrorModel):
 
 
 def read_parameters(file: str) -> dict[str, Any]:
-    """Read the parameters of `Calibrated` from a YAML file, by path or by a shipped file's name."""
+    """Return the parameters of `Calibrated`, by name, from a file that `write_calibration` made.
+
+    `file` is a path that ends in .yaml or .yml, or the name of a file in this package, such as
+    ``vlp16_measured``. Raises InputError if it is no such file.
+    """
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else _SHIPPED / f"{file}.yaml"
     content = read_yaml(path)

@@ -8,17 +8,22 @@ from pydantic import model_validator
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.sensor import Sensor
-from virtual_lidar.errors.model import Draws, ErrorModel, Hits
-from virtual_lidar.errors.noise import Distribution, standard_noise
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import (
+    ERROR_MODELS,
+    Distribution,
+    Draws,
+    ErrorModel,
+    Hits,
+    standard_noise,
+)
 
 
 @ERROR_MODELS.register("distance_table")
 class DistanceTable(ErrorModel):
-    """Range noise whose mean mu and standard deviation sigma depend on the true distance d.
+    """Error model whose noise depends on the true distance d by a table of yours.
 
-    A measured range is ``d + N(mu(d), sigma(d))``. mu and sigma are interpolated linearly in a
-    table, and constant beyond the table's ends.
+    A measured range is ``d + N(mu(d), sigma(d))``. The mean mu and the scale sigma are interpolated
+    linearly between the rows of the table, and constant beyond its ends.
     """
 
     title, colour = "Distance table", "#442233"

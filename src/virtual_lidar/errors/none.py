@@ -1,11 +1,10 @@
 from __future__ import annotations
 
-from virtual_lidar.errors.model import ErrorModel
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import ERROR_MODELS, ErrorModel
 
 
 @ERROR_MODELS.register("none")
 class NoErrors(ErrorModel):
-    """Error model that changes nothing: nominal rays, and true distances."""
+    """Error model without errors: rays are the nominal ones, and distances the true ones."""
 
     title, colour = "No noise", "#666688"

@@ -17,11 +17,11 @@ from virtual_lidar.sweep import Rays
 class Receiver(Model):
     """Loss of returns in a sensor's receiver; the defaults lose none within 140 m.
 
-    Attenuation (as in BlenSor's code; equation 5.3 of the thesis has a misprint): at a true
-    distance d from `attenuation_from_m` on, a return needs a diffuse reflectivity of at least
-    ``attenuation_limit + attenuation_slope_per_m * (d - attenuation_from_m)``. Raydrop: a return at
-    incidence theta is lost with the probability ``raydrop + raydrop_incidence * (1 - cos theta) +
-    raydrop_per_m * d``.
+    Attenuation, as in BlenSor's code (equation 5.3 of the thesis has a misprint): from the true
+    distance d = `attenuation_from_m` on, a return needs a diffuse reflectivity of at least
+    ``attenuation_limit + attenuation_slope_per_m * (d - attenuation_from_m)``. Raydrop: a return
+    whose ray meets the surface at the incidence theta is lost with the probability ``raydrop +
+    raydrop_incidence * (1 - cos theta) + raydrop_per_m * d``.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -31,11 +31,17 @@ class Receiver(Model):
     default_reflectivity: NonNegativeFloat = 1.0
     """Diffuse reflectivity of objects that `reflectivity` omits."""
     attenuation_from_m: NonNegativeFloat = 50.0
+    """Distance from which on a return must be bright enough."""
     attenuation_limit: NonNegativeFloat = 0.1
+    """Least reflectivity at that distance."""
     attenuation_slope_per_m: NonNegativeFloat = 0.01
+    """Increase of the least reflectivity per metre beyond that distance."""
     raydrop: NonNegativeFloat = 0.0
+    """Probability of a loss at perpendicular incidence and distance 0."""
     raydrop_incidence: NonNegativeFloat = 0.0
+    """Increase of the probability from perpendicular to grazing incidence."""
     raydrop_per_m: NonNegativeFloat = 0.0
+    """Increase of the probability per metre of distance."""
     min_range_m: NonNegativeFloat = 0.0
     """Returns with a shorter measured distance are lost."""
     range_quantum_mm: PositiveFloat | None = None
@@ -75,8 +81,21 @@ class Receiver(Model):
         probability += self.raydrop_per_m * np.where(np.isfinite(hits.distance), hits.distance, 0)
         return np.asarray(draws.running("raydrop").random(hits.distance.shape) < probability)
 
+    def mirrored(self, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
+        """Return which triangles of a mesh are mirrors, (t,), or None if `mirrors` is empty.
+
+        Raises InputError if there are mirrors, but the mesh has no labels.
+        """
+        if not self.mirrors:
+            return None
+        if surfaces is None:
+            raise InputError("mirrors are given by object, but the mesh has no labels")
+        return surfaces.values(dict.fromkeys(self.mirrors, 1.0), 0.0) > 0
+
 
 class Received(ErrorModel):
+    """An error model whose returns a receiver may lose."""
+
     model: ErrorModel
     receiver: Receiver
 
@@ -95,13 +114,3 @@ class Received(ErrorModel):
 
     def described(self) -> dict[str, Any]:
         return {**self.model.described(), "receiver": self.receiver.model_dump()}
-
-
-def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
-    """Return a mask (t,) of the triangles that a model's receiver treats as mirrors, or None."""
-    names = model.receiver.mirrors if isinstance(model, Received) else ()
-    if not names:
-        return None
-    if surfaces is None:
-        raise InputError("mirrors are given by object, but the mesh has no labels")
-    return surfaces.values(dict.fromkeys(names, 1.0), 0.0) > 0

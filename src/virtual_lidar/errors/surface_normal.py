@@ -4,9 +4,7 @@ from pydantic import NonNegativeFloat
 
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.sensor import Sensor
-from virtual_lidar.errors.model import Draws, Hits
-from virtual_lidar.errors.noise import Distribution, standard_noise
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import ERROR_MODELS, Distribution, Draws, Hits, standard_noise
 from virtual_lidar.errors.vlp16 import Vlp16
 
 CODE = ("virtual_lidar.errors.vlp16",)
@@ -14,11 +12,11 @@ CODE = ("virtual_lidar.errors.vlp16",)
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """Error model that displaces measured points along the true surface normal; not in the thesis.
+    """Error model that moves measured points along the true surface normal; not in the thesis.
 
-    Plane residuals have the scale `normal_sigma_m` at any incidence, like the residuals of the
-    recorded wall and floor (0.014 m); noise along the ray gives residuals proportional to the
-    cosine of incidence. The ray noise of `Vlp16` is 0 by default.
+    On a plane the points then scatter by `normal_sigma_m` at any incidence, as those of the
+    thesis's recorded wall and floor do (0.014 m). Noise along the ray instead scatters them in
+    proportion to the cosine of the incidence; this noise of `Vlp16` is 0 by default.
     """
 
     title, colour = "Surface normal", "#EE5544"

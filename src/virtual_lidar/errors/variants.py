@@ -3,7 +3,7 @@ from __future__ import annotations
 from pydantic import NonNegativeFloat
 
 from virtual_lidar.errors.calibrated import Calibrated
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import ERROR_MODELS
 from virtual_lidar.errors.vlp16 import Vlp16
 
 CODE = ("virtual_lidar.errors.vlp16", "virtual_lidar.errors.calibrated")

@@ -7,18 +7,24 @@ from pydantic import NonNegativeFloat
 
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.sensor import Sensor
-from virtual_lidar.errors.model import Draws, ErrorModel, Hits
-from virtual_lidar.errors.noise import Distribution, standard_noise
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import (
+    ERROR_MODELS,
+    Distribution,
+    Draws,
+    ErrorModel,
+    Hits,
+    standard_noise,
+)
 
 
 @ERROR_MODELS.register("vlp16")
 class Vlp16(ErrorModel):
-    """Range noise with a bias for each laser and independent noise for each ray (thesis, eq. 5.4).
+    """Error model of the thesis (equation 5.4): a bias of each laser, and noise of each ray.
 
-    A measured range is ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0,
-    bias_sigma_m)``. The default sigmas are those of the thesis's section 5.4 and code;
-    `Vlp16Table51` has the sigmas of Table 5.1.
+    The measured range is ``d + bias + noise`` for the true range d. The bias, which all returns of
+    a laser share, is drawn from ``N(0, bias_sigma_m)``, the noise of each return from
+    ``N(ray_mean_m, ray_sigma_m)``. The default sigmas are those of the thesis's section 5.4 and
+    code; `Vlp16Table51` has those of its Table 5.1.
     """
 
     title, colour = "VLP-16", "#113388"
@@ -45,7 +51,11 @@ class Vlp16(ErrorModel):
         return noisy
 
     def ray_scale(self, hits: Hits) -> Floats | float:
-        """Return the noise scale, m, of each ray or one for all rays; finite even for a miss."""
+        """Return the scale of the rays' noise, m.
+
+        It is one number, or an array in the shape of ``hits.distance`` that is finite even for rays
+        that hit nothing.
+        """
         return self.ray_sigma_m
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:
@@ -56,3 +66,20 @@ class Vlp16(ErrorModel):
         shape = (frames, sensor.lasers)
         bias = standard_noise(draws.running("bias"), shape, self.bias_distribution)
         return bias * self.bias_sigma_m
+
+
+class BeamOfWidth(Vlp16):
+    """Base class of variants of `Vlp16` whose beams are wider than a ray."""
+
+    yaw_width_deg: NonNegativeFloat | None = None
+    """Full horizontal width of a beam; by default the sensor's divergence."""
+    pitch_width_deg: NonNegativeFloat | None = None
+    """Full vertical width of a beam; by default the sensor's divergence."""
+
+    def beam_widths_deg(self, sensor: Sensor) -> tuple[float, float]:
+        """Return the full horizontal and vertical width of a beam, degrees."""
+        yaw, pitch = self.yaw_width_deg, self.pitch_width_deg
+        return (
+            sensor.divergence_horizontal_deg if yaw is None else yaw,
+            sensor.divergence_vertical_deg if pitch is None else pitch,
+        )

@@ -6,9 +6,8 @@ import numpy as np
 
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.sensor import Sensor
-from virtual_lidar.errors.beam import BeamOfWidth
-from virtual_lidar.errors.model import Draws
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import ERROR_MODELS, Draws
+from virtual_lidar.errors.vlp16 import BeamOfWidth
 from virtual_lidar.sweep import Rays
 
 CODE = ("virtual_lidar.errors.vlp16",)
@@ -18,8 +17,8 @@ CODE = ("virtual_lidar.errors.vlp16",)
 class Vlp16Divergence(BeamOfWidth):
     """Error model `Vlp16` with rays in random directions within the beam (thesis, section 5.5.3).
 
-    The thesis chose this model. Uniform random offsets of up to half the beam's widths are added to
-    yaw and pitch. The reported angles are the nominal ones.
+    The thesis chose this model. Each ray is turned by uniformly distributed angles, at most half of
+    the beam's widths to each side. The sensor reports the nominal angles.
     """
 
     title, colour = "Beam divergence", "#337766"

@@ -4,8 +4,7 @@ import numpy as np
 from pydantic import NonNegativeFloat
 
 from pointkit.geometry.cloud import Floats
-from virtual_lidar.errors.model import Hits
-from virtual_lidar.errors.registry import ERROR_MODELS
+from virtual_lidar.errors.model import ERROR_MODELS, Hits
 from virtual_lidar.errors.vlp16 import Vlp16
 
 CODE = ("virtual_lidar.errors.vlp16",)
@@ -13,11 +12,11 @@ CODE = ("virtual_lidar.errors.vlp16",)
 
 @ERROR_MODELS.register("vlp16_incidence")
 class Vlp16Incidence(Vlp16):
-    """Error model `Vlp16` with ray noise that increases with incidence (thesis, section 5.5.4).
+    """Error model `Vlp16` with more ray noise at slanting incidence (thesis, section 5.5.4).
 
     The scale of a ray's noise is ``ray_sigma_m + (incidence_factor * theta)^2`` for the incidence
-    theta in rad. The default factor adds 6.2 mm at 45 degrees, 11.0 mm at 60 degrees and 24.7 mm at
-    grazing incidence.
+    theta, rad, which is 0 for a ray perpendicular to the surface. The default factor adds 6.2 mm at
+    45 degrees, 11.0 mm at 60 degrees and 24.7 mm at grazing incidence.
     """
 
     title, colour = "Incidence", "#6688FF"

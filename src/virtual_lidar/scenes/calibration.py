@@ -7,36 +7,59 @@ import numpy as np
 from pointkit.errors import InputError, among
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
+from virtual_lidar.scenes.bodies import Body, build_mesh
 from virtual_lidar.scenes.outlines import rectangle, shifted
-from virtual_lidar.scenes.pieces import Piece, build_mesh
 from virtual_lidar.scenes.solids import flat
 from virtual_lidar.scenes.surfaces import Surface
 
 WIDTH, HEIGHT, SENSOR_HEIGHT = 1.6, 2.2, 1.0
 ROOM_WIDTH, ROOM_HEIGHT = 5.0, 2.6
 CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3, 4, 5, 30)}
+"""Distances of the wall from the sensor, m, by name of the scene."""
 
 
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
-    """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor that extends to the sensor.
+    """Make a wall at y = 0, 1.6 m wide and 2.2 m high, and a floor that extends to the sensor.
 
-    `room` adds a surrounding room of semantic class "surroundings", open behind the sensor.
+    Parameters
+    ----------
+    name
+        One of `CALIBRATIONS`.
+    room
+        Whether to add a room around them, open behind the sensor, of the semantic class
+        "surroundings".
+
+    Raises
+    ------
+    InputError
+        There is no such scene.
     """
     distance = _distance(name)
     wall = _upright(_rectangle(WIDTH, HEIGHT))
-    pieces = [Piece("wall", "wall", wall), Piece("floor", "floor", _rectangle(WIDTH, distance))]
+    bodies = [Body("wall", "wall", wall), Body("floor", "floor", _rectangle(WIDTH, distance))]
     around = _surroundings(distance) if room else []
-    return build_mesh([*pieces, *(Piece("rest", "surroundings", surface) for surface in around)])
+    return build_mesh([*bodies, *(Body("rest", "surroundings", surface) for surface in around)])
 
 
 def calibration_origin(name: str) -> tuple[float, float, float]:
+    """Return the sensor's position, (x, y, z), m, in a scene of `make_calibration`."""
     return (0.0, _distance(name), SENSOR_HEIGHT)
 
 
 def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
-    """Return a scene with the wall `distance` metres from the sensor, and the sensor's position.
+    """Make a wall and a floor as `make_calibration`, turned so that the wall is ahead (+y).
 
-    The scene is rotated by 180 degrees: the wall is in direction +y.
+    Parameters
+    ----------
+    distance
+        Distance of the wall from the sensor, m: one of those in `CALIBRATIONS`.
+    room
+        As for `make_calibration`.
+
+    Returns
+    -------
+    mesh, origin
+        The scene, and the sensor's position, (3,), m.
     """
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])

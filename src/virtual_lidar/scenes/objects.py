@@ -8,14 +8,17 @@ import numpy as np
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Mesh
 from pointkit.seeding import generator
+from virtual_lidar.scenes import household, outdoors, tools
+from virtual_lidar.scenes.bodies import Item, build_mesh, moved
 from virtual_lidar.scenes.modeller import Modeller
-from virtual_lidar.scenes.models import household, outdoors, tools
-from virtual_lidar.scenes.pieces import Item, build_mesh, moved
 
 MEMBERS = 12
+"""Number of objects of each class."""
 
 
 class ObjectClass(NamedTuple):
+    """Function that makes the object number ``member`` of a class, and `Modeller.unit` for it."""
+
     make: Callable[[Modeller, int], Item]
     unit: float
 
@@ -43,9 +46,27 @@ OBJECTS: tuple[str, ...] = tuple(
 
 
 def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
-    """Return the labelled mesh of an object such as "chair_03", which stands on z = 0.
+    """Generate an object.
 
-    The longest side is 1; `detail` multiplies the number of segments of curved parts.
+    Parameters
+    ----------
+    name
+        One of `OBJECTS`, such as ``chair_03``.
+    seed
+        Seed of all random choices; the same name and seed give the same object.
+    detail
+        Factor of the number of segments of curved parts.
+
+    Returns
+    -------
+    Mesh
+        The object, whose longest side is 1, on z = 0. Labels tell each triangle's part, with its
+        semantic class, and geometric primitive ("cylinder").
+
+    Raises
+    ------
+    InputError
+        There is no such object.
     """
     if name not in OBJECTS:
         expected = f"one of {', '.join(CLASSES)} and _01 to _{MEMBERS:02d}"
@@ -57,7 +78,7 @@ def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
 
 
 def _normalised(item: Item) -> Item:
-    corners = np.stack([piece.placed().bounds() for piece in item])
+    corners = np.stack([body.placed().bounds() for body in item])
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     scale = 1.0 / float((high - low).max())
     x, y = -(low + high)[:2] / 2 * scale

@@ -13,7 +13,17 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Segment:
-    """Points (n, 2) on a line, a curve or an arc; only arcs have a centre and a radius."""
+    """Part of an outline.
+
+    Parameters
+    ----------
+    kind
+        ``"line"``, ``"arc"`` or ``"curve"``.
+    points
+        Successive points, (n, 2).
+    centre, radius
+        Those of an arc.
+    """
 
     kind: str
     points: Floats
@@ -22,15 +32,17 @@ class Segment:
 
 
 Outline = tuple[Segment, ...]
+"""Segments, each of which begins where the one before it ends; the last may end at the start."""
 
 
 def line(*points: Point) -> Outline:
+    """Make a polyline through points."""
     pairs = pairwise(points)
     return tuple(Segment("line", np.array(pair, dtype=np.float64)) for pair in pairs)
 
 
 def ring(*paths: Outline) -> Outline:
-    """Join paths into a closed outline, by lines from each path's end to the next path's start."""
+    """Make a closed outline from paths, joined by lines from each one's end to the next's start."""
     following = (*paths[1:], paths[0])
     return tuple(
         segment
@@ -40,36 +52,44 @@ def ring(*paths: Outline) -> Outline:
 
 
 def point(values: Floats) -> Point:
+    """Convert an array (2,) to a point."""
     return (float(values[0]), float(values[1]))
 
 
 def polygon(*points: Point) -> Outline:
+    """Make a closed polygon with these corners."""
     return line(*points, points[0])
 
 
 def rectangle(width: float, depth: float) -> Outline:
+    """Make a rectangle around (0, 0), counter-clockwise; `width` is along x, `depth` along y."""
     x, y = width / 2, depth / 2
     return polygon((-x, -y), (x, -y), (x, y), (-x, y))
 
 
 def arc(centre: Point, radius: float, start: float, end: float, steps: int) -> Outline:
-    """Make an arc between two angles in degrees, counter-clockwise if end > start."""
+    """Make an arc of `steps` lines between two angles, degrees.
+
+    It is counter-clockwise if `end` is greater than `start`.
+    """
     angles = np.radians(np.linspace(start, end, steps + 1))
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     return (Segment("arc", np.asarray(centre) + radius * circle, centre, radius),)
 
 
 def circle(radius: float, steps: int, centre: Point = (0.0, 0.0)) -> Outline:
+    """Make a circle of `steps` lines, counter-clockwise."""
     return arc(centre, radius, 0.0, 360.0, steps)
 
 
 def curve(points: Sequence[Point], steps: int) -> Outline:
-    """Make a Catmull-Rom curve with `steps` segments between successive points."""
+    """Make a smooth (Catmull-Rom) curve through points, with `steps` lines between two of them."""
     smooth = catmull_rom(np.array(points, dtype=np.float64), steps)
     return (Segment("curve", smooth),)
 
 
 def closed_curve(points: Sequence[Point], steps: int) -> Outline:
+    """Make a closed smooth curve through points, with `steps` lines between two of them."""
     ring = np.array(points, dtype=np.float64)
     wrapped = np.concatenate([ring[-2:], ring, ring[:3]])
     smooth = catmull_rom(wrapped, steps)[2 * steps : (2 + len(ring)) * steps + 1]
@@ -77,6 +97,7 @@ def closed_curve(points: Sequence[Point], steps: int) -> Outline:
 
 
 def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
+    """Make a closed polygon whose corners are arcs of `steps` lines."""
     corners = np.array(points, dtype=np.float64)
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
     arcs = [_fillet(a, b, c, radius, steps) for a, b, c in zip(before, corners, after, strict=True)]
@@ -90,11 +111,13 @@ def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
 
 
 def rounded_rectangle(width: float, depth: float, radius: float, steps: int) -> Outline:
+    """Make a rectangle, as `rectangle` does, whose corners are arcs of `steps` lines."""
     x, y = width / 2, depth / 2
     return rounded([(-x, -y), (x, -y), (x, y), (-x, y)], radius, steps)
 
 
 def shifted(outline: Outline, x: float, y: float) -> Outline:
+    """Return an outline that is moved by (x, y)."""
     shift = np.array([x, y])
     return tuple(
         replace(each, points=each.points + shift, centre=point(each.centre + shift))
@@ -103,6 +126,7 @@ def shifted(outline: Outline, x: float, y: float) -> Outline:
 
 
 def polar(radius: float, angles: Floats) -> list[Point]:
+    """Return points on a circle around (0, 0) at angles (n,), rad."""
     return [(radius * float(np.cos(t)), radius * float(np.sin(t))) for t in angles]
 
 
@@ -112,6 +136,10 @@ def loop(outline: Outline) -> Floats:
 
 
 def catmull_rom(points: Floats, steps: int) -> Floats:
+    """Return points on a smooth curve through points, (n, dimensions).
+
+    They are `steps` for each of the given points but the last, and the last.
+    """
     padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
     a, b, c, d = (padded[start : len(padded) - 3 + start] for start in range(4))
     t = np.linspace(0, 1, steps, endpoint=False)[None, :, None]
@@ -122,9 +150,20 @@ def catmull_rom(points: Floats, steps: int) -> Floats:
 
 
 def fill(outer: Floats, holes: Sequence[Floats] = ()) -> tuple[Floats, Ints]:
-    """Triangulate a counter-clockwise polygon (n, 2) with holes by ear clipping.
+    """Triangulate a polygon with holes, by ear clipping.
 
-    Returns the vertices, beginning with those of `outer`, and triangles (t, 3).
+    Parameters
+    ----------
+    outer
+        Corners of the polygon, counter-clockwise, (n, 2).
+    holes
+        Corners of the holes, (m, 2), in either direction.
+
+    Returns
+    -------
+    vertices, triangles
+        The corners of the polygon and then of the holes, (v, 2), and indices of three of them for
+        each triangle, (t, 3), counter-clockwise.
     """
     vertices = np.concatenate([outer, *holes])
     ring = list(range(len(outer)))

@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 
 from pointkit.geometry.cloud import Floats
+from virtual_lidar.scenes.bodies import Body, Item, posed
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import Point, polygon
-from virtual_lidar.scenes.pieces import Item, Piece, posed
 from virtual_lidar.scenes.solids import box, flat
 from virtual_lidar.scenes.surfaces import Surface, join
 
@@ -18,14 +18,18 @@ CASING = 0.07
 
 @dataclass(frozen=True)
 class Opening:
-    """An opening in a wall, in metres; a "passage" is an open door that leads to a closed space.
+    """An opening in a wall, in metres.
 
     Parameters
     ----------
     wall
         Index of an edge of the room's outline.
     at
-        Centre, as a share of the wall's length from the end of the edge.
+        Centre of the opening, as a share of the wall's length, from the end of the edge.
+    kind
+        A closed door, an open door that leads to a closed space (``"passage"``), or a window.
+    width, height
+        Size.
     sill
         Height of the lower edge above the floor.
     """
@@ -38,19 +42,22 @@ class Opening:
     sill: float = 0.0
 
     def span(self, length: float) -> tuple[float, float]:
+        """Return where the opening begins and ends along a wall of a given length."""
         return self.at * length - self.width / 2, self.at * length + self.width / 2
 
 
 def window(
     wall: int, at: float, width: float = 1.4, height: float = 1.35, sill: float = 0.9
 ) -> Opening:
+    """Return a window with the usual size and sill."""
     return Opening(wall, at, "window", width, height, sill)
 
 
 def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
-    """Return the pose (4, 4) and the length of wall number `wall` of an outline (n, 2).
+    """Return the pose, (4, 4), and the length of wall number `wall` of an outline, (n, 2).
 
-    The pose's x axis is along the wall, y points outwards, and the origin is the edge's end.
+    The pose's x axis lies along the wall, its y axis points out of the room, and its origin is the
+    end of the wall's edge.
     """
     start, end = outline[wall], outline[(wall + 1) % len(outline)]
     length = float(np.linalg.norm(end - start))
@@ -63,15 +70,15 @@ def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
 
 
 def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening, ...]) -> Item:
-    """Make the floor, ceiling and walls of a room, facing inwards."""
+    """Make the floor, ceiling and walls of a room, seen from inside, with doors and windows."""
     ground = polygon(*[(float(x), float(y)) for x, y in outline])
-    item = [Piece("floor", "floor", flat(ground))]
-    item.append(Piece("ceiling", "ceiling", flat(ground).flipped().at(z=height)))
+    item = [Body("floor", "floor", flat(ground))]
+    item.append(Body("ceiling", "ceiling", flat(ground).flipped().at(z=height)))
     for wall in range(len(outline)):
         pose, length = wall_frame(outline, wall)
         wall_openings = [opening for opening in openings if opening.wall == wall]
-        parts = [Piece("wall", "wall", _wall(length, height, wall_openings))]
-        parts.append(Piece("skirting", "wall", _skirting(length, wall_openings)))
+        parts = [Body("wall", "wall", _wall(length, height, wall_openings))]
+        parts.append(Body("skirting", "wall", _skirting(length, wall_openings)))
         for opening in wall_openings:
             middle = np.eye(4)
             middle[0, 3], middle[2, 3] = opening.at * length, opening.sill
@@ -81,6 +88,7 @@ def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening
 
 
 def depth(opening: Opening) -> float:
+    """Return how deep an opening is, m."""
     return _DEPTHS[opening.kind]
 
 
@@ -101,7 +109,7 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
 
 
 def recess(width: float, depth: float, height: float) -> tuple[Surface, Surface]:
-    """Make the sides and the back of an opening in a wall at y = 0."""
+    """Make the sides and the back of an opening in a wall at y = 0, from z = 0, centred in x."""
     whole = box(width, depth, height).flipped().at(y=depth / 2)
     return whole.select(0, 1, 4, 5), whole.select(3)
 
@@ -128,6 +136,7 @@ def _casing(width: float, height: float) -> list[Surface]:
 
 
 def door_leaf(cad: Modeller, width: float, height: float) -> Surface:
+    """Make the leaf of a door, with handle and hinges, facing -y."""
     board = box(width, 0.04, height).at(y=0.02)
     panels = [box(width * 0.68, 0.008, z).at(0, -0.004, at) for at, z in ((0.2, 0.65), (1.05, 0.8))]
     x = width / 2 - 0.07
@@ -140,14 +149,14 @@ def door_leaf(cad: Modeller, width: float, height: float) -> Surface:
 def _door(cad: Modeller, opening: Opening) -> Item:
     leaf = door_leaf(cad, opening.width - 0.008, opening.height - 0.008).at(y=0.08, z=0.004)
     parts = [leaf, _recess(opening)[1], *_casing(opening.width, opening.height)]
-    return [Piece("door", "door", join(parts))]
+    return [Body("door", "door", join(parts))]
 
 
 def _passage(cad: Modeller, opening: Opening) -> Item:
     leaf, half = door_leaf(cad, opening.width - 0.008, opening.height - 0.008), opening.width / 2
     swung = leaf.at(x=half).at(-half + 0.06, 0.12, 0.004, turn=cad.between(84, 89))
     frame = join([swung, *_casing(opening.width, opening.height)])
-    return [Piece("door", "door", frame), Piece("passage_end", "wall", _recess(opening)[1])]
+    return [Body("door", "door", frame), Body("passage_end", "wall", _recess(opening)[1])]
 
 
 def _window(cad: Modeller, opening: Opening) -> Item:
@@ -160,8 +169,8 @@ def _window(cad: Modeller, opening: Opening) -> Item:
     x = float(xs[0]) if len(xs) else 0.0
     grip = cad.rod((x, y - 0.05, height * 0.4), (x, y - 0.05, height * 0.52), 0.01)
     sill = cad.slab(width + 0.1, 0.09, 0.03, 0.02).at(y=-0.045, z=-0.03)
-    frame = Piece("window_frame", "window", join([*bars, grip, sill]))
-    return [frame, Piece("window_pane", "window", _recess(opening)[1])]
+    frame = Body("window_frame", "window", join([*bars, grip, sill]))
+    return [frame, Body("window_pane", "window", _recess(opening)[1])]
 
 
 _FILLINGS = {"door": _door, "passage": _passage, "window": _window}

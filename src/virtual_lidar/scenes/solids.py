@@ -1,4 +1,7 @@
-"""Solids with labelled faces: boxes, extrusions, bodies of revolution, sweeps, quadrics."""
+"""Solids with labelled faces: boxes, extrusions, solids of revolution, sweeps, superquadrics.
+
+`steps` is always the number of segments of a full circle.
+"""
 
 from __future__ import annotations
 
@@ -30,6 +33,7 @@ _BOX_FRAMES = np.stack([frame_along(np.array(n, dtype=float), np.zeros(3)) for n
 
 
 def box(x: float, y: float, z: float) -> Surface:
+    """Make a box of size (x, y, z) that stands on z = 0, centred in x and y."""
     vertices = _BOX_CORNERS * (x, y, z)
     frames = _BOX_FRAMES.copy()
     frames[:, :3, 3] = vertices[_BOX_QUADS[:, 0]]
@@ -37,12 +41,17 @@ def box(x: float, y: float, z: float) -> Surface:
 
 
 def flat(outline: Outline, holes: Sequence[Outline] = ()) -> Surface:
-    """Make a horizontal face at z = 0, facing up, with a counter-clockwise outline and holes."""
+    """Make a flat face at z = 0, facing up, from a counter-clockwise outline and holes."""
     vertices, triangles = fill(loop(outline), [loop(hole) for hole in holes])
     return planar(np.column_stack([vertices, np.zeros(len(vertices))]), triangles)
 
 
 def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> Surface:
+    """Make a solid from z = 0 to `height` with the base that `flat` makes.
+
+    Its primitives are, in this order, the lid, the base, a side for each segment of `outline`, and
+    the sides of the holes.
+    """
     lid = flat(outline, holes)
     base = lid.flipped()
     sides = [_side(segment, height) for segment in outline]
@@ -51,10 +60,20 @@ def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> S
 
 
 def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
-    """Revolve a profile of (r, z) points, with the solid on its left, about z.
+    """Make a solid of revolution about z.
 
-    A closed body's profile starts and ends on the axis, from bottom to top. Lines give planes,
-    cylinders and cones; arcs give spheres and tori; curves are freeform.
+    Lines of the profile give planes, cylinders and cones, arcs give spheres and tori, and curves
+    give freeform surfaces.
+
+    Parameters
+    ----------
+    profile
+        Outline in (r, z) with the solid on its left; that of a closed solid leads from the axis at
+        the bottom to the axis at the top.
+    steps
+        Number of segments around the axis.
+    degrees
+        Angle of the revolution.
     """
     closed = degrees >= 360.0
     count = steps if closed else steps + 1
@@ -63,31 +82,35 @@ def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
 
 
 def cylinder(radius: float, height: float, steps: int) -> Surface:
+    """Make an upright cylinder on z = 0."""
     return revolve(line((0, 0), (radius, 0), (radius, height), (0, height)), steps)
 
 
 def cone(bottom: float, top: float, height: float, steps: int) -> Surface:
+    """Make an upright cone or frustum on z = 0, with the radii `bottom` and `top`."""
     points = [(0.0, 0.0), (bottom, 0.0), (top, height), (0.0, height)]
     distinct = [p for p, q in zip(points, [*points[1:], None], strict=True) if p != q]
     return revolve(line(*distinct), steps)
 
 
 def sphere(radius: float, steps: int) -> Surface:
+    """Make a sphere around the origin."""
     return revolve(arc((0, 0), radius, -90, 90, max(steps // 2, 4)), steps)
 
 
 def torus(major: float, minor: float, steps: int, around: int) -> Surface:
-    """Make a torus about z, with `around` segments around its tube."""
+    """Make a torus around the origin, about z, with `around` segments around its tube."""
     return revolve(arc((major, 0), minor, 0, 360, around), steps)
 
 
 def superquadric(
     sizes: tuple[float, float, float], exponents: tuple[float, float], steps: int
 ) -> Surface:
-    """Make a superellipsoid with half axes a, b, c (`sizes`) and exponents e1, e2.
+    """Make a superellipsoid around the origin.
 
-    Its surface is |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1. Exponents (1, 1) give
-    an ellipsoid, smaller exponents a rounded box.
+    With the half axes a, b, c (`sizes`) and the `exponents` e1, e2, its surface is
+    |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1. Exponents (1, 1) give an ellipsoid,
+    smaller exponents a rounded box.
     """
     latitude = np.linspace(-np.pi / 2, np.pi / 2, max(steps // 2, 4) + 1)[:, None]
     longitude = np.linspace(0, 2 * np.pi, steps, endpoint=False)[None, :]
@@ -113,16 +136,20 @@ def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = Fal
 
 
 def loft(sections: Floats) -> Surface:
-    """Connect k successive closed sections of n points (k, n, 3) by a surface, and close both ends.
+    """Connect successive closed sections by a freeform surface, and close both ends.
 
-    Sections are counter-clockwise, seen against the direction of the path.
+    `sections` are k sections of n points, (k, n, 3), counter-clockwise, seen against the direction
+    from the first to the last.
     """
     skin = grid(sections.swapaxes(0, 1), closed=(True, False))
     return join([skin, _fan(sections[0]).flipped(), _fan(sections[-1])])
 
 
 def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: int) -> Surface:
-    """Make a pipe along a polyline, from cylinders and torus elbows with bend radius `bend`."""
+    """Make a pipe with closed ends along points: cylinders, and elbows that are parts of tori.
+
+    `bend` is the radius of the elbows, to the middle of the pipe.
+    """
     path = np.array(points, dtype=np.float64)
     starts, ends, parts = path.copy(), path.copy(), []
     for i in range(1, len(path) - 1):
@@ -135,7 +162,7 @@ def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: i
 
 
 def sheet(points: Floats, thickness: float) -> Surface:
-    """Make a freeform plate of a given thickness over a grid of points (m, n, 3)."""
+    """Make a freeform plate of a given thickness whose middle passes through a grid (m, n, 3)."""
     rows, columns = np.gradient(points, axis=0), np.gradient(points, axis=1)
     normal = np.cross(rows, columns)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -228,10 +255,7 @@ def _straight(start: Floats, end: Floats, radius: float, steps: int) -> Surface:
 def _elbow(
     corner: Floats, radius: float, bend: float, steps: int
 ) -> tuple[Surface, Floats, Floats]:
-    """Return a torus section that rounds a pipe's corner, and its start and end points.
-
-    `corner` (3, 3) is the point before, the corner and the point after.
-    """
+    """Return an elbow, and where it starts and ends, for a point between two others, (3, 3)."""
     before, at, after = corner
     towards = (before - at) / np.linalg.norm(before - at)
     onwards = (after - at) / np.linalg.norm(after - at)

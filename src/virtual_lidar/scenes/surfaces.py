@@ -12,10 +12,16 @@ from pointkit.geometry.mesh import Primitive
 
 @dataclass(frozen=True)
 class Shape:
-    """A geometric primitive in a normalised pose: plane z = 0, axis z, centre or apex (0, 0, 0).
+    """A geometric primitive in its normal pose: plane z = 0, axis z, centre or apex (0, 0, 0).
 
-    `kind` is as in `pointkit.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
-    the pose, ``ratios`` (angles, exponents) do not.
+    Parameters
+    ----------
+    kind
+        As in `pointkit.geometry.mesh.Primitive`.
+    lengths
+        Radii or half axes, which scale with the pose.
+    ratios
+        Angles or exponents, which do not.
     """
 
     kind: str
@@ -29,16 +35,18 @@ FREEFORM = Shape("freeform")
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles that lie on s primitives, with vertices counter-clockwise seen from outside.
+    """Triangles that lie on s geometric primitives.
 
     Parameters
     ----------
     vertices
-        (v, 3) float64.
+        Vertices, (v, 3).
     triangles
-        Vertex indices, (t, 3).
+        Indices of each triangle's vertices, counter-clockwise seen from outside, (t, 3).
     shape_id
-        Index into `shapes`, (t,).
+        Index of each triangle's primitive in `shapes`, (t,).
+    shapes
+        The primitives, in their normal poses.
     frames
         Pose of each primitive, (s, 4, 4): rotation, translation and uniform scale.
     """
@@ -53,7 +61,10 @@ class Surface:
         return join([self, other])
 
     def transformed(self, pose: Floats) -> Surface:
-        """Apply a similarity transform (4, 4); normals still point outwards after a reflection."""
+        """Return the surface after a similarity transform, (4, 4).
+
+        Triangles still face outwards after a reflection.
+        """
         flip = float(np.linalg.det(pose[:3, :3])) < 0
         return replace(
             self,
@@ -63,7 +74,7 @@ class Surface:
         )
 
     def at(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float) -> Surface:
-        """Move the surface by the transform that `pose` returns."""
+        """Return the surface after the transform that `pose` makes from the same arguments."""
         return self.transformed(pose(x, y, z, **angles))
 
     def at_corners(self, x: float, y: float, z: float = 0.0) -> list[Surface]:
@@ -73,37 +84,42 @@ class Surface:
     def at_sides(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, axis: int = 0, **angles: float
     ) -> list[Surface]:
-        """Return two rotated copies, at (x, y, z) and with the `axis` coordinate negated."""
+        """Return two copies that are turned as by `pose`, on opposite sides.
+
+        The second is at (x, y, z), the first there with the coordinate number `axis` negated.
+        """
         place = [-value if number == axis else value for number, value in enumerate((x, y, z))]
         return [self.at(*place, **angles), self.at(x, y, z, **angles)]
 
     def mirrored(self, axis: int = 0) -> Surface:
-        """Reflect the surface in the plane x = 0, y = 0 or z = 0 (`axis` 0, 1, 2)."""
+        """Return the reflection in the plane x = 0, y = 0 or z = 0 (`axis` 0, 1 or 2)."""
         mirror = np.eye(4)
         mirror[axis, axis] = -1.0
         return self.transformed(mirror)
 
     def flipped(self) -> Surface:
-        """Reverse the orientation, for example for the inside of a room."""
+        """Return the surface facing the other way, for example as the inside of a room."""
         planes = np.array([shape.kind == "plane" for shape in self.shapes], dtype=bool)
         frames = self.frames.copy()
         frames[planes] = frames[planes] @ np.diag([1.0, -1.0, -1.0, 1.0])
         return replace(self, triangles=self.triangles[:, ::-1], frames=frames)
 
     def deformed(self, change: Callable[[Floats], Floats]) -> Surface:
-        """Apply a function to the vertices (v, 3); the result is freeform."""
+        """Return a freeform surface whose vertices are ``change(vertices)``, (v, 3)."""
         return freeform(change(self.vertices), self.triangles)
 
     def select(self, *shapes: int) -> Surface:
-        """Return the triangles that lie on the primitives with these indices."""
+        """Return the part that lies on the primitives with these indices in `shapes`."""
         rows = np.isin(self.shape_id, shapes)
         return replace(self, triangles=self.triangles[rows], shape_id=self.shape_id[rows])
 
     def bounds(self) -> Floats:
+        """Return the lowest and highest corner of the bounding box, (2, 3)."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
 def join(surfaces: list[Surface]) -> Surface:
+    """Make one surface of several, one after the other."""
     vertices, shapes = 0, 0
     triangles, shape_ids = [], []
     for each in surfaces:
@@ -129,9 +145,10 @@ def pose(
     roll: float = 0.0,
     scale: float = 1.0,
 ) -> Floats:
-    """Return a transform (4, 4): scale, rotate about y (`roll`), x (`tilt`) and z (`turn`), shift.
+    """Return a similarity transform, (4, 4).
 
-    Angles are in degrees.
+    It scales by `scale`, rotates about y by `roll`, about x by `tilt` and about z by `turn`,
+    degrees, counter-clockwise, and then moves by (x, y, z).
     """
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
@@ -140,6 +157,7 @@ def pose(
 
 
 def rotation(axis: int, degrees: float) -> Floats:
+    """Return the rotation about an axis (0, 1, 2: x, y, z), (3, 3)."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
@@ -149,7 +167,7 @@ def rotation(axis: int, degrees: float) -> Floats:
 
 
 def frame_along(axis: Floats, origin: Floats) -> Floats:
-    """Return a frame (4, 4) at an origin, with the z axis along `axis`."""
+    """Return a pose, (4, 4), whose z axis has the direction of `axis` and whose origin is given."""
     z = axis / np.linalg.norm(axis)
     helper = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = np.cross(helper, z)
@@ -162,7 +180,10 @@ def frame_along(axis: Floats, origin: Floats) -> Floats:
 def one_shape(
     vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
 ) -> Surface:
-    """Make a surface on one primitive, without triangles of zero area."""
+    """Make a surface on one primitive, without those triangles that have no area.
+
+    `frame` is the pose of the primitive, by default its normal pose.
+    """
     a, b, c = vertices[triangles].swapaxes(0, 1)
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     valid = triangles[size > 1e-12]
@@ -171,10 +192,12 @@ def one_shape(
 
 
 def freeform(vertices: Floats, triangles: Ints) -> Surface:
+    """Make a surface of no particular shape."""
     return one_shape(vertices, triangles, FREEFORM)
 
 
 def planar(vertices: Floats, triangles: Ints) -> Surface:
+    """Make a plane surface, whose plane is that of the largest triangle."""
     a, b, c = vertices[triangles].swapaxes(0, 1)
     doubled = np.cross(b - a, c - a)
     largest = int(np.argmax(np.sum(doubled**2, axis=1)))
@@ -188,10 +211,17 @@ def grid(
     *,
     closed: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """Make a surface through a grid of points (m, n, 3).
+    """Make a surface through a grid of points.
 
-    Normals are cross products of row and column directions. `closed` (rows, columns): whether the
-    last is connected to the first.
+    Parameters
+    ----------
+    points
+        The grid, (rows, columns, 3). The surface faces to where the cross product of the direction
+        from row to row and of that from column to column points.
+    shape, frame
+        Primitive on which the surface lies, and its pose.
+    closed
+        Whether the last row is connected to the first, and the last column to the first.
     """
     rows, columns, _ = points.shape
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -212,6 +242,7 @@ _PARAMETERS = {
 
 
 def primitive(shape: Shape, frame: Floats) -> Primitive:
+    """Return a shape at a pose, (4, 4), as a primitive with its parameters by name."""
     scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
     axes, origin = frame[:3, :3] / scale, frame[:3, 3]
     point, axis = origin.tolist(), axes[:, 2].tolist()

@@ -1,8 +1,8 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-A plane is detected as a connected patch of range image pixels in which nearly all returns lie on
-the plane. Returns at grazing incidence are excluded; otherwise rings of horizontal lasers would
-resemble a floor.
+A plane is detected as a connected patch of pixels of the range image in which nearly all returns
+lie on the plane. Returns at grazing incidence are left out; otherwise the rings that level lasers
+draw on the walls would resemble a floor.
 """
 
 from __future__ import annotations
@@ -21,9 +21,14 @@ from pointkit.geometry.ransac import Plane, robust_plane, robust_std
 from pointkit.lidar.recorded_returns import RecordedReturns
 from pointkit.models import Model
 from virtual_lidar.residual_table import plane_coordinates
-from virtual_lidar.walls.range_image import Mask, RangeImage, largest_patch, widened, without_ends
 
 WALL, FLOOR, CEILING, OBLIQUE = "wall", "floor", "ceiling", "oblique"
+
+Mask = NDArray[np.bool_]
+"""Mask of a recording (n,), or of a range image (lasers by elevation, columns by azimuth)."""
+
+AZIMUTH_COLUMNS = 360
+"""Columns of a range image: one for each degree of azimuth."""
 
 _FIT_ROUNDS = 10
 _SAMPLES, _SAMPLE_SPAN_RAD = 384, math.radians(30)
@@ -89,9 +94,18 @@ class PlaneSearch(Model):
 
 @dataclass(frozen=True)
 class DetectedPlane:
-    """A plane with its normal towards the sensor, and indices (n,) of the returns on it.
+    """A plane in a recording.
 
-    In the plane, `width_m` is the returns' horizontal extent, `height_m` the perpendicular one.
+    Parameters
+    ----------
+    kind
+        `WALL`, `FLOOR`, `CEILING` or `OBLIQUE`.
+    plane
+        The plane, with its normal towards the sensor.
+    rows
+        Rows of the recording's table whose returns lie on the plane, (n,).
+    width_m, height_m
+        Extents of these returns in the plane, horizontally and perpendicular to that.
     """
 
     kind: str
@@ -102,11 +116,14 @@ class DetectedPlane:
 
     @property
     def distance_m(self) -> float:
+        """Distance of the plane from the sensor."""
         return -self.plane.offset
 
 
 @dataclass(frozen=True)
 class Rejected:
+    """A plane that does not meet the criteria of a `PlaneSearch`, and why, in a few words."""
+
     surface: DetectedPlane
     reason: str
 
@@ -114,7 +131,22 @@ class Rejected:
 def find_surfaces(
     table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
-    """Find planes by RANSAC; return the accepted planes, largest first, and the rejected ones."""
+    """Find walls, floors and ceilings by RANSAC, one after the other.
+
+    Parameters
+    ----------
+    table
+        Returns of a sensor at rest.
+    search
+        Criteria.
+    rng
+        Source of the random samples.
+
+    Returns
+    -------
+    taken, rejected
+        Planes that meet the criteria, those with most returns first, and planes that do not.
+    """
     least = least_returns(table, search)
     view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
     free = np.ones(len(table), dtype=bool)
@@ -140,9 +172,20 @@ def find_surfaces(
 def surface_of(
     table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
-    """Fit a plane robustly to the returns in `rows`, and select the returns that lie on it.
+    """Fit a plane robustly to some returns, and select those that lie on it.
 
-    The fit begins with the plane `start`. With fewer than three returns, none is selected.
+    Parameters
+    ----------
+    table
+        The recording.
+    rows
+        Rows of the returns to fit; of fewer than three, none lies on the plane.
+    start
+        Plane with which the fit begins.
+    kind
+        Kind of the result.
+    search
+        Criteria of the returns that count as lying on the plane.
     """
     part = table.select(rows)
     if len(rows) < 3:
@@ -155,6 +198,7 @@ def surface_of(
 
 
 def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch) -> str | None:
+    """Return which criterion a plane does not meet, in a few words, or None if it meets all."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -170,11 +214,12 @@ def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch
 
 
 def least_returns(table: RecordedReturns, search: PlaneSearch) -> int:
+    """Return the least number of returns on a plane in all turns of a recording."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
 def incidence(table: RecordedReturns, plane: Plane) -> Floats:
-    """Return the angle between each nominal ray and the plane's normal, (n,), rad."""
+    """Return the angles between the nominal rays of returns and a plane's normal, (n,), rad."""
     azimuth, elevation = table["azimuth"], table["elevation"]
     level = np.cos(elevation)
     rays = [level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)]
@@ -183,6 +228,7 @@ def incidence(table: RecordedReturns, plane: Plane) -> Floats:
 
 
 def kind_of(plane: Plane, search: PlaneSearch) -> str:
+    """Return whether a plane is a `WALL`, `FLOOR` or `CEILING` of its sensor, or `OBLIQUE`."""
     up = np.array(search.up) / np.linalg.norm(search.up)
     rise = float(plane.facing(np.zeros(3)).normal @ up)
     tilt = math.radians(search.tilt_deg)
@@ -191,6 +237,71 @@ def kind_of(plane: Plane, search: PlaneSearch) -> str:
     if abs(rise) < math.cos(tilt):
         return OBLIQUE
     return FLOOR if rise > 0 else CEILING
+
+
+@dataclass(frozen=True)
+class RangeImage:
+    """Pixels of a recording's n returns in an image with a row for each laser, by elevation.
+
+    Parameters
+    ----------
+    pixel
+        Flat index of each return's pixel, (n,).
+    shape
+        Numbers of rows and columns.
+    """
+
+    pixel: NDArray[np.intp]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, table: RecordedReturns) -> RangeImage:
+        levels, rank = np.unique(table["elevation"], return_inverse=True)
+        column = (table["azimuth"] * (AZIMUTH_COLUMNS / math.tau)).astype(np.intp) % AZIMUTH_COLUMNS
+        return cls(rank * AZIMUTH_COLUMNS + column, (len(levels), AZIMUTH_COLUMNS))
+
+    @property
+    def laser_rank(self) -> NDArray[np.intp]:
+        return self.pixel // self.shape[1]
+
+    def counts(self, rows: Mask) -> Floats:
+        size = self.shape[0] * self.shape[1]
+        counts: Floats = np.bincount(self.pixel[rows], minlength=size).astype(np.float64)
+        return counts.reshape(self.shape)
+
+    def rows(self, pixels: Mask) -> Mask:
+        chosen: Mask = pixels.ravel()[self.pixel]
+        return chosen
+
+
+def largest_patch(pixels: Mask, returns: Floats) -> Mask:
+    """Return the patch of a mask's pixels with most returns, as a mask.
+
+    `returns` are counts for each pixel; gaps of up to two pixels do not split a patch.
+    """
+    from scipy import ndimage
+
+    # The seam of the image is moved to the column with the fewest pixels, to not cut a patch.
+    seam = int(np.argmin(pixels.sum(axis=0)))
+    labels, count = ndimage.label(widened(np.roll(pixels, -seam, axis=1)))
+    labels = np.roll(labels, seam, axis=1) * pixels
+    sizes = np.bincount(labels.ravel(), returns.ravel(), minlength=count + 1)
+    largest: Mask = pixels & (labels == 1 + int(np.argmax(sizes[1:]))) if count else pixels
+    return largest
+
+
+def widened(pixels: Mask) -> Mask:
+    """Return a mask with the eight neighbours of each pixel as well; azimuths are cyclic."""
+    beside = pixels | np.roll(pixels, 1, axis=1) | np.roll(pixels, -1, axis=1)
+    padded = np.pad(beside, ((1, 1), (0, 0)))
+    wide: Mask = padded[:-2] | padded[1:-1] | padded[2:]
+    return wide
+
+
+def without_ends(pixels: Mask) -> Mask:
+    """Return a mask without the ends of its rows, since returns there mix two surfaces."""
+    inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
+    return inner
 
 
 @dataclass(frozen=True)
@@ -209,9 +320,9 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Sample planes through three nearby returns; return the plane with most inliers.
+        """Return the best of random planes through three nearby returns, or None if it is poor.
 
-        The mask `free` (n,) selects returns. Returns None if no plane has enough inliers.
+        The mask `free` (n,) selects the returns; the best plane has most of them near it.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
@@ -225,10 +336,10 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """Extend a plane to its largest connected patch; return the refitted plane and the patch.
+        """Fit a plane to its largest connected patch of pixels; return both.
 
-        Selection of the patch, among returns in the mask `free` (n,), and refitting alternate until
-        the patch is stable. Laser biases are subtracted, so that no laser loses its pixels.
+        Selection of the patch, among returns in the mask `free` (n,), and fitting alternate until
+        the patch stays the same. Laser biases are subtracted, so that no laser loses its pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
@@ -255,10 +366,7 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Sample walls, floors and ceilings through three nearby returns.
-
-        Returns normals (k, 3) and offsets (k,).
-        """
+        """Return normals (k, 3) and offsets (k,) of planes that are not oblique."""
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))
         first = rng.integers(len(order), size=_SAMPLES)
@@ -267,10 +375,10 @@ class _View:
         normals = np.cross(b - a, c - a)
         lengths = np.linalg.norm(normals, axis=1)
         normals /= np.maximum(lengths, 1e-12)[:, None]
-        planes = zip(normals, np.sum(normals * a, axis=1), strict=True)
-        kinds = [kind_of(Plane(normal, offset), self.search) for normal, offset in planes]
-        usable = (lengths > 1e-4) & (np.array(kinds) != OBLIQUE)
-        return normals[usable], np.sum(normals * a, axis=1)[usable]
+        offsets = np.sum(normals * a, axis=1)
+        planes = map(Plane, normals, offsets)
+        usable = (lengths > 1e-4) & [kind_of(plane, self.search) != OBLIQUE for plane in planes]
+        return normals[usable], offsets[usable]
 
     def _support(self, points: Floats, normals: Floats, offsets: Floats) -> NDArray[np.intp]:
         counts = np.zeros(len(normals), dtype=np.intp)

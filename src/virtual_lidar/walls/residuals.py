@@ -33,7 +33,16 @@ from virtual_lidar.walls.stillness import SHIFT_M, Still, still_rows
 
 
 class Crop(Model):
-    """A surface selected by a box in sensor coordinates: lowest and highest corner, m."""
+    """A plane that is selected by hand.
+
+    Parameters
+    ----------
+    surface
+        What it is.
+    box
+        Lowest and highest corner, (x, y, z), m, of a box in sensor coordinates that contains
+        returns of the plane only.
+    """
 
     surface: Literal["wall", "floor", "ceiling"]
     box: tuple[tuple[float, ...], ...]
@@ -47,6 +56,7 @@ class Crop(Model):
         return self
 
     def rows(self, points: Floats) -> NDArray[np.intp]:
+        """Return which of the points, (n, 3), m, are in the box, as indices."""
         low, high = np.array(self.box)
         return np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
 
@@ -101,6 +111,7 @@ class RecordingOptions(Model):
 
 
 def recording_options(values: Mapping[str, Any]) -> RecordingOptions:
+    """Create the options from fields by name; raise InputError if one is unknown or invalid."""
     return parsed(RecordingOptions, values, "capture options")
 
 
@@ -110,9 +121,16 @@ _LEAST_RETURNS = 50
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """Returns of a recording while the sensor was at rest, and the planes in it.
+    """The part of a recording in which the sensor was at rest, and the planes in it.
 
-    `still` is the detected interval at rest; None if the option `still_s` gives the interval.
+    Parameters
+    ----------
+    table
+        Returns of that part.
+    still
+        The interval, if it was detected; None if the option `still_s` gave it.
+    surfaces, rejected
+        As of `find_surfaces`; planes that were selected by hand in their order.
     """
 
     table: RecordedReturns
@@ -124,10 +142,23 @@ class RecordedPlanes:
 def recorded_planes(
     table: RecordedReturns, options: RecordingOptions, source: Path
 ) -> RecordedPlanes:
-    """Select the turns of a recording in which the sensor is at rest, and detect planes in them.
+    """Find out when a sensor was at rest, and which walls, floors and ceilings it saw.
 
     In dual return mode only beams with two equal returns are used, since other beams hit an edge.
-    Error messages name `source`.
+
+    Parameters
+    ----------
+    table
+        A recording; if the option `still_s` is given, the returns of that interval only.
+    options
+        Options.
+    source
+        The file that error messages name.
+
+    Raises
+    ------
+    InputError
+        The sensor was never at rest, or there is no plane, or none in a box given by hand.
     """
     still = None
     with naming(source):
@@ -141,9 +172,9 @@ def recorded_planes(
 
 
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
-    """Return the table of plane residuals of a recording.
+    """Return the plane residuals of a recording, in a table with the columns `COLUMNS`.
 
-    The column `run` is the number of the plane from 1, and `frame` the revolution.
+    The column `run` has the number of the plane, from 1, and `frame` that of the revolution.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)

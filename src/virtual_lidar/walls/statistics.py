@@ -1,7 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
-A deviation is the measured range minus the distance to the fitted plane along the ray. Ray noise is
-the spread, between revolutions, of a laser's deviations in one direction.
+The *deviation* of a return is its measured range minus the distance to the fitted plane along the
+ray. *Ray noise* is how much the deviations of a laser in one direction vary between revolutions.
 """
 
 from __future__ import annotations
@@ -28,10 +28,17 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 @dataclass(frozen=True)
 class RayNoise:
-    """Standard deviation of range deviations between revolutions, in bins of laser and azimuth.
+    """Standard deviation of deviations between revolutions, in bins of laser and azimuth.
 
-    `median_std_m`, the median of the bins' standard deviations, underestimates Gaussian noise by
-    17 % with three revolutions and 4 % with ten; `sigma_m`, from pooled variances, does not.
+    Parameters
+    ----------
+    median_std_m
+        Median of the bins' standard deviations; it underestimates Gaussian noise by 17 % with three
+        revolutions and by 4 % with ten.
+    sigma_m
+        Standard deviation from the bins' pooled variances, which does not.
+    bins
+        Number of bins.
     """
 
     median_std_m: float
@@ -41,9 +48,10 @@ class RayNoise:
 
 @dataclass(frozen=True)
 class LaserBias:
-    """Mean range deviation of each laser on a plane, m, and its number of returns.
+    """Mean deviation of each laser on a plane, m, and its number of returns there.
 
-    The fitted plane absorbs a bias that is common to all lasers or linear in their elevation.
+    A bias that all lasers share, or that is linear in their elevation, is not seen: the fitted
+    plane follows it.
     """
 
     lasers: NDArray[np.intp]
@@ -52,15 +60,23 @@ class LaserBias:
 
     @property
     def std_m(self) -> float | None:
+        """Standard deviation of the lasers' biases, or None for a single laser."""
         return float(np.std(self.mean_m, ddof=1)) if len(self.lasers) > 1 else None
 
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Agreement of the lasers' biases between different planes.
+    """How well the lasers' biases on different planes agree.
 
-    `correlation` is the mean over pairs of planes. `shared_std_m`, the square root of the mean
-    covariance, estimates the standard deviation of the biases common to all planes.
+    Parameters
+    ----------
+    pairs
+        Number of pairs of planes.
+    correlation
+        Mean correlation of the biases of a pair.
+    shared_std_m
+        Standard deviation of the part of the biases that is the same on all planes: the square root
+        of the mean covariance.
     """
 
     pairs: int
@@ -69,9 +85,9 @@ class Repeatability:
 
 
 def range_deviation(residual: Floats, incidence: Floats) -> Floats:
-    """Return the measured range minus the range of the plane along the ray, m.
+    """Return the deviations of returns, (n,), m, from their distances to the plane.
 
-    `residual`, the distance from the plane, m, is positive towards the sensor.
+    The distances `residual`, m, are positive towards the sensor; `incidence` is in rad.
     """
     return np.asarray(-residual / np.cos(incidence))
 
@@ -84,10 +100,16 @@ def ray_noise(
     step_rad: float,
     least_turns: int = LEAST_TURNS,
 ) -> RayNoise | None:
-    """Return the spread of range deviations (n,) between revolutions, in bins of laser and azimuth.
+    """Return the ray noise of returns, or None if it cannot be told.
 
-    Bins are `step_rad` wide and need returns in at least `least_turns` revolutions. Returns None if
-    there is no such bin, or if `step_rad` is nan.
+    Parameters
+    ----------
+    deviation, laser, azimuth, turn
+        Deviation (m), laser, azimuth (rad) and revolution of each return, (n,).
+    step_rad
+        Width of a bin of azimuths; nan if it is not known.
+    least_turns
+        Number of revolutions with returns that a bin needs.
     """
     if len(deviation) == 0 or np.isnan(step_rad):
         return None
@@ -106,7 +128,10 @@ def ray_noise(
 
 
 def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
-    """Return the mean range deviation of each laser that has at least 20 returns."""
+    """Return the mean deviation of each laser that has at least 20 returns.
+
+    `deviation`, m, and `laser` are those of each return, (n,).
+    """
     counts = np.bincount(laser)
     lasers = np.flatnonzero(counts >= _LEAST_RETURNS)
     sums = np.bincount(laser, deviation)
@@ -114,6 +139,7 @@ def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
 
 
 def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
+    """Compare the lasers' biases on several planes, or return None if too few lasers see two."""
     correlations, covariances = [], []
     for first_bias, second_bias in combinations(biases, 2):
         _, first, second = np.intersect1d(
@@ -130,7 +156,7 @@ def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
 
 
 def azimuth_step(table: RecordedReturns) -> float:
-    """Return the median azimuth step of a laser's firings, rad; nan if unknown."""
+    """Return the median azimuth step of a laser's firings, rad; nan if no laser fired twice."""
     order = np.lexsort((table["azimuth"], table["laser_id"], table["turn"]))
     laser, turn = table["laser_id"][order], table["turn"][order]
     steps = np.diff(table["azimuth"][order])
@@ -145,6 +171,20 @@ def _turns_in(group: NDArray[np.intp], turn: NDArray[Any]) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class PlaneStatistics:
+    """Returns on a plane, their distances from it, and what these say about the sensor.
+
+    Parameters
+    ----------
+    surface
+        The plane.
+    rows
+        The returns.
+    residual, deviation
+        Distances from the plane, positive towards the sensor, and deviations, (n,), m.
+    bias, noise
+        The lasers' biases and the ray noise; None if it cannot be told.
+    """
+
     surface: DetectedPlane
     rows: RecordedReturns
     residual: Floats
@@ -154,6 +194,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
+        """Standard deviation of what neither biases nor ray noise explain, or None if unknown."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
@@ -163,6 +204,7 @@ class PlaneStatistics:
         return math.sqrt(max(float(np.var(rest)) - self.noise.sigma_m**2, 0.0))
 
     def described(self) -> dict[str, Any]:
+        """Return the statistics by name, as they are written to JSON files."""
         biases = zip(self.bias.lasers.tolist(), self.bias.mean_m.tolist(), strict=True)
         return {
             "surface": self.surface.kind,
@@ -180,6 +222,7 @@ class PlaneStatistics:
 
 
 def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
+    """Return the statistics of each plane of a recording."""
     step, parts = azimuth_step(planes.table), []
     for surface in planes.surfaces:
         rows = planes.table.select(surface.rows)
@@ -192,6 +235,7 @@ def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
 
 
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
+    """Return the statistics of a recording and of its planes, as they are written to JSON files."""
     parts, table = plane_statistics(planes), planes.table
     walls = [part.bias for part in parts if part.surface.kind == WALL]
     stds = [bias.std_m for bias in walls if bias.std_m is not None]

@@ -11,7 +11,7 @@ from pointkit.geometry.cloud import Floats
 from pointkit.lidar.recorded_returns import RecordedReturns
 
 SHIFT_M = 0.003
-"""Limit of `turn_shift` for a sensor at rest, m."""
+"""Greatest `turn_shift` of a sensor at rest, m."""
 
 # Neighbours on a surface, between which distances are interpolated: the step of a VLP-16 is 0.1 to
 # 0.4 degrees; at a greater change of distance there is an edge.
@@ -23,9 +23,14 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """An interval, from revolution `first` to `last`, in which the sensor was at rest.
+    """An interval in which the sensor was at rest.
 
-    `shift_m` is the largest `turn_shift` from the first revolution to another of the interval.
+    Parameters
+    ----------
+    first, last
+        Numbers of its first and last revolution.
+    shift_m
+        Greatest `turn_shift` from the first revolution to another one of the interval.
     """
 
     first: int
@@ -34,13 +39,15 @@ class Still:
 
     @property
     def turns(self) -> int:
+        """Number of revolutions."""
         return self.last - self.first + 1
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
     """Return the longest part of a recording with the sensor at rest, and its interval.
 
-    At rest, distances change by at most `limit_m` between revolutions.
+    At rest, the `turn_shift` between revolutions is at most `limit_m`. Raises InputError if the
+    recording has only one revolution, or the sensor was never at rest.
     """
     turns = _turns(table)
     if len(turns) < 2:
@@ -63,13 +70,13 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 
 
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
-    """Return the change of distances between two revolutions, m; inf with too few returns.
+    """Return by how much distances differ between two revolutions, m; inf with too few returns.
 
-    Each laser's `reference` distances are interpolated to the azimuths of `other`. The median
-    difference in each azimuth sector averages out noise; the third quartile of the medians reveals
-    a moving sensor but ignores a passing person.
+    The distances of each laser in `reference` are interpolated to the azimuths of `other`. The
+    median difference in each of 36 sectors of azimuth averages out noise; the third quartile of the
+    medians reveals a moving sensor, but ignores a passing person.
     """
-    change, azimuth = _changes(reference, other)
+    change, azimuth = _differences(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
     parts = [change[sector == number] for number in range(_SECTORS)]
     medians = [abs(float(np.median(part))) for part in parts if len(part) >= _LEAST_IN_SECTOR]
@@ -84,7 +91,7 @@ def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
     return dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
 
 
-def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
+def _differences(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
     places, other_places = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]

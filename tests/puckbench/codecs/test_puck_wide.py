@@ -21,7 +21,7 @@ from puckbench.codecs.returns_codec import ReturnsCodec
 from tests.support.returns import staggered
 from virtual_lidar import open_error_model, open_sweep, scan
 from virtual_lidar.scan_returns import returns_of_scan
-from virtual_lidar.scenes.rooms import make_room, origin
+from virtual_lidar.scenes.rooms import make_room, room_origin
 
 EFFORTS = ("fast", "normal", "thorough")
 
@@ -175,7 +175,7 @@ def test_a_scan_in_millimetres_by_128_lasers_costs_few_bits(effort: str, share: 
         {"frames_per_second": 10.0, "duration_s": 0.2, "pitch_start_deg": 0, "pitch_end_deg": 0}
     )
     model = open_error_model("vlp16", {"bias_sigma_m": 0.0, "ray_sigma_m": 0.003})
-    random, place = np.random.default_rng(0), origin("office_1")
+    random, place = np.random.default_rng(0), room_origin("office_1")
     scanned = returns_of_scan(scan(make_room("office_1", 0), sensor, sweep, model, place, random))
     azimuths = np.arange(columns, dtype=np.uint16)
     turns = tuple(replace(turn, azimuths=azimuths) for turn in scanned.returns.turns)

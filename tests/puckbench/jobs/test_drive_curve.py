@@ -14,7 +14,7 @@ from puckbench.jobs.drive import VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.metrics.tasks.odometry import estimated_poses
 from puckbench.recordings.drives import Drive, azimuth_shares, firing_shares, read_drive
-from virtual_lidar.scenes.street.layout import make_street, street_origin
+from virtual_lidar.scenes.street import make_street, street_origin
 
 TASKS = {"odometry": {"skip": 10}, "gicp_odometry": {"skip": 10}}
 WINDING = {"duration_s": 5.5, "speed_m_s": 7, "start": [-16, 0], "swing_deg": 20, "swing_m": 18}

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cloud_files.meshes import write_mesh
-from pointkit.errors import InputError
-from pointkit.registry import Registry, trust
+from pointkit.registry import trust
 from puckbench.cli import main
 from puckbench.planning.fingerprints import code_version
 from tests.support.sensor_scenes import room
-from virtual_lidar import error_model_names, open_error_model, read_scan
-from virtual_lidar.errors import ERROR_MODELS, module_of_model
-from virtual_lidar.errors.model import ErrorModel
+from virtual_lidar import open_error_model, read_scan
+from virtual_lidar.errors import module_of_model
 
 SOURCE = '''"""A sensor that reads too far."""
 
@@ -66,47 +62,3 @@ def test_a_users_model_is_fingerprinted_by_its_file(tmp_path: Path, place: str) 
     other = open_error_model(another)
     assert code_version() != before != code_version(module_of_model(other))
     assert str(model) == "TooFar(share=0.01)"
-
-
-def test_another_packages_model_has_a_name(
-    tmp_path: Path, place: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    points = [EntryPoint("too_far", "far:TooFar", "puckbench.error_models")]
-    result = {"puckbench.error_models": points}
-    monkeypatch.setattr("pointkit.registry.entry_points", lambda group: result.get(group, []))
-    monkeypatch.syspath_prepend(str(tmp_path))
-    models: Registry[type[ErrorModel]] = Registry("error model", "errors")
-    monkeypatch.setattr("virtual_lidar.errors.registry.ERROR_MODELS", models)
-    assert "too_far" in error_model_names()
-    assert open_error_model("too_far").described() == {"model": "TooFar", "share": 0.01}
-    sys.modules.pop("far", None)
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "fault"),
-    [
-        ("{place}", {"share": -1}, "TooFar: share is -1, but must be greater than 0"),
-        ("{place}", {"part": 1}, "unknown option 'part' (known: share)"),
-        ("{place}Missing", {}, "cannot load"),
-        ("nowhere.py:Model", {}, "cannot load 'nowhere.py:Model'"),
-        ("pathlib:Path", {}, "not a class of virtual_lidar.errors.ErrorModel"),
-        ("vlp17", {}, "did you mean 'vlp16'?"),
-    ],
-)
-def test_faults_of_a_users_model_are_one_line(
-    place: str, name: str, options: dict[str, object], fault: str
-) -> None:
-    trust([name.format(place=place)])
-    with pytest.raises(InputError) as caught:
-        open_error_model(name.format(place=place), options)
-    assert fault in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("name", error_model_names())
-def test_every_model_has_a_title_and_a_colour(name: str) -> None:
-    kind = ERROR_MODELS.get(name)
-    assert kind.title
-    assert kind.colour.startswith("#")
-    alike = [item for item in error_model_names() if ERROR_MODELS.get(item).colour == kind.colour]
-    assert alike == [name]

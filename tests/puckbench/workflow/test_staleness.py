@@ -212,7 +212,7 @@ CHANGED_BY: dict[str, set[str]] = {
     "datasets/point_clouds.py": {"scene clouds"},
     "datasets/recordings.py": RECORDED,
     "scenes/rooms.py": {"scene rooms"},
-    "scenes/room_catalogue.yaml": {"scene rooms"},
+    "scenes/rooms.yaml": {"scene rooms"},
     "scenes/furniture/seating.py": {"scene objects", "scene rooms"},
     "io/las.py": RECORDED | _curves("laz") | _each("decode", *CODECS),
     "io/text.py": {*RECORDED, "scene clouds"},

@@ -10,10 +10,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from virtual_lidar.scenes.bodies import Body, Item
 from virtual_lidar.scenes.furniture.small import clutter
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import arc, line
-from virtual_lidar.scenes.pieces import Item, Piece
 from virtual_lidar.scenes.surfaces import Surface, join
 
 
@@ -100,7 +100,7 @@ def whiteboard(cad: Modeller, width: float = 2.0) -> Item:
     tray = cad.box(width * 0.5, 0.08, 0.015).at(y=-0.06, z=low - 0.03)
     z = low - 0.005
     pens = [cad.rod((x, -0.07, z), (x + 0.12, -0.06, z), 0.009) for x in (-0.3, -0.1, 0.15)]
-    return [Piece("whiteboard", "board", join([panel, *bars, tray, *pens]))]
+    return [Body("whiteboard", "board", join([panel, *bars, tray, *pens]))]
 
 
 def pinboard(cad: Modeller) -> Item:
@@ -112,7 +112,7 @@ def pinboard(cad: Modeller) -> Item:
         for z in (0.08, 0.45)
         if cad.chance(0.8)
     ]
-    return [Piece("pinboard", "board", join([panel, *sheets]))]
+    return [Body("pinboard", "board", join([panel, *sheets]))]
 
 
 def picture(cad: Modeller) -> Item:
@@ -165,7 +165,7 @@ def projection_screen(cad: Modeller, width: float = 3.0) -> Item:
     case = cad.rod((-width / 2, -0.1, 2.6), (width / 2, -0.1, 2.6), 0.06)
     cloth = cad.box(width - 0.1, 0.006, 1.7).at(y=-0.1, z=0.9)
     bar = cad.rod((-width / 2 + 0.04, -0.1, 0.89), (width / 2 - 0.04, -0.1, 0.89), 0.015)
-    return [Piece("screen", "board", join([case, cloth, bar]))]
+    return [Body("screen", "board", join([case, cloth, bar]))]
 
 
 def light_switch(cad: Modeller) -> Item:
@@ -175,16 +175,16 @@ def light_switch(cad: Modeller) -> Item:
 
 def round_column(cad: Modeller, height: float, radius: float = 0.22) -> Item:
     ring = cad.torus(radius, 0.035).at(z=0.035)
-    return [Piece("column", "column", cad.cylinder(radius, height) + ring)]
+    return [Body("column", "column", cad.cylinder(radius, height) + ring)]
 
 
 def square_column(cad: Modeller, height: float, size: float = 0.4) -> Item:
     shaft, base = cad.box(size, size, height), cad.box(size + 0.04, size + 0.04, 0.1)
-    return [Piece("column", "column", shaft + base)]
+    return [Body("column", "column", shaft + base)]
 
 
 def beam(cad: Modeller, length: float, depth: float = 0.3) -> Item:
-    return [Piece("beam", "beam", cad.box(length, 0.25, depth).at(z=-depth))]
+    return [Body("beam", "beam", cad.box(length, 0.25, depth).at(z=-depth))]
 
 
 def plinth(cad: Modeller) -> Item:
@@ -201,4 +201,4 @@ def plinth(cad: Modeller) -> Item:
     )
     body = cad.pick(bodies)().at(z=height, turn=cad.between(0, 360))
     base = cad.pick((cad.box(0.5, 0.5, height), cad.cylinder(0.27, height)))
-    return [Piece("plinth", "clutter", base), Piece("sculpture", "clutter", body)]
+    return [Body("plinth", "clutter", base), Body("sculpture", "clutter", body)]

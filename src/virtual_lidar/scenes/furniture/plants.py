@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 
 from pointkit.geometry.cloud import Floats
+from virtual_lidar.scenes.bodies import Item
 from virtual_lidar.scenes.furniture.small import clutter
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import line
-from virtual_lidar.scenes.pieces import Item
 from virtual_lidar.scenes.solids import sheet
 from virtual_lidar.scenes.surfaces import Surface
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from virtual_lidar.scenes.bodies import Body, Item
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import arc, line, polar, ring
-from virtual_lidar.scenes.pieces import Item, Piece
 from virtual_lidar.scenes.solids import extrude, sheet
 from virtual_lidar.scenes.surfaces import Surface, join
 
@@ -23,7 +23,7 @@ def office_chair(cad: Modeller) -> Item:
     if cad.chance(0.7):
         armrest = _armrest(cad, height)
         parts += [armrest, armrest.mirrored()]
-    return [Piece("office_chair", "chair", join(parts))]
+    return [Body("office_chair", "chair", join(parts))]
 
 
 def _castor_arm(cad: Modeller) -> Surface:
@@ -50,7 +50,7 @@ def chair(cad: Modeller) -> Item:
     slat = _curved_back(cad, width, 0.11)
     back = [slat.at(y=y + 0.04 + 0.045 * k, z=height + 0.16 + 0.15 * k) for k in range(2)]
     rungs = [cad.rod((a, -y, 0.2), (a, y, 0.2), 0.009) for a in (-x, x)]
-    return [Piece("chair", "chair", join([seat, *legs, *posts, *back, *rungs]))]
+    return [Body("chair", "chair", join([seat, *legs, *posts, *back, *rungs]))]
 
 
 def _curved_back(cad: Modeller, width: float, height: float) -> Surface:
@@ -74,7 +74,7 @@ def shell_chair(cad: Modeller) -> Item:
     z = profile[:, 1:] + lift * np.linspace(1.0, 0.2, len(profile))[:, None]
     shell = sheet(np.stack([x, y + 0 * x, z], axis=-1).swapaxes(0, 1), 0.012)
     legs = cad.legs((0.23, 0.22), (0.1, 0.1), 0.43, 0.013)
-    return [Piece("shell_chair", "chair", join([shell, *legs]))]
+    return [Body("shell_chair", "chair", join([shell, *legs]))]
 
 
 def stool(cad: Modeller) -> Item:
@@ -85,7 +85,7 @@ def stool(cad: Modeller) -> Item:
     ring = cad.torus(0.13, 0.01).at(z=0.22)
     ends = polar(0.13, np.radians((0, 120, 240)))
     spokes = [cad.rod((0, 0, 0.22), (x, y, 0.22), 0.006) for x, y in ends]
-    return [Piece("stool", "chair", join([base, column, seat, ring, *spokes]))]
+    return [Body("stool", "chair", join([base, column, seat, ring, *spokes]))]
 
 
 def sofa(cad: Modeller, seats: int = 2) -> Item:
@@ -102,7 +102,7 @@ def sofa(cad: Modeller, seats: int = 2) -> Item:
     for side in (-1, 1):
         x = side * (width / 2 - arm / 2)
         parts += [cad.box(arm * 0.86, depth - 0.02, 0.32).at(x, 0, 0.25), roll.at(x=x, z=0.57)]
-    return [Piece("sofa" if seats > 1 else "armchair", "sofa", join(parts))]
+    return [Body("sofa" if seats > 1 else "armchair", "sofa", join(parts))]
 
 
 def auditorium_seat(cad: Modeller) -> Item:
@@ -111,4 +111,4 @@ def auditorium_seat(cad: Modeller) -> Item:
     seat = cad.cushion(0.47, 0.4, 0.1, 0.35).at(y=-0.03, z=0.38)
     back = cad.cushion(0.47, 0.09, high, 0.3).at(y=0.2, z=0.4, tilt=lean)
     pads = cad.cushion(0.07, 0.3, 0.04, 0.5).at_sides(0.27, -0.03, 0.59)
-    return [Piece("seat", "chair", join([*sides, seat, back, *pads]))]
+    return [Body("seat", "chair", join([*sides, seat, back, *pads]))]

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from virtual_lidar.scenes.bodies import Body, Item, moved, posed
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import Point, arc, curve, line, polar, polygon
-from virtual_lidar.scenes.pieces import Item, Piece, moved, posed
 from virtual_lidar.scenes.solids import extrude
 from virtual_lidar.scenes.surfaces import Surface, join, pose
 
@@ -16,7 +16,7 @@ BOTTLES: tuple[tuple[Point, ...], ...] = (
 
 
 def clutter(kind: str, *parts: Surface) -> Item:
-    return [Piece(kind, "clutter", join(list(parts)))]
+    return [Body(kind, "clutter", join(list(parts)))]
 
 
 def monitor(cad: Modeller) -> Item:

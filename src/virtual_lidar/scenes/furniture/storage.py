@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from virtual_lidar.scenes.bodies import Body, Item, item_bounds, moved
 from virtual_lidar.scenes.furniture import small
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import (
@@ -13,7 +14,6 @@ from virtual_lidar.scenes.outlines import (
     rounded_rectangle,
     shifted,
 )
-from virtual_lidar.scenes.pieces import Item, Piece, item_bounds, moved
 from virtual_lidar.scenes.solids import extrude
 from virtual_lidar.scenes.surfaces import join
 
@@ -28,7 +28,7 @@ def bookcase(cad: Modeller, width: float = 0.9, levels: int = 5) -> Item:
     shelves = [cad.box(width - 0.04, depth - 0.01, 0.02).at(z=z) for z in [*heights, height - 0.02]]
     back = cad.box(width - 0.04, 0.008, height - 0.07).at(y=depth / 2 - 0.004, z=0.07)
     plinth = cad.box(width - 0.04, 0.02, 0.07).at(y=-depth / 2 + 0.04)
-    item = [Piece("bookcase", "bookcase", join([*sides, *shelves, back, plinth]))]
+    item = [Body("bookcase", "bookcase", join([*sides, *shelves, back, plinth]))]
     for z in heights:
         content = _row_of_books if cad.chance(0.65) else _other_objects
         item += moved(content(cad, width - 0.06), 0, 0, z + 0.02)
@@ -69,7 +69,7 @@ def rack(cad: Modeller, width: float = 1.2, levels: int = 4) -> Item:
     boards = [cad.box(width - 0.01, depth - 0.01, 0.03).at(z=z) for z in heights]
     x, y = width / 2 - 0.03, depth / 2 - 0.02
     braces = [cad.rod((-a, y, 0.2), (a, y, height - 0.2), 0.006) for a in (-x, x)]
-    item = [Piece("rack", "bookcase", join([*posts, *boards, *braces]))]
+    item = [Body("rack", "bookcase", join([*posts, *boards, *braces]))]
     gap = float(heights[1] - heights[0]) - 0.06
     for z in heights[:-1]:
         for x in (np.arange(3) - 1) * width / 3.2:
@@ -87,7 +87,7 @@ def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
     doors = cad.box(width / 2 - 0.006, 0.018, height - 0.08).at_sides(width / 4, y, 0.065)
     low, high = height * 0.45, height * 0.62
     handles = [cad.handle((x, y, low), (x, y, high), y - 0.045, 0.006) for x in (-0.04, 0.04)]
-    item = [Piece("cabinet", "clutter", join([body, plinth, *doors, *handles]))]
+    item = [Body("cabinet", "clutter", join([body, plinth, *doors, *handles]))]
     if cad.chance(0.6):
         top = _fitted(cad.pick((small.carton, small.papers, small.vase))(cad), (0.4, 0.4, 0.35))
         item += moved(top, cad.between(-0.15, 0.15), 0, height, turn=cad.between(-15, 15))
@@ -112,7 +112,7 @@ def lockers(cad: Modeller, columns: int = 4) -> Item:
         slits = height - 0.2 - 0.035 * np.arange(5)
         parts += [cad.box(0.2, 0.01, 0.012).at(x, -depth / 2 - 0.019, z) for z in slits]
         parts.append(cad.cylinder(0.014, 0.03).at(x + 0.13, -depth / 2 - 0.014, 1.0, tilt=90))
-    return [Piece("lockers", "clutter", join(parts))]
+    return [Body("lockers", "clutter", join(parts))]
 
 
 def copier(cad: Modeller) -> Item:
@@ -169,7 +169,7 @@ def kitchenette(cad: Modeller) -> Item:
     tap = cad.pipe([(0, 0.22, 0), (0, 0.22, 0.3), (0, 0.02, 0.3), (0, 0.02, 0.2)], 0.013, 0.07)
     lever = cad.rod((0.02, 0.22, 0.08), (0.1, 0.2, 0.12), 0.008)
     body = join([base, *doors, *knobs, counter, basin, (tap + lever).at(x=0.45, z=height)])
-    item = [Piece("kitchenette", "clutter", body)]
+    item = [Body("kitchenette", "clutter", body)]
     for maker, x in ((small.microwave, -0.6), (small.bottle, -0.2), (small.mug, -0.05)):
         item += moved(maker(cad), x, 0.02, height, turn=cad.between(-10, 10))
     return item

@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from virtual_lidar.scenes.bodies import Body, Item, moved
 from virtual_lidar.scenes.furniture import small
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import Outline, arc, curve, line, rounded_rectangle
-from virtual_lidar.scenes.pieces import Item, Piece, moved
 from virtual_lidar.scenes.solids import extrude
 from virtual_lidar.scenes.surfaces import Surface, join
 
@@ -26,9 +26,9 @@ def desk(cad: Modeller) -> Item:
     frame = cad.pick((_panel_legs, _tube_legs))(cad, width, depth, height - 0.028)
     drawers = _drawer_unit(cad, 0.42, depth - 0.15, height - 0.09)
     side = cad.pick((-1, 1))
-    unit = [Piece("drawers", "clutter", drawers.at(x=side * (width / 2 - 0.29)))]
+    unit = [Body("drawers", "clutter", drawers.at(x=side * (width / 2 - 0.29)))]
     screens = 2 if width > 1.5 and cad.chance(0.5) else 1
-    item = [Piece("desk", "table", join([top, *frame])), *unit]
+    item = [Body("desk", "table", join([top, *frame])), *unit]
     for k in range(screens):
         x = (k - (screens - 1) / 2) * 0.62
         turn = -18 * (2 * k - 1) if screens > 1 else cad.between(-8, 8)
@@ -91,7 +91,7 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
     count = int(length / 0.7)
     xs, y = [(k + 0.5 - count / 2) * 0.65 for k in range(count)], width * 0.27
     spots = [(x, side) for x in xs for side in (-y, y)]
-    item = [Piece("meeting_table", "table", join([top, *pedestals, *feet, beam]))]
+    item = [Body("meeting_table", "table", join([top, *pedestals, *feet, beam]))]
     return item + scattered(cad, TABLE_CLUTTER, spots, height)
 
 
@@ -113,7 +113,7 @@ def round_table(cad: Modeller, radius: float = 0.5, height: float = 0.74) -> Ite
         line((0, 0), (radius - 0.015, 0)), rim, line((radius - 0.015, 0.03), (0, 0.03))
     )
     top = top.at(z=height - 0.03)
-    item = [Piece("round_table", "table", foot + top)]
+    item = [Body("round_table", "table", foot + top)]
     spots = [(radius * 0.5, 0.0), (-radius * 0.3, radius * 0.4), (-radius * 0.3, -radius * 0.4)]
     return item + scattered(cad, (small.mug, small.vase, small.bowl, small.bottle), spots, height)
 
@@ -124,7 +124,7 @@ def coffee_table(cad: Modeller) -> Item:
     shelf = cad.slab(width - 0.12, depth - 0.12, 0.016, 0.05).at(z=0.14)
     leg = cad.cone(0.014, 0.024, height - 0.02)
     legs = leg.at_corners(width / 2 - 0.07, depth / 2 - 0.07)
-    item = [Piece("coffee_table", "table", join([top, shelf, *legs]))]
+    item = [Body("coffee_table", "table", join([top, shelf, *legs]))]
     makers = (small.books, small.bowl, small.mug, small.papers)
     return item + scattered(cad, makers, [(-0.25, 0.0), (0.05, 0.08), (0.3, -0.05)], height)
 
@@ -135,7 +135,7 @@ def workbench(cad: Modeller) -> Item:
     x, y = width / 2 - 0.05, depth / 2 - 0.05
     legs = cad.slab(0.06, 0.06, height - 0.04, 0.012).at_corners(x, y)
     beams = cad.box(width - 0.16, 0.03, 0.08).at_sides(y=y, z=height - 0.12, axis=1)
-    item = [Piece("workbench", "table", join([top, *legs, *beams]))]
+    item = [Body("workbench", "table", join([top, *legs, *beams]))]
     spots = [(-width * 0.35, 0.05), (-width * 0.1, 0.05), (width * 0.15, 0.05), (width * 0.37, 0.0)]
     makers = (small.bucket, small.papers, small.bottle, small.printer)
     return item + scattered(cad, makers, spots, height)

@@ -12,59 +12,76 @@ from virtual_lidar.scenes.surfaces import Shape, Surface, join, pose, primitive
 
 
 @dataclass(frozen=True)
-class Piece:
-    """An object or a part: kind ("mug"), semantic class ("clutter"), surface and pose (4, 4)."""
+class Body:
+    """An object or a part of one, which gets a name of its own in a scene.
+
+    Parameters
+    ----------
+    kind
+        What it is ("mug"); names of objects derive from it.
+    semantic
+        Semantic class ("clutter").
+    surface
+        Its surface.
+    pose
+        Similarity transform of the surface, (4, 4).
+    """
 
     kind: str
     semantic: str
     surface: Surface
     pose: Floats = field(default_factory=lambda: np.eye(4))
 
-    def transformed(self, pose: Floats) -> Piece:
+    def transformed(self, pose: Floats) -> Body:
+        """Return the body after a further similarity transform, (4, 4)."""
         return replace(self, pose=pose @ self.pose)
 
     def placed(self) -> Surface:
+        """Return the surface at the body's pose."""
         return self.surface.transformed(self.pose)
 
 
-Item = list[Piece]
+Item = list[Body]
+"""Bodies that are placed together, such as a desk and what stands on it."""
 
 
-def posed(item: Iterable[Piece], pose: Floats) -> Item:
-    """Transform all pieces of an item by a similarity transform (4, 4)."""
-    return [piece.transformed(pose) for piece in item]
+def posed(item: Iterable[Body], pose: Floats) -> Item:
+    """Return an item after a similarity transform, (4, 4), of all its bodies."""
+    return [body.transformed(pose) for body in item]
 
 
 def moved(
-    item: Iterable[Piece], x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float
+    item: Iterable[Body], x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float
 ) -> Item:
-    """Move an item by the transform that `pose` returns."""
+    """Return an item after the transform that `pose` makes from the same arguments."""
     return posed(item, pose(x, y, z, **angles))
 
 
-def item_bounds(item: Iterable[Piece]) -> Floats:
-    corners = np.concatenate([_box_corners(piece) for piece in item])
+def item_bounds(item: Iterable[Body]) -> Floats:
+    """Return the lowest and highest corner, (2, 3), of a box that contains an item."""
+    corners = np.concatenate([_box_corners(body) for body in item])
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
-def _box_corners(piece: Piece) -> Floats:
-    box = piece.surface.bounds()
+def _box_corners(body: Body) -> Floats:
+    box = body.surface.bounds()
     corners = np.stack(np.meshgrid(*box.T, indexing="ij"), axis=-1).reshape(-1, 3)
-    return np.asarray(corners @ piece.pose[:3, :3].T + piece.pose[:3, 3])
+    return np.asarray(corners @ body.pose[:3, :3].T + body.pose[:3, 3])
 
 
-def build_mesh(pieces: Sequence[Piece]) -> Mesh:
-    """Merge pieces into a labelled mesh; objects are named by kind and number ("chair_3").
+def build_mesh(bodies: Sequence[Body]) -> Mesh:
+    """Merge bodies into a mesh with a label for each triangle.
 
-    Equal primitives of an object are merged.
+    Each body is an object, named by kind and number ("chair_3"). Its triangles are assigned to the
+    geometric primitives of its surface, of which equal ones count as one.
     """
     counts: Counter[str] = Counter()
     objects, shape_ids, object_ids = [], [], []
     primitives: list[Primitive] = []
-    surfaces = [piece.placed() for piece in pieces]
-    for number, (piece, surface) in enumerate(zip(pieces, surfaces, strict=True)):
-        counts[piece.kind] += 1
-        objects.append(SceneObject(f"{piece.kind}_{counts[piece.kind]}", piece.semantic))
+    surfaces = [body.placed() for body in bodies]
+    for number, (body, surface) in enumerate(zip(bodies, surfaces, strict=True)):
+        counts[body.kind] += 1
+        objects.append(SceneObject(f"{body.kind}_{counts[body.kind]}", body.semantic))
         index, distinct = _distinct(surface)
         shape_ids.append(index[surface.shape_id] + len(primitives))
         primitives += distinct

@@ -14,14 +14,11 @@ from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh, check_mesh
 from pointkit.lidar.sensor import Sensor
 from virtual_lidar.errors.model import Draws, ErrorModel
-from virtual_lidar.errors.receiver import mirrors_of
-from virtual_lidar.mirrors import follow_mirrors
+from virtual_lidar.errors.receiver import Received
 from virtual_lidar.placement import check_free, check_untouched
-from virtual_lidar.raycast import Cast, RayCaster, dot
-from virtual_lidar.scan_table import COLUMNS, ScanTable, read_scan, write_scan
+from virtual_lidar.raycast import Cast, RayCaster, dot, follow_mirrors
+from virtual_lidar.scan_table import COLUMNS, ScanTable
 from virtual_lidar.sweep import Rays, Sweep
-
-__all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
 
 Progress = Callable[[int, int], None]
 """Function that is called with the number of scanned frames and the number of all frames."""
@@ -34,10 +31,17 @@ _RAYS_IN_A_PORTION = 1 << 20
 
 @dataclass(frozen=True)
 class ScanJob:
-    """A virtual scan of a mesh (m, z up) by a sensor at `origin` (3,).
+    """A virtual scan that is checked before it is made, or made in portions; else see `scan`.
 
-    Unless `anywhere` is set, the sensor must be inside the scene and outside objects, and must not
-    move through a surface.
+    Parameters
+    ----------
+    mesh, sensor, sweep, model, origin
+        As in `scan`.
+    anywhere
+        Whether the sensor may be outside of the scene or inside an object, and move through
+        surfaces.
+    threads
+        Threads that cast rays; 0 for one per processor.
     """
 
     mesh: Mesh
@@ -50,6 +54,7 @@ class ScanJob:
 
     @property
     def rays(self) -> int:
+        """Number of nominal rays of the scan, whether they hit or not."""
         return self.sweep.frames * self.sweep.steps(self.sensor) * self.sensor.lasers
 
     def table(
@@ -58,6 +63,7 @@ class ScanJob:
         progress: Progress | None = None,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> ScanTable:
+        """Make the scan, as `scan` does; `rays_at_a_time` does not affect the result."""
         (table,) = self.portions(rng, progress, self.rays, rays_at_a_time)
         return table
 
@@ -68,7 +74,22 @@ class ScanJob:
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> Iterator[ScanTable]:
-        """Yield tables of whole frames, which need less memory than one table of the scan."""
+        """Make the scan, and yield tables of successive frames, which need less memory than one.
+
+        Parameters
+        ----------
+        rng, progress
+            As in `scan`.
+        rays_in_a_portion
+            Greatest number of rays of a table, which has at least one frame.
+        rays_at_a_time
+            Number of rays that are cast together; it does not affect the result.
+
+        Raises
+        ------
+        InputError
+            The mesh or the sensor's position is invalid, or, at the end, no ray has returned.
+        """
         scanner, rows = _Scanner(self._caster(), self.sensor, self.sweep, self.model, Draws(rng)), 0
         rays_per_frame = self.rays // self.sweep.frames
         for frames in _portions(range(self.sweep.frames), rays_in_a_portion // rays_per_frame):
@@ -86,7 +107,7 @@ class ScanJob:
             raise InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
 
     def check(self) -> None:
-        """Raise InputError if the mesh, or the sensor's position or path, is invalid."""
+        """Raise InputError if the mesh, or the sensor's position or path in it, is invalid."""
         self._caster()
 
     def _caster(self) -> RayCaster:
@@ -108,21 +129,34 @@ def scan(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> ScanTable:
-    """Scan a mesh with a virtual sensor (thesis, section 5.2); return a table of returns.
+    """Scan a mesh with a virtual sensor (thesis, section 5.2).
 
-    Each row is a nominal ray with a return, in the order of firing (frame, azimuth step, laser).
-    Clean values describe the true intersection of the nominal ray with the surface, noisy values
-    the measurement. If the error model fires a deviating ray (beam divergence), the sensor measures
-    along that ray, and both rays must hit a surface within range.
+    If the error model fires a ray that deviates from the nominal one (beam divergence), the sensor
+    measures along the fired ray, and both rays must hit a surface within the sensor's range.
 
     Parameters
     ----------
     mesh
         The scene, m, z up.
+    sensor
+        The sensor, from `load_sensor`.
+    sweep
+        How the sensor turns and moves, from `open_sweep`.
+    model
+        The sensor's errors, from `open_error_model`.
     origin
-        (3,), position of the sensor or origin of its trajectory, m.
+        Position of the sensor, or of the origin of its trajectory, (3,), m; see `free_origin`.
     rng
-        Generator that seeds the random streams of errors.
+        Generator that seeds all random numbers of the error model.
+    progress
+        Function that is called with the number of frames that are done, and of all frames.
+
+    Returns
+    -------
+    ScanTable
+        A row for each nominal ray with a return, in the order of firing (by frame, azimuth step and
+        laser). True values (``distance``, ``x``, ``y``, ``z``) are those of the nominal ray, the
+        others (``distance_noisy``, ``x_noisy``, ...) are those of the measurement.
 
     Raises
     ------
@@ -153,7 +187,6 @@ class _Scanner:
         return as_read
 
     def returns(self, frames: range) -> dict[str, NDArray[Any]]:
-        """Scan frames; return the table columns of rays with a return."""
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)
@@ -199,7 +232,9 @@ class _Scanner:
 
     @cached_property
     def mirrors(self) -> NDArray[np.bool_] | None:
-        return mirrors_of(self.model, self.caster.surfaces)
+        if not isinstance(self.model, Received):
+            return None
+        return self.model.receiver.mirrored(self.caster.surfaces)
 
     @property
     def _limits(self) -> tuple[float, float]:

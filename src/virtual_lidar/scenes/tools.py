@@ -1,7 +1,13 @@
+"""Parametric models of hammers, screws, gears and pipe fittings.
+
+The function of a class of objects makes its object number `member`, from 0.
+"""
+
 from __future__ import annotations
 
 import numpy as np
 
+from virtual_lidar.scenes.bodies import Item
 from virtual_lidar.scenes.furniture.small import clutter
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import (
@@ -16,7 +22,6 @@ from virtual_lidar.scenes.outlines import (
     rectangle,
     rounded,
 )
-from virtual_lidar.scenes.pieces import Item
 from virtual_lidar.scenes.solids import extrude, loft
 from virtual_lidar.scenes.surfaces import Surface, grid, join
 

@@ -1,8 +1,14 @@
+"""Parametric models of airplanes, cars and trees.
+
+The function of a class of objects makes its object number `member`, from 0.
+"""
+
 from __future__ import annotations
 
 import numpy as np
 
 from pointkit.geometry.cloud import Floats
+from virtual_lidar.scenes.bodies import Item
 from virtual_lidar.scenes.furniture.plants import leaf
 from virtual_lidar.scenes.furniture.small import clutter
 from virtual_lidar.scenes.modeller import Modeller
@@ -18,7 +24,6 @@ from virtual_lidar.scenes.outlines import (
     point,
     rounded,
 )
-from virtual_lidar.scenes.pieces import Item
 from virtual_lidar.scenes.solids import extrude, loft
 from virtual_lidar.scenes.surfaces import Surface, frame_along, join
 

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from virtual_lidar.scenes.bodies import Body, Item
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import Outline, Point, arc, line, ring
-from virtual_lidar.scenes.pieces import Item, Piece
 from virtual_lidar.scenes.solids import box, extrude, flat
 from virtual_lidar.scenes.surfaces import Surface, join, planar
 
@@ -45,9 +45,9 @@ def ground(cad: Modeller, length: float) -> Item:
     ridge = x - _HIP
     half = _facet((-x, -ROAD, 0.0), (x, -ROAD, 0.0), (ridge, 0.0, CROWN), (-ridge, 0.0, CROWN))
     hip = _facet((x, -ROAD, 0.0), (x, ROAD, 0.0), (ridge, 0.0, CROWN))
-    item = [Piece("road", "road", join([half, half.mirrored(1), hip, hip.mirrored()]))]
+    item = [Body("road", "road", join([half, half.mirrored(1), hip, hip.mirrored()]))]
     for kind, semantic, surface in (_junction(cad, length), *_block(cad, length), *_far(length)):
-        item += [Piece(kind, semantic, part) for part in (surface, surface.at(turn=180))]
+        item += [Body(kind, semantic, part) for part in (surface, surface.at(turn=180))]
     return item
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pointkit.geometry.cloud import Floats
+from virtual_lidar.scenes.bodies import Body, Item
 from virtual_lidar.scenes.modeller import Modeller
 from virtual_lidar.scenes.outlines import polygon
-from virtual_lidar.scenes.pieces import Item, Piece
 from virtual_lidar.scenes.shell import door_leaf, recess
 from virtual_lidar.scenes.solids import box, extrude
 from virtual_lidar.scenes.surfaces import Surface, join, planar
@@ -50,6 +50,7 @@ class _Facade:
 
 
 def house(cad: Modeller, width: float, depth: float) -> Item:
+    """Make a house of one to four storeys, with shops or windows on the ground floor."""
     facade = _design_facade(cad, width)
     openings = [*facade.windows, facade.door]
     walls = [_walls(cad, facade, depth), _wall_with_openings(width, facade.height, openings)]
@@ -60,8 +61,8 @@ def house(cad: Modeller, width: float, depth: float) -> Item:
         panes.append(window)
     reveal, leaf = _door(cad, facade.door)
     walls += [reveal, *_attachments(cad, facade)]
-    pieces = [Piece("house", "building", join(walls)), Piece("door", "door", leaf)]
-    return [*pieces, Piece("windows", "window", join(panes))]
+    bodies = [Body("house", "building", join(walls)), Body("door", "door", leaf)]
+    return [*bodies, Body("windows", "window", join(panes))]
 
 
 def _design_facade(cad: Modeller, width: float) -> _Facade:

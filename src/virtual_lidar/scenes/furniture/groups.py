@@ -1,8 +1,10 @@
+"""Furniture that is placed together, such as a desk and its chair."""
+
 from __future__ import annotations
 
+from virtual_lidar.scenes.bodies import Body, Item, moved, posed
 from virtual_lidar.scenes.furniture import plants, seating, small, tables
 from virtual_lidar.scenes.modeller import Modeller
-from virtual_lidar.scenes.pieces import Item, Piece, moved, posed
 from virtual_lidar.scenes.surfaces import Surface, join, pose
 
 
@@ -58,22 +60,22 @@ def lectern(cad: Modeller) -> Item:
     path = [(0.15, -0.1, 1.06), (0.15, -0.12, 1.25), (0.13, 0.05, 1.36), (0.12, 0.12, 1.34)]
     neck = cad.smooth(path)
     stand = cad.tube(neck, 0.006) + cad.superquadric((0.02, 0.03, 0.02)).at(*neck[-1])
-    return [Piece("lectern", "table", join([body, top])), *small.clutter("microphone", stand)]
+    return [Body("lectern", "table", join([body, top])), *small.clutter("microphone", stand)]
 
 
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps with the depth and height `step`, rising towards +y.
+    """Make `count` steps, which rise towards +y.
 
-    The last step has the depth `at_back`.
+    A step has the depth and height `step`, m; the last one has the depth `at_back`.
     """
     depth, rise = step
     parts: list[Surface] = []
     for k in range(count):
         reach = (count - 1 - k) * depth + at_back
         parts.append(cad.box(width, reach, rise).at(y=-reach / 2, z=k * rise))
-    return [Piece("tiers", "floor", join(parts))]
+    return [Body("tiers", "floor", join(parts))]
 
 
 def random_plant(cad: Modeller) -> Item:
@@ -82,4 +84,4 @@ def random_plant(cad: Modeller) -> Item:
 
 def balls(cad: Modeller) -> Item:
     spots = ((0.0, 0.0, 0.16), (0.3, 0.05, 0.11), (0.12, 0.3, 0.08))
-    return [piece for x, y, r in spots for piece in moved(small.ball(cad, r), x, y)]
+    return [body for x, y, r in spots for body in moved(small.ball(cad, r), x, y)]

@@ -9,13 +9,13 @@ import numpy as np
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
 from pointkit.seeding import generator
-from virtual_lidar.scenes.floor_plan import FloorPlan, footprint
+from virtual_lidar.scenes import street_objects
+from virtual_lidar.scenes.bodies import Body, Item, build_mesh, posed
+from virtual_lidar.scenes.furnishing import FloorPlan, footprint, occupy_if_free
+from virtual_lidar.scenes.houses import MAX_WIDTH, MIN_WIDTH, house
 from virtual_lidar.scenes.modeller import Modeller
-from virtual_lidar.scenes.models.outdoors import car
-from virtual_lidar.scenes.pieces import Item, Piece, build_mesh, posed
-from virtual_lidar.scenes.placement import occupy_if_free
-from virtual_lidar.scenes.street import planting, street_furniture
-from virtual_lidar.scenes.street.ground import (
+from virtual_lidar.scenes.outdoors import car
+from virtual_lidar.scenes.street_ground import (
     CROSS_STREET,
     END_DEPTH,
     END_PAVEMENT,
@@ -28,7 +28,6 @@ from virtual_lidar.scenes.street.ground import (
     ground,
     road_height,
 )
-from virtual_lidar.scenes.street.houses import MAX_WIDTH, MIN_WIDTH, house
 from virtual_lidar.scenes.surfaces import join, pose
 
 SENSOR_HEIGHT = 1.9
@@ -41,9 +40,20 @@ _CLEAR_HEIGHT = 4.0
 
 
 def make_street(name: str, seed: int, length: float) -> Mesh:
-    """Return the labelled mesh of a street along x, centred on the origin.
+    """Generate a street with houses, parked cars, trees and street furniture.
 
-    The cross streets are `length` metres apart.
+    Parameters
+    ----------
+    name, seed
+        Any text and number; the same ones give the same street.
+    length
+        Distance of the cross streets at its ends, m.
+
+    Returns
+    -------
+    Mesh
+        The street, along x and centred on the origin, m, z up. Labels tell each triangle's object,
+        with its semantic class ("car"), and geometric primitive ("cylinder").
     """
     street = _Street(
         length, lambda part: Modeller(generator(seed, "street", name, part), _DETAIL, _UNIT)
@@ -55,12 +65,15 @@ def make_street(name: str, seed: int, length: float) -> Mesh:
 
 
 def street_origin() -> tuple[float, float, float]:
-    """Return a sensor position halfway along the street, above the lane that leads to +x."""
+    """Return a sensor's position, (x, y, z), m, halfway along the street.
+
+    It is 1.9 m above the lane that leads to +x.
+    """
     return (0.0, -LANE / 2, SENSOR_HEIGHT + road_height(LANE / 2))
 
 
 def free_way(length: float) -> tuple[float, float]:
-    """Return the interval of x, m, in which a sensor is at least 1 m from any object."""
+    """Return the first and last x, m, of a way along the street, 1 m from any object."""
     return (-length / 2, length / 2)
 
 
@@ -121,7 +134,7 @@ def _houses(street: _Street) -> None:
             use(street, cad, lot, frame)
             if lot.gap > 0.0:
                 _alley(street, cad, lot, frame)
-        wall = street_furniture.garden_wall(cad, 2 * end, 1.3)
+        wall = street_objects.garden_wall(cad, 2 * end, 1.3)
         street.add(wall, frame @ pose(0.0, HALF_WIDTH - 0.5, PAVEMENT_Z))
 
 
@@ -136,7 +149,12 @@ def _house_lot(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None
 def _green_lot(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None:
     width = lot.width * cad.between(0.5, 0.8)
     street.add(_border(cad)(cad, width), frame @ pose(lot.middle, PROPERTY_Y + 0.4, PAVEMENT_Z))
-    for maker in (planting.tree, planting.tree, planting.bush, planting.bush):
+    for maker in (
+        street_objects.tree,
+        street_objects.tree,
+        street_objects.bush,
+        street_objects.bush,
+    ):
         x = lot.middle + cad.between(-0.4, 0.4) * lot.width
         y = PROPERTY_Y + cad.between(3.5, 18.0)
         street.add(maker(cad), frame @ pose(x, y, PAVEMENT_Z))
@@ -150,7 +168,7 @@ def _garden(street: _Street, cad: Modeller, lot: _Lot, depth: float, frame: Floa
         street.add(border(cad, part - 0.1), frame @ pose(x, PROPERTY_Y + 0.4, PAVEMENT_Z))
         x += cad.between(-0.3, 0.3) * part
         y = PROPERTY_Y + depth * cad.between(0.5, 0.6)
-        street.add(planting.bush(cad), frame @ pose(x, y, PAVEMENT_Z))
+        street.add(street_objects.bush(cad), frame @ pose(x, y, PAVEMENT_Z))
 
 
 def _alley(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None:
@@ -161,13 +179,13 @@ def _alley(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None:
         street.add(_border(cad)(cad, width), frame @ pose(lot.gap_middle, y, PAVEMENT_Z))
     if cad.chance(0.7):
         y = PROPERTY_Y + cad.between(15.5, 19.0)
-        street.add(planting.tree(cad), frame @ pose(lot.gap_middle, y, PAVEMENT_Z))
+        street.add(street_objects.tree(cad), frame @ pose(lot.gap_middle, y, PAVEMENT_Z))
 
 
 def _border(cad: Modeller) -> Callable[[Modeller, float], Item]:
-    low_wall = partial(street_furniture.garden_wall, height=cad.between(0.6, 1.0))
+    low_wall = partial(street_objects.garden_wall, height=cad.between(0.6, 1.0))
     kinds: tuple[Callable[[Modeller, float], Item], ...]
-    kinds = (street_furniture.fence, planting.hedge, low_wall)
+    kinds = (street_objects.fence, street_objects.hedge, low_wall)
     return cad.pick(kinds)
 
 
@@ -178,45 +196,45 @@ def _ends(street: _Street) -> None:
         if not lot.green:
             place = ahead @ pose(lot.middle, away + cad.between(0.0, 0.3), PAVEMENT_Z)
             street.add(house(cad, lot.width, cad.between(8.5, 9.5)), place)
-    wall = street_furniture.garden_wall(cad, 2 * HALF_WIDTH, 0.9)
+    wall = street_objects.garden_wall(cad, 2 * HALF_WIDTH, 0.9)
     street.add(wall, behind @ pose(0.0, away + 0.5, PAVEMENT_Z))
     for y in np.arange(5.0 - HALF_WIDTH, HALF_WIDTH - 4.0, 12.0):
         spot = (float(y) + cad.between(-2, 2), away + cad.between(3.5, 9.0), PAVEMENT_Z)
-        street.add(planting.tree(cad), behind @ pose(*spot))
+        street.add(street_objects.tree(cad), behind @ pose(*spot))
 
 
 def _street_furniture(street: _Street) -> None:
     cad, end = street.cad("fittings"), street.length / 2 - 8.0
     sides = dict(_sides())
     _bus_stop(street, cad, sides[cad.pick(tuple(sides))])
-    lamp = cad.pick((street_furniture.arm_lamp, street_furniture.globe_lamp))
+    lamp = cad.pick((street_objects.arm_lamp, street_objects.globe_lamp))
     for frame in sides.values():
         for x in np.arange(6.0 - end, end, 28.0):
             street.put(lamp(cad), frame @ pose(float(x), _KERBSIDE - 0.15, PAVEMENT_Z))
         for corner in (-1, 1):
             for k in range(int(cad.rng.integers(3, 6))):
                 x = corner * (end + 3.5 - 1.6 * k)
-                street.put(street_furniture.bollard(cad), frame @ pose(x, ROAD + 0.45, PAVEMENT_Z))
-        _scatter(street, cad, frame, street_furniture.sign, 7, _KERBSIDE - 0.2)
-        _scatter(street, cad, frame, street_furniture.bench, 2, PROPERTY_Y - 0.6)
-        _scatter(street, cad, frame, street_furniture.litter_bin, 4, _KERBSIDE)
-        _scatter(street, cad, frame, street_furniture.cabinet, 2, PROPERTY_Y - 0.4)
+                street.put(street_objects.bollard(cad), frame @ pose(x, ROAD + 0.45, PAVEMENT_Z))
+        _scatter(street, cad, frame, street_objects.sign, 7, _KERBSIDE - 0.2)
+        _scatter(street, cad, frame, street_objects.bench, 2, PROPERTY_Y - 0.6)
+        _scatter(street, cad, frame, street_objects.litter_bin, 4, _KERBSIDE)
+        _scatter(street, cad, frame, street_objects.cabinet, 2, PROPERTY_Y - 0.4)
 
 
 def _scatter(
     street: _Street, cad: Modeller, frame: Floats, maker: Maker, per_200_m: int, y: float
 ) -> None:
-    """Place items at random free positions along a side, at most `per_200_m` per 200 m."""
+    """Put items at random positions along a side, `per_200_m` in 200 m, where there is space."""
     end = street.length / 2 - 8.0
     for _ in range(max(1, round(per_200_m * street.length / 200.0))):
         street.put(maker(cad), frame @ pose(cad.between(-end, end), y, PAVEMENT_Z))
 
 
 def _bus_stop(street: _Street, cad: Modeller, frame: Floats) -> None:
-    length, depth = street_furniture.SHELTER
+    length, depth = street_objects.SHELTER
     x, y = cad.between(-0.3, 0.3) * street.length, ROAD + 1.5
-    street.put(street_furniture.shelter(cad), frame @ pose(x, y, PAVEMENT_Z))
-    street.put(street_furniture.sign(cad), frame @ pose(x - length, _KERBSIDE - 0.2, PAVEMENT_Z))
+    street.put(street_objects.shelter(cad), frame @ pose(x, y, PAVEMENT_Z))
+    street.put(street_objects.sign(cad), frame @ pose(x - length, _KERBSIDE - 0.2, PAVEMENT_Z))
     before = footprint((x - 9.0, ROAD - PARKING), (x + 9.0, y - depth / 2), frame)
     street.plan.occupy(before, 0.0, _CLEAR_HEIGHT)
 
@@ -226,7 +244,7 @@ def _trees(street: _Street) -> None:
         cad = street.cad(f"trees {side}")
         x, end = -street.length / 2 + 9.0, street.length / 2 - 9.0
         while x < end:
-            street.put(planting.tree(cad), frame @ pose(x, _KERBSIDE + 0.1, PAVEMENT_Z))
+            street.put(street_objects.tree(cad), frame @ pose(x, _KERBSIDE + 0.1, PAVEMENT_Z))
             x += cad.between(10.0, 18.0)
 
 
@@ -246,4 +264,4 @@ def _cars(street: _Street) -> None:
 
 def _car(cad: Modeller) -> Item:
     kind = int(cad.rng.choice(4, p=(0.4, 0.4, 0.12, 0.08)))
-    return [Piece("car", "car", join([piece.placed() for piece in car(cad, kind)]))]
+    return [Body("car", "car", join([body.placed() for body in car(cad, kind)]))]

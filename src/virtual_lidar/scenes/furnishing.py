@@ -1,29 +1,118 @@
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pointkit.geometry.cloud import Floats
-from virtual_lidar.scenes.floor_plan import FloorPlan, footprint, square
+from virtual_lidar.scenes.bodies import Body, Item, item_bounds, moved, posed
 from virtual_lidar.scenes.modeller import Modeller
-from virtual_lidar.scenes.pieces import Item, Piece, item_bounds, moved, posed
 from virtual_lidar.scenes.shell import Opening, depth, shell, wall_frame
 from virtual_lidar.scenes.surfaces import pose
 
 Maker = Callable[[Modeller], Item]
-MAX_TRIES = 60
+_TOUCH = 0.005
+_MAX_TRIES = 60
 SENSOR_FREE, SENSOR_TOP = 0.45, 2.0
+"""Half the side, and the height, of the space that stays free for a sensor, m."""
+
+
+@dataclass
+class FloorPlan:
+    """Floor of a room or street, and the spaces that objects occupy, in metres.
+
+    A space is a rectangle in x and y, by its corners (4, 2), from one height to another.
+
+    Parameters
+    ----------
+    outline
+        Corners of the floor, counter-clockwise, (n, 2).
+    rectangles, heights
+        The occupied spaces.
+    """
+
+    outline: Floats
+    rectangles: list[Floats] = field(default_factory=list)
+    heights: list[tuple[float, float]] = field(default_factory=list)
+
+    def occupy(self, rectangle: Floats, low: float, high: float) -> None:
+        """Mark a space as occupied."""
+        self.rectangles.append(rectangle)
+        self.heights.append((low, high))
+
+    def is_free(self, rectangle: Floats, low: float, high: float) -> bool:
+        """Return whether a space is above the floor and overlaps no occupied one."""
+        if not self.contains(rectangle):
+            return False
+        if not self.rectangles:
+            return True
+        spans = np.array(self.heights)
+        level = (spans[:, 0] < high - _TOUCH) & (spans[:, 1] > low + _TOUCH)
+        if not level.any():
+            return True
+        others = np.stack(self.rectangles)[level]
+        return not bool(_overlaps(rectangle, others).any())
+
+    def contains(self, rectangle: Floats) -> bool:
+        """Return whether a rectangle is on the floor; it may touch the walls."""
+        rectangle = rectangle + (rectangle.mean(axis=0) - rectangle) * _TOUCH
+        between = (rectangle + np.roll(rectangle, -1, axis=0)) / 2
+        if not _inside(np.concatenate([rectangle, between]), self.outline).all():
+            return False
+        return not bool(_inside(self.outline, rectangle).any())
+
+
+def footprint(
+    low: Sequence[float] | Floats, high: Sequence[float] | Floats, pose: Floats
+) -> Floats:
+    """Return the corners, (4, 2), of the base of a box with two given corners, at a pose (4, 4)."""
+    x0, y0, x1, y1 = low[0], low[1], high[0], high[1]
+    corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+    return np.asarray(corners @ pose[:2, :2].T + pose[:2, 3])
+
+
+def square(x: float, y: float, half: float) -> Floats:
+    """Return the corners, (4, 2), of a square with the middle (x, y) and sides of 2 `half`."""
+    return np.array(
+        [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
+    )
+
+
+def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    y = points[:, 1:2]
+    spans = (a[:, 1] > y) != (b[:, 1] > y)
+    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    crossing = a[:, 0] + (y - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
+    return np.asarray(np.count_nonzero(spans & (points[:, :1] < crossing), axis=1) % 2 == 1)
+
+
+def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
+    rectangle_axes = np.broadcast_to(
+        np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
+    )
+    other_axes = np.stack([others[:, 1] - others[:, 0], others[:, 3] - others[:, 0]], axis=1)
+    axes = np.concatenate([rectangle_axes, other_axes], axis=1)
+    axes = axes / np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-12)
+    projections = np.einsum("kaj,cj->kac", axes, rectangle)
+    other_projections = np.einsum("kaj,kcj->kac", axes, others)
+    apart = (projections.max(axis=2) <= other_projections.min(axis=2) + _TOUCH) | (
+        other_projections.max(axis=2) <= projections.min(axis=2) + _TOUCH
+    )
+    return np.asarray(~apart.any(axis=1))
 
 
 @dataclass(frozen=True)
 class Placement:
-    """An item to place in a room: the function that makes the item, and the place.
+    """An item to place in a room.
 
     Parameters
     ----------
+    maker
+        Function that makes the item.
     where
         "wall": on the floor, back to a wall. "mounted": on a wall. "floor": anywhere on the floor.
         "ceiling": hanging. "fixed": at `at`, without a check of collisions.
@@ -43,6 +132,27 @@ class Placement:
 
 @dataclass
 class Room:
+    """A room that is being furnished.
+
+    Parameters
+    ----------
+    cad
+        Maker of the room's shell and items.
+    outline
+        Corners of the floor, counter-clockwise, (n, 2), m.
+    height
+        Height of the ceiling, m.
+    openings
+        Doors and windows, which stay accessible.
+    origin
+        Position of a sensor, which stays free, m.
+
+    Attributes
+    ----------
+    item
+        All that the room contains, and its shell.
+    """
+
     cad: Modeller
     outline: Floats
     height: float
@@ -66,6 +176,7 @@ class Room:
         self.plan.occupy(taken, opening.sill - 0.04, opening.sill + opening.height + 0.1)
 
     def put(self, placement: Placement) -> None:
+        """Place an item; without space for it, it is left out."""
         item, at = placement.maker(self.cad), placement.at
         if placement.where == "fixed":
             x, y, z = at or (0.0, 0.0, 0.0)
@@ -90,7 +201,7 @@ class Room:
         gap, turn_range = ((0.0, 0.0), 0.0) if is_mounted else ((0.03, 0.08), 1.5)
         box = item_bounds(item)
         half = float(max(-box[0, 0], box[1, 0]))
-        for _ in range(MAX_TRIES):
+        for _ in range(_MAX_TRIES):
             wall = int(self.cad.rng.integers(len(self.outline)))
             share = self.cad.between(0, 1)
             if placement.at is not None:
@@ -109,16 +220,16 @@ class Room:
             self._try(item, pose(x, y, z, turn=turn))
             return
         low, high = self.outline.min(axis=0), self.outline.max(axis=0)
-        for _ in range(MAX_TRIES):
+        for _ in range(_MAX_TRIES):
             x, y = self.cad.rng.uniform(low, high)
             if self._try(item, pose(x, y, 0, turn=self.cad.between(0, 360))):
                 return
 
 
 def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
-    """Occupy an item's space at the pose `place` (4, 4) if free; return whether it was free."""
+    """Occupy the space of an item at the pose `place`, (4, 4), if free; return whether it was."""
     low, high = item_bounds(item)[:, 2] + place[2, 3]
-    grounds = [_ground(piece, place) for piece in _feet(item)]
+    grounds = [_ground(body, place) for body in _feet(item)]
     if not all(plan.is_free(ground, low, high) for ground in grounds):
         return False
     for ground in grounds:
@@ -126,17 +237,18 @@ def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
     return True
 
 
-def _ground(piece: Piece, place: Floats) -> Floats:
-    low, high = piece.surface.bounds()
-    return footprint(low, high, place @ piece.pose)
+def _ground(body: Body, place: Floats) -> Floats:
+    low, high = body.surface.bounds()
+    return footprint(low, high, place @ body.pose)
 
 
 def _feet(item: Item) -> Item:
-    lows = [item_bounds([piece])[0, 2] for piece in item]
-    return [piece for piece, low in zip(item, lows, strict=True) if low < min(lows) + 0.06]
+    lows = [item_bounds([body])[0, 2] for body in item]
+    return [body for body, low in zip(item, lows, strict=True) if low < min(lows) + 0.06]
 
 
 def lamp_grid(outline: Floats, maker: Maker, spacing: float) -> list[Placement]:
+    """Return places of lamps on a ceiling, in rows and columns about `spacing` metres apart."""
     low, size = outline.min(axis=0), np.ptp(outline, axis=0)
     counts = np.maximum(1, np.round(size / spacing)).astype(int)
     xs, ys = (low[k] + size[k] * (np.arange(counts[k]) + 0.5) / counts[k] for k in (0, 1))

@@ -1,3 +1,8 @@
+"""Parametric models of objects in a house: chairs, tables, lamps, vessels, spectacles and guitars.
+
+The function of a class of objects makes its object number `member`, from 0.
+"""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -6,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from pointkit.geometry.cloud import Floats
+from virtual_lidar.scenes.bodies import Body, Item
 from virtual_lidar.scenes.furniture import fixtures, seating, small, tables
 from virtual_lidar.scenes.furniture.small import clutter
 from virtual_lidar.scenes.modeller import Modeller
@@ -20,7 +26,6 @@ from virtual_lidar.scenes.outlines import (
     point,
     polar,
 )
-from virtual_lidar.scenes.pieces import Item, Piece
 from virtual_lidar.scenes.solids import extrude
 from virtual_lidar.scenes.surfaces import Surface, join
 
@@ -53,7 +58,7 @@ def _trestle(cad: Modeller) -> Item:
     legs = cad.legs((x, 0.32), (x, 0.08), height, 0.022)
     bars = [cad.rod((a, -0.24, 0.22), (a, 0.24, 0.22), 0.015) for a in (-x, x)]
     beam = cad.rod((-x, 0, 0.22), (x, 0, 0.22), 0.018)
-    return [Piece("trestle_table", "table", join([top, *legs, *bars, beam]))]
+    return [Body("trestle_table", "table", join([top, *legs, *bars, beam]))]
 
 
 def lamp(cad: Modeller, member: int) -> Item:
