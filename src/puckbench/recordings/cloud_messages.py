@@ -47,7 +47,7 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Return whether a file is a bag with clouds: in the topic, or else anywhere, and no packets."""
+    """Return whether a bag has clouds, in the given topic, or else in any and no packets."""
     if not is_bag(path):
         return False
     topics = read_topics(path)

@@ -115,7 +115,8 @@ def _points(columns: Columns, label: str) -> Floats:
 def without_missing(columns: Columns, kind: str) -> tuple[Columns, int]:
     """Return columns without missing returns, and the number of these.
 
-    Missing returns are points at the origin or with all coordinates nan. Raises InputError without columns x, y and z; `kind` is the word for a column in the message.
+    Missing returns are points at the origin or with all coordinates nan. Raises InputError without
+    columns x, y and z; `kind` is the word for a column in the message.
     """
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
