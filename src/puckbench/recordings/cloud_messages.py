@@ -26,7 +26,19 @@ CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 
 @dataclass(frozen=True)
 class CloudMessage:
-    """A cloud's columns by name, its time, ns, its frame, and whether its points form an image."""
+    """A message with a cloud.
+
+    Parameters
+    ----------
+    columns
+        Arrays (n,) by the names of the points' fields.
+    stamp_ns
+        Time in the message's header, ns.
+    frame
+        Name of the coordinate frame.
+    is_organised
+        Whether the points form an image with several rows.
+    """
 
     columns: Columns
     stamp_ns: int
@@ -35,7 +47,7 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Return whether `topic` has clouds; without a topic, whether a bag has clouds, not packets."""
+    """Return whether a bag has clouds, in the given topic, or else in any and no packets."""
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -46,7 +58,10 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
-    """Return name and properties of a topic of clouds, by default the only one."""
+    """Return the name and the properties of a topic of clouds, by default of the only one.
+
+    Raises InputError if the topic is not one of clouds, or if the bag has several.
+    """
     with naming(path):
         topics = read_topics(path)
         name = choose_topic(topics, CLOUD_KINDS, topic)
@@ -56,7 +71,7 @@ def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
 def read_cloud_messages(
     path: Path, topic: str | None, numbers: Sequence[int]
 ) -> list[CloudMessage]:
-    """Read the messages with sorted `numbers`, from 0, of a topic of clouds."""
+    """Read messages of a topic of clouds, by their numbers from 0, in increasing order."""
     definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
     bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
     columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns
@@ -77,9 +92,18 @@ def read_recorded_cloud(
     keep_missing: bool = False,
     drop_invalid: bool = False,
 ) -> UncheckedCloud:
-    """Read a message as a cloud, which may be empty or have non-finite points.
+    """Read a message as a cloud, which may be empty or have points that are not finite.
 
-    Missing returns are removed and counted as in `cloud_files.clouds.read_cloud`.
+    Parameters
+    ----------
+    path
+        A bag.
+    number
+        Number of the message, from 0.
+    topic
+        Topic of clouds; by default the only one.
+    keep_missing, drop_invalid
+        As for `cloud_files.clouds.read_cloud`.
     """
     (message,) = read_cloud_messages(path, topic, [number])
     with naming(path):

@@ -35,7 +35,7 @@ LASERS = (*_IDS, *_RANKS)
 TIMES = ("timestamp", "time", "time_stamp", "t", "offset_time", "gps_time")
 REFLECTIVITIES = ("reflectivity", "intensity")
 MOST_OFF_DEG = 0.5
-"""Limit of the median angle between the points of a laser and its cone."""
+"""Greatest median angle between the points of a laser and the cone that the laser draws."""
 _MOST_OFF = 0.1
 """Share of points that may lie off their lasers' cones without a warning."""
 _BRIGHTEST = 255
@@ -49,8 +49,22 @@ def read_points(
 ) -> RecordedReturns:
     """Read points x, y, z (m, sensor's coordinates) with a laser column as a table of returns.
 
-    By default, the sensor is a VLP-16, and the time unit is inferred. Points at the origin or with
-    all coordinates nan are left out. See `returns_of_columns`.
+    Points at the origin or with all coordinates nan are left out. See `returns_of_columns`.
+
+    Parameters
+    ----------
+    path
+        A cloud with one of the suffixes `SUFFIXES`.
+    sensor
+        The sensor, by default a VLP-16.
+    time_unit
+        Unit of the column of times; by default it is inferred from the values.
+
+    Raises
+    ------
+    InputError
+        The cloud has no coordinates or lasers, they are not those of the sensor, or the unit of its
+        times cannot be inferred.
     """
     columns, missing = without_missing(_READERS[path.suffix.lower()](path), "column")
     counts = tell_missing(str(path), missing)
@@ -65,10 +79,10 @@ def returns_of_columns(
     """Convert the columns of points in a sensor's coordinates, and times (n,), s, to a table.
 
     The laser column is the first of `laser_id`, `laser`, `label`, `ring`, `channel` and `line`
-    whose values, as ids or ranks by elevation, put the points on the lasers' cones. Azimuths count
-    clockwise from y; distances follow from horizontal range and nominal elevation. Reflectivities
-    are -1 unless all are numbers from 0 to 255. An integer column `turn` is kept. Warnings begin
-    with `label`.
+    whose values, as ids or as ranks by elevation, put the points on the lasers' cones. Azimuths
+    count clockwise from y; distances follow from horizontal range and nominal elevation.
+    Reflectivities are -1 unless all are numbers from 0 to 255. A column of integers `turn` is kept.
+    Warnings begin with `label`. Raises InputError if no laser column suits the sensor.
     """
     xyz = _points(columns, label)
     laser = _lasers(columns, xyz, device, label)
@@ -99,9 +113,10 @@ def _points(columns: Columns, label: str) -> Floats:
 
 
 def without_missing(columns: Columns, kind: str) -> tuple[Columns, int]:
-    """Leave out points at the origin or with all coordinates nan; return the number of them.
+    """Return columns without missing returns, and the number of these.
 
-    `kind` is the word for a column.
+    Missing returns are points at the origin or with all coordinates nan. Raises InputError without
+    columns x, y and z; `kind` is the word for a column in the message.
     """
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
@@ -115,6 +130,7 @@ def without_missing(columns: Columns, kind: str) -> tuple[Columns, int]:
 
 
 def tell_missing(label: str, count: int) -> dict[str, int]:
+    """Warn of points that were left out, and return their number as a description has it."""
     if not count:
         return {}
     _log.warning("%s: left out %d missing returns", label, count)
@@ -157,11 +173,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _off_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> Floats:
-    """Return the angles (n,), degrees, between points and their lasers' cones.
-
-    Cones are those with or without height offsets, whichever fit. Raises InputError if a laser's
-    points are far off its cone, or all lasers' points are nearer to their neighbours' cones.
-    """
+    """Return the angles between points and the cones of their lasers, (n,), degrees."""
     level, elevations = np.hypot(xyz[:, 0], xyz[:, 1]), np.asarray(sensor.laser_elevation_deg)
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
     present, apart = np.unique(lasers), np.diff(np.unique(elevations))
@@ -231,5 +243,6 @@ def _reflectivities(columns: Columns, label: str) -> NDArray[Any]:
 
 
 def check_finite(what: str, values: NDArray[Any]) -> None:
+    """Raise InputError, whose message begins with `what`, if a value is not finite."""
     if not np.isfinite(values).all():
         raise InputError(f"{what} has a value that is not finite")

@@ -46,18 +46,20 @@ class _Description(Model):
 
 @dataclass(frozen=True)
 class Drive:
-    """Consecutive turns with the sensor's poses.
+    """Consecutive turns of a moving sensor, and its poses.
 
     Parameters
     ----------
     turns
         Points of each turn, m, in sensor coordinates; with the turn's ``returns`` if available.
     starts
-        Times at which turns begin, (n,), s.
+        Times at which turns begin, (number of turns,), s.
     turn_s
         Duration of a turn, s; 0 if all its points have one time.
-    pose_times, poses
-        (m,), s; (m, 4, 4), from sensor to world coordinates.
+    pose_times
+        Times of the m poses, (m,), s.
+    poses
+        Poses as matrices from sensor to world coordinates, (m, 4, 4), m.
     about
         Scene, seed, sensor, error model, and source of the poses.
 
@@ -89,7 +91,10 @@ class Drive:
             raise InputError(f"poses from {span}, turns from {self.starts[0]:g} to {end:g} s")
 
     def poses_at(self, share: float) -> Floats:
-        """Return the poses (n, 4, 4) at the fraction `share`, 0 to 1, of each turn's duration."""
+        """Return a pose for each turn, (number of turns, 4, 4), interpolated between the poses.
+
+        `share` is the fraction of a turn's duration that has passed, from 0 to 1.
+        """
         from scipy.spatial.transform import Rotation, Slerp
 
         times = np.clip(self.starts + share * self.turn_s, self.pose_times[0], self.pose_times[-1])
@@ -103,11 +108,12 @@ class Drive:
 
     @cached_property
     def points(self) -> int:
+        """Number of points of all turns."""
         return sum(map(len, self.turns))
 
 
 def check_times(starts: Floats) -> None:
-    """Raise InputError if turns are out of order or missing."""
+    """Raise InputError if turns are out of order or missing, from when they begin, (n,), s."""
     steps = np.diff(starts)
     if (back := np.flatnonzero(steps <= 0)).size:
         raise InputError(f"times run back: turn {back[0] + 1} begins before turn {back[0]}")
@@ -118,11 +124,15 @@ def check_times(starts: Floats) -> None:
 
 
 def turn_of(returns: Returns) -> PointCloud:
+    """Return the points of a turn's returns, m, in sensor coordinates, with the returns."""
     return PointCloud(returns.points(), returns=returns)
 
 
 def firing_shares(returns: Returns) -> Floats:
-    """Return the time of each point (n,) of a turn as a fraction of the turn, from 0 to 1."""
+    """Return when each point of one turn's returns was measured, (n,), by its firing's azimuth.
+
+    0 is the beginning of the turn, 1 its end.
+    """
     (turn,) = returns.turns
     columns, lasers, _ = returns.indices(turn)
     azimuths = returns.column_azimuths(turn)
@@ -131,14 +141,19 @@ def firing_shares(returns: Returns) -> Floats:
 
 
 def azimuth_shares(points: Floats, returns: Returns) -> Floats:
-    """Return when each point was measured, (n,), from its azimuth: 0 is the turn's beginning, 1
-    its end.
+    """Return when each point of a decoded turn was measured, (n,), by the point's own azimuth.
 
-    `points` (n, 3) are in m, in the sensor's coordinate frame. `returns` are those of the original
-    turn, of which only the first azimuth and the direction of rotation are used. A sensor all of
-    whose lasers fire at the column's azimuth, as a virtual sensor or a VLP-16, has exact times;
-    others have errors of the lasers' azimuths. A point that coding moved across the first azimuth
-    gets the other end of the turn.
+    0 is the beginning of the turn, 1 its end. The times are exact for sensors whose lasers all fire
+    at one azimuth, such as virtual ones and the VLP-16, and else off by the lasers' azimuths. A
+    point that coding moved across the first azimuth gets the other end of the turn.
+
+    Parameters
+    ----------
+    points
+        Points in sensor coordinates, (n, 3), m.
+    returns
+        Returns of the original turn, of which only the first azimuth and the direction of rotation
+        are used.
     """
     clockwise = returns.beams.clockwise
     azimuths = np.arctan2(points[:, 0] if clockwise else -points[:, 0], points[:, 1])
@@ -148,7 +163,10 @@ def azimuth_shares(points: Floats, returns: Returns) -> Floats:
 
 
 def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
-    """Return a decoded turn's points with `TURN_SHARE` by azimuth; `original` has returns."""
+    """Return the points of a decoded turn with the field `TURN_SHARE`, from `azimuth_shares`.
+
+    Raises InputError if the original turn has no returns.
+    """
     if original.returns is None:
         raise InputError("the original turn has no returns, whose first azimuth is needed")
     shares = azimuth_shares(turn.xyz, original.returns)
@@ -189,6 +207,7 @@ def _turn_members(drive: Drive) -> Iterator[tuple[str, bytes]]:
 
 
 def read_drive(path: Path) -> Drive:
+    """Read the archive of a drive; raise InputError if it is none, or not a valid one."""
     members = read_archive(path)
     with naming(path):
         if not {_POSES, _ABOUT} <= members.keys():

@@ -29,6 +29,7 @@ Columns = dict[str, NDArray[Any]]
 _KITTI_BRIGHTEST = 255
 """Reflectivity that KITTI's files store as intensity 1."""
 _LAS_BRIGHTEST = 0xFFFF
+"""Greatest intensity that LAS files store."""
 _log = logging.getLogger(__name__)
 
 
@@ -65,7 +66,7 @@ def _kitti_columns(path: Path, columns: Columns) -> Columns:
 
 
 def _intensities(columns: Columns) -> NDArray[Any]:
-    """Return intensities or reflectivities (n,), 0 where there are none or they are not known."""
+    """Return reflectivities or else intensities, (n,); 0 where they are not known."""
     unknown = np.zeros(len(columns["x"]))
     if "reflectivity" in columns:
         return np.where(columns["reflectivity"] == UNKNOWN, 0, columns["reflectivity"])
@@ -90,6 +91,7 @@ _POINTS: dict[str, Callable[[Path, Columns], None]] = {
     ".bin": lambda path, columns: write_float32_frame(path, _kitti_columns(path, columns)),
 }
 FORMATS = (*_POINTS, ".evd", ".pcap")
+"""Suffixes of the formats that are written."""
 
 _OF_SCANS = (
     *("timestamp", "frame", "laser_id", "yaw", "pitch", "incidence", "object_id", "primitive_id"),
@@ -106,9 +108,27 @@ def read_source(path: Path) -> ScanTable | RecordedReturns:
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
-    """Write a scan or recording in the format of the path's suffix; return counts by name.
+    """Write a scan or a recording to a file in the format of its suffix.
 
-    If `clean`, coordinates are true, not measured; BlenSor's format (.evd) contains both.
+    Parameters
+    ----------
+    path
+        File to write, with one of the suffixes `FORMATS`.
+    source
+        A virtual scan; or a recording, which formats with true values (.evd, .pcap) do not take.
+    clean
+        Whether coordinates and distances of a scan are the true ones, not the measured ones;
+        BlenSor's format (.evd) contains both.
+
+    Returns
+    -------
+    dict
+        Numbers of points and, in packet captures, of packets and returns.
+
+    Raises
+    ------
+    InputError
+        The suffix is unknown, there is no return, or the format does not suit the source.
     """
     suffix = _checked_suffix(path, len(source))
     if isinstance(source, RecordedReturns | Returns):
@@ -124,7 +144,11 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
 
 
 def export_points(path: Path, columns: Columns) -> dict[str, Any]:
-    """Write columns of points (x, y, z and any others); return the number of points."""
+    """Write points to a file in the format of its suffix.
+
+    `columns` are arrays (n,) by name: ``x``, ``y``, ``z`` and any others. Returns the number of
+    points. Raises InputError for suffixes other than .ply, .pcd, .csv, .las, .laz and .bin.
+    """
     suffix = _checked_suffix(path, len(columns["x"]))
     if suffix not in _POINTS:
         raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")

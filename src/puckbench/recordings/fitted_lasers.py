@@ -1,8 +1,8 @@
 """Lasers of an unknown sensor, fitted to its points.
 
 A laser's points lie on a cone, whose elevation and height `rings.fitted_cone` fits. The laser's
-azimuth relative to other lasers follows from the times of the points, since the sensor rotates
-uniformly during a message.
+azimuth relative to other lasers follows from the times of the points, since the sensor turns at an
+even rate during a message.
 """
 
 from __future__ import annotations
@@ -26,9 +26,18 @@ _USUAL_HZ, _LARGEST_STEP_RAD, _ROUNDS = 10.0, np.pi / 6, 3
 
 
 class FittedLasers(NamedTuple):
-    """Fitted sensor, each point's laser (rank by elevation), mask of used points, and residuals.
+    """A sensor whose lasers were fitted to points.
 
-    `residuals_mm` are the distances of the used points from their cones.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    ranks
+        Laser of each point, (n,), numbered by elevation.
+    is_used
+        Which points belong to a laser that was fitted, (n,).
+    residuals_mm
+        Distances of these points from the cones of their lasers, mm.
     """
 
     sensor: Sensor
@@ -37,6 +46,7 @@ class FittedLasers(NamedTuple):
     residuals_mm: Floats
 
     def about(self) -> dict[str, object]:
+        """Return the lasers, and how well they fit, as the description of a table has them."""
         sensor, off = self.sensor, np.abs(self.residuals_mm)
         table: dict[str, object] = {
             "laser_elevation_deg": list(sensor.laser_elevation_deg),
@@ -54,10 +64,23 @@ class FittedLasers(NamedTuple):
 def fitted_lasers(
     xyz: Floats, ring: NDArray[np.integer], seconds: Floats, turn: NDArray[np.integer]
 ) -> FittedLasers:
-    """Fit a sensor's lasers to points (n, 3), m (x right, y forward), with known `ring` (n,).
+    """Fit the lasers of a sensor to points.
 
-    Rings of fewer than 16 points are left out. The lasers' azimuths remain unknown if the points of
-    a `turn` (n,) have equal `seconds` (n,).
+    Parameters
+    ----------
+    xyz
+        Points in sensor coordinates (x right, y forward, z up), (n, 3), m.
+    ring
+        Number of each point's laser, (n,), in any order; those with fewer than 16 points are left
+        out.
+    seconds, turn
+        Time, s, and turn of each point, (n,). If the points of a turn have one time, the azimuths
+        of the lasers remain unknown.
+
+    Raises
+    ------
+    InputError
+        No laser has 16 points, or two have the same elevation.
     """
     names, number, counts = np.unique(ring, return_inverse=True, return_counts=True)
     kept = np.flatnonzero(counts >= _FEWEST)

@@ -42,9 +42,25 @@ def read_message_returns(
     """Read a topic of clouds as a table of returns, with a turn for each message.
 
     The clouds' coordinates are those of ROS: x forward, y left, z up. For times see
-    `message_times.seconds_of_messages`, for other columns `decoded_clouds.returns_of_columns`. If
-    `sensor` is None, lasers are fitted to the points. Warnings name `source` if `path` is a
-    temporary copy of it.
+    `message_times.seconds_of_messages`, for other columns `decoded_clouds.returns_of_columns`.
+
+    Parameters
+    ----------
+    path
+        A bag.
+    topic
+        Topic of clouds; None for the only one.
+    sensor
+        The sensor; if None, its lasers are fitted to the points.
+    time_unit
+        Unit of the points' times; by default it is inferred.
+    source
+        File that warnings name, if `path` is a temporary copy of it.
+
+    Raises
+    ------
+    InputError
+        The messages have no points or lasers, or are those of several sensors.
     """
     name, (_, count) = cloud_topic(path, topic)
     label = f"{source or path}: topic {name}"
@@ -67,6 +83,18 @@ def read_message_columns(
     """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
 
     For times see `message_times.seconds_of_messages`. Points without coordinates are left out.
+
+    Parameters
+    ----------
+    path, topic, time_unit
+        As for `read_message_returns`.
+    turns
+        Numbers of the first and the last message, from 0.
+
+    Raises
+    ------
+    InputError
+        There are no such messages, or they have no points, or are those of several sensors.
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns

@@ -32,7 +32,10 @@ _log = logging.getLogger(__name__)
 
 
 class MessagePoints(NamedTuple):
-    """The columns of a message's points in ROS's axes, its number, time in ns, and frame."""
+    """A message's number, its time, ns, its coordinate frame, and the columns of its points.
+
+    Coordinates are those of ROS: x forward, y left, z up.
+    """
 
     number: int
     stamp_ns: int
@@ -41,18 +44,39 @@ class MessagePoints(NamedTuple):
 
 
 def time_field(columns: Columns) -> str | None:
+    """Return the name of the column that has the times of points, or None."""
     return next((name for name in TIMES if name in columns), None)
 
 
 def seconds_of_messages(
     messages: Sequence[MessagePoints], unit: TimeUnit | None, label: str
 ) -> tuple[list[Floats], bool]:
-    """Return the times of each message's points (n,), s, and whether the points have own times.
+    """Return when the points of messages were measured, relative to the first message.
 
-    Times count from the message's stamp or, if they go on from message to message, from the first
-    one's earliest time. Without usable times, points have the time of the stamp. Times are relative
-    to the first message. Warnings begin with `label`; they tell of unusable times, and of messages
-    that are lost, late or out of order.
+    Times in a cloud count from the message's stamp or, if they go on from message to message, from
+    the earliest one of the first message. Without usable times, points have that of the stamp.
+
+    Parameters
+    ----------
+    messages
+        Messages of one topic.
+    unit
+        Unit of the points' times; None if it is to be inferred.
+    label
+        Beginning of warnings, which tell of unusable times, and of messages that are lost, late or
+        out of order.
+
+    Returns
+    -------
+    seconds
+        Times of the points of each message, (n,), s.
+    are_timed
+        Whether the points have times of their own.
+
+    Raises
+    ------
+    InputError
+        A time is not finite, or its unit cannot be inferred.
     """
     stamps_s = np.array([(each.stamp_ns - messages[0].stamp_ns) / 1e9 for each in messages])
     name = time_field(messages[0].columns)

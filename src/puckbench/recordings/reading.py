@@ -54,7 +54,7 @@ def read_recording(
     source: Path | None = None,
     topic: str | None = None,
 ) -> RecordedReturns:
-    """Read the returns in a recording.
+    """Read the returns of a recording as a table.
 
     Parameters
     ----------
@@ -63,11 +63,17 @@ def read_recording(
         or its folder), a cloud (see `decoded_clouds.read_points`), or a table of `write_returns`
         (.parquet).
     sensor, time_unit
-        The sensor, and the unit of a cloud's times; both are inferred by default.
+        The sensor, and the unit of a cloud's times; both are inferred by default. Packets of an
+        Ouster describe their sensor.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source, topic
-        See `read_packets`.
+        As for `read_packets`.
+
+    Raises
+    ------
+    InputError
+        The file is no recording, an option does not suit its kind, or it has no return.
     """
     source, suffix = source or path, path.suffix.lower()
     with naming(source):
@@ -98,7 +104,17 @@ def read_recording(
 
 
 class RecordedTurns(NamedTuple):
-    """Revolutions, the index range of whole ones, and counts of data left out."""
+    """Revolutions of a recording.
+
+    Parameters
+    ----------
+    returns
+        All revolutions.
+    whole
+        Numbers of those that are whole.
+    left_out
+        Counts of data that were left out, by name.
+    """
 
     returns: Returns
     whole: range
@@ -112,7 +128,11 @@ def read_turns(
     source: Path | None = None,
     topic: str | None = None,
 ) -> RecordedTurns:
-    """Read revolutions from `start_s` seconds on; `read_packets` explains the other parameters."""
+    """Read the revolutions of a recording of packets, as the sensor reported them.
+
+    `start_s` is the beginning of the part to read, in seconds after the first packet; for the other
+    parameters see `read_packets`.
+    """
     with naming(source or path):
         packets = read_packets(path, stream, source, topic)
         log = _interval(packets, start_s, math.inf)
@@ -129,8 +149,22 @@ def read_packets(
     """Read the undamaged data packets of a packet capture or a ROS bag, in the sensor's order.
 
     Warnings tell of packets that are left out, late or lost, and of leaps of clock and azimuth.
-    `stream` selects a capture's stream, such as ``192.168.1.201:2368``; `topic` selects a bag's
-    topic. Messages name `source` if `path` is a temporary copy of it.
+
+    Parameters
+    ----------
+    path
+        The capture or bag.
+    stream
+        Stream of a capture, such as ``192.168.1.201:2368``; by default the only one.
+    source
+        File that messages name, if `path` is a temporary copy of it.
+    topic
+        Topic of a bag; by default the only one with packets.
+
+    Raises
+    ------
+    InputError
+        The file is neither, or has no data packets, or several streams or topics.
     """
     source = source or path
     with naming(source):

@@ -36,9 +36,10 @@ _REFLECTIVITY = 100
 
 
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
-    """Write a virtual VLP-16 scan as a packet capture; return counts of packets and returns.
+    """Write a virtual scan as the packet capture of a VLP-16; return counts of packets and returns.
 
-    Distances (measured if `noisy`, otherwise true) are rounded to 2 mm, azimuths to 0.01 degrees.
+    Distances, measured if `noisy` and otherwise true, are rounded to 2 mm, azimuths to 0.01
+    degrees. Raises InputError if the scan is that of another sensor.
     """
     log = scan_packets(table, noisy)
     write_bytes(path, pcap_bytes(log))
@@ -46,11 +47,11 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 
 
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
-    """Convert a virtual scan to packets, with columns in a real sensor's order.
+    """Convert a virtual scan to the packets of a VLP-16; for the parameters see `write_pcap`.
 
     A real VLP-16 rotates clockwise while its lasers fire. The virtual sensor rotates
-    counter-clockwise and fires all lasers at one azimuth. Therefore columns are reversed, and each
-    becomes two blocks of equal azimuth.
+    counter-clockwise and fires all lasers at one azimuth. Therefore firings are in reverse order,
+    and each becomes two blocks of equal azimuth.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES
@@ -69,7 +70,19 @@ def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
 def pack_blocks(
     azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = STRONGEST_MODE
 ) -> PacketLog:
-    """Pack azimuths (b,) in 0.01 degrees, returns (b, 2, 16) and times (b,) in s into packets."""
+    """Pack b blocks of a VLP-16 into packets of 12 blocks.
+
+    Parameters
+    ----------
+    azimuth
+        Azimuths of the blocks, (b,), in 0.01 degrees.
+    returns
+        Distances, in 2 mm, and reflectivities, (b, 2, 16), as records of the type `RETURN`.
+    seconds
+        Times of the blocks, (b,), s.
+    mode
+        Code of the return mode, such as `STRONGEST_MODE`.
+    """
     packets = np.zeros(-(-len(azimuth) // BLOCKS), dtype=PACKET)
     blocks, start = np.zeros(len(packets) * BLOCKS, BLOCK), seconds[::BLOCKS]
     blocks["flag"] = FLAG
@@ -83,7 +96,7 @@ def pack_blocks(
 
 
 def pcap_bytes(log: PacketLog) -> bytes:
-    """Return a packet capture (pcap) of UDP datagrams from a default address."""
+    """Return packets as the content of a capture file (pcap), of UDP datagrams to port 2368."""
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     wrapping = _MAC + b"\x08\x00" + _ip_udp_header(PACKET_BYTES)
     size = len(wrapping) + PACKET_BYTES
@@ -95,7 +108,7 @@ def pcap_bytes(log: PacketLog) -> bytes:
 
 
 def distance_counts(distance: Floats) -> NDArray[np.uint16]:
-    """Return distances in units of 2 mm; 0 (no return) where they exceed 16 bits."""
+    """Return distances, given in m, in units of 2 mm; 0, no return, where they exceed 16 bits."""
     counts = np.rint(distance / DISTANCE_UNIT_M)
     return np.where((counts > 0) & (counts <= 0xFFFF), counts, 0).astype(np.uint16)
 
