@@ -9,8 +9,6 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from pointkit.compiling import NOTICE
-from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
-from tests.support.bench import ROOT
 
 # No test depends on time: the first example compiles, and machines are busy.
 settings.register_profile("any machine", deadline=None, suppress_health_check=list(HealthCheck))
@@ -40,6 +38,9 @@ def one_thread() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def job_server() -> None:
     """Start a server that forks the jobs of all runs, each of which would import for seconds."""
+    from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
+    from tests.support.bench import ROOT
+
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("PYTHONPATH", str(ROOT / "src"))  # as runs set it for jobs
         start_fork_server(1, (*MODULES, *LEARNED))

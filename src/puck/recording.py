@@ -105,7 +105,7 @@ class _Limits:
         if number > most and not self.trusted:
             raise InputError(
                 f"{number} {what} in {self.size} bytes: more than they can hold; if you trust the "
-                "file, restore it with puckbench decompress --trusted"
+                "file, restore it with decompress --trusted"
             )
 
 

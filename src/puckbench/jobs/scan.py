@@ -14,7 +14,7 @@ from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.models import Model, parsed
 from pointkit.seeding import generator
-from puckbench.core.progress import Progress
+from pointkit.terminal import Progress
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface
