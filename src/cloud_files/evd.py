@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pointkit.column_tables import ColumnTable
 from pointkit.files import write_bytes
-from pointkit.return_tables import ReturnTable
 
 _NUMBERS = (
     *("timestamp", "yaw", "pitch", "distance", "distance_noisy"),
@@ -16,7 +16,7 @@ _ROW = np.dtype([("numbers", "<f8", 14), ("object_id", "<u8")])
 _WHITE = 255.0
 
 
-def write_evd(path: Path, table: ReturnTable) -> None:
+def write_evd(path: Path, table: ColumnTable) -> None:
     """Write a block of BlenSor's EVD format: per return, 11 numbers, white and the object index."""
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):

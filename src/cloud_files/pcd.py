@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from cloud_files.content import read_content
 from pointkit.damage import one_line, reading
 from pointkit.errors import InputError, naming
-from pointkit.field_names import decoded
 from pointkit.files import write_bytes
+from pointkit.point_columns import decoded
 
 _MAX_VALUES = 4096
 """Maximum values of a field per point; PCL's largest descriptor has 1,980."""

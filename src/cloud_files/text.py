@@ -27,9 +27,14 @@ from cloud_files.text_numbers import (
 )
 from pointkit.damage import one_line
 from pointkit.errors import InputError, naming
-from pointkit.field_names import decoded
 from pointkit.files import written_whole
-from pointkit.point_columns import Columns, coordinate_names, default_columns, has_coordinates
+from pointkit.point_columns import (
+    Columns,
+    coordinate_names,
+    decoded,
+    default_columns,
+    has_coordinates,
+)
 
 _BINARY_CHECK_BYTES = 1 << 16
 _COMMENT = ("#", "//")

@@ -1,14 +1,15 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Container, Iterable, Mapping
+from itertools import filterfalse
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.field_names import ascii_name
 from pointkit.geometry.cloud import Floats, UncheckedCloud
 
 Columns = dict[str, NDArray[Any]]
@@ -248,3 +249,21 @@ def _are_colours(values: NDArray[Any]) -> bool:
 def _are_normals(values: NDArray[Any]) -> bool:
     lengths = np.linalg.norm(np.asarray(values, np.float64), axis=1)
     return bool((np.isnan(lengths) | (lengths == 0) | (np.abs(lengths - 1) < _MAX_OFF_UNIT)).all())
+
+
+def decoded(name: bytes) -> str:
+    """Return the text of an encoded field name.
+
+    A name that is not valid UTF-8 is decoded as Windows-1252, the usual encoding of Windows in
+    Western Europe; bytes that are invalid there, too, become U+FFFD.
+    """
+    try:
+        return name.decode()
+    except UnicodeDecodeError:
+        return name.decode("cp1252", "replace")
+
+
+def ascii_name(name: str) -> str:
+    """Return a name as PLY permits: letters without accents, digits and underscores."""
+    letters = filterfalse(unicodedata.combining, unicodedata.normalize("NFKD", name))
+    return re.sub(r"\W+", "_", "".join(letters), flags=re.ASCII)

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pointkit.coding.context_mixing import Ints, Words
-from pointkit.coding.integers import dot
-from pointkit.coding.intrinsics import Lanes, decay_and_add, lanes_for
+from pointkit.coding.intrinsics import Lanes, decay_and_add, dot, lanes_for
 from pointkit.compiling import inlined
 
 FRACTION = 16

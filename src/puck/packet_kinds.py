@@ -34,9 +34,16 @@ from puck.recordings.packet_turns import (
     turn_of,
 )
 from puck.recordings.packets import PACKET_BYTES
-from puck.records import DAMAGED, Record, RecordKind, check, read_records
+from puck.records import (
+    DAMAGED,
+    Record,
+    RecordKind,
+    check,
+    check_ranges,
+    count_ranges,
+    read_records,
+)
 from puck.returns_header import decode_layout, encode_layout
-from puck.stream import check_ranges, count_ranges
 from puck.turns import TurnDecoder, TurnEncoder, is_key
 
 Kind = PacketKind | OusterKind

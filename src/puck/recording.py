@@ -31,7 +31,7 @@ from puck.packet_kinds import (
     formats_of,
 )
 from puck.recordings.packet_turns import Payloads
-from puck.records import DAMAGED, Record, RecordKind, check, read_records, start
+from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
 from puck.sqlite_pages import (
     LARGEST_PAGE,
     LINK_BYTES,
@@ -41,7 +41,6 @@ from puck.sqlite_pages import (
     page_size,
     without_links,
 )
-from puck.stream import most_ranges
 
 _WINDOW = 1 << 24
 """Bytes that are searched for packets at a time; the packets' turns form a batch."""

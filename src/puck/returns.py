@@ -1,16 +1,24 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from io import BytesIO
 
 from pointkit.errors import InputError
 from pointkit.lidar.returns import Returns
+from pointkit.lidar.turns import Layout, Turn
 from puck import turns
 from puck.options import CodingOptions
-from puck.records import Record, RecordKind, check, join_records, read_records
+from puck.records import (
+    Record,
+    RecordKind,
+    check,
+    check_ranges,
+    count_ranges,
+    join_records,
+    read_records,
+)
 from puck.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
-from puck.stream import check_ranges, count_ranges
 from puck.turns import TurnDecoder, TurnEncoder, turn_step
 
 
@@ -45,6 +53,30 @@ def range_steps(stream: bytes) -> list[float]:
 def reflectivity_bytes(stream: bytes) -> int:
     without_turns, bodies = _read(stream)
     return sum(turns.reflectivity_bytes(body, without_turns.layout) for body in bodies)
+
+
+def encode_turns(
+    turns: Iterable[Turn], layout: Layout, options: CodingOptions | None = None
+) -> bytes:
+    """Encode turns of one layout, in chronological order, as one stream without the sensor's beams.
+
+    Raises InputError if the arrays of a turn do not have the layout's shapes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from puck import decode_turns, encode_turns
+    >>> from pointkit.lidar.turns import Layout, Turn
+    >>> ranges = np.full((1, 4, 2), 500, np.uint16)  # one return per beam, 4 columns, 2 lasers
+    >>> turn = Turn(ranges, azimuths=np.arange(0, 80, 20, dtype=np.uint16))
+    >>> stream = encode_turns([turn, turn], Layout(order=(1, 0)))
+    >>> [bool((decoded.ranges == ranges).all()) for decoded in decode_turns(stream)]
+    [True, True]
+    """
+    encoder = TurnEncoder(layout, options)
+    records = [Record(RecordKind.LAYOUT, encode_layout(layout))]
+    records += [Record(RecordKind.TURN, encoder.encode(turn)) for turn in turns]
+    return join_records(records)
 
 
 def _read(stream: bytes) -> tuple[Returns, list[bytes]]:

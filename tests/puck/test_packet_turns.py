@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import BOTH
-from pointkit.lidar.recorded_returns import LAST as LAST_RETURN
-from pointkit.lidar.recorded_returns import STRONGEST as STRONGEST_RETURN
+from pointkit.lidar.return_table import BOTH
+from pointkit.lidar.return_table import LAST as LAST_RETURN
+from pointkit.lidar.return_table import STRONGEST as STRONGEST_RETURN
 from puck.recordings import packet_turns
 from puck.recordings.packet_turns import (
     decode_packets,

@@ -21,7 +21,7 @@ from puck import (
     encode_turns,
     packet_kinds,
     recording,
-    stream,
+    records,
 )
 from puck.__main__ import main
 from puck.gaps import compress_bytes
@@ -264,7 +264,7 @@ def tight_limits(
     monkeypatch.setattr(recording, "_MANY_BYTES", recording_bytes)
     monkeypatch.setattr(recording, "_BYTES_PER_BYTE", per_byte)
     for name, number in (("_FEW_RANGES", ranges), ("_RANGES_PER_BYTE", 4), ("_SMALL_BYTES", 0)):
-        monkeypatch.setattr(stream, name, number)
+        monkeypatch.setattr(records, name, number)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -280,7 +280,7 @@ def test_what_the_encoder_writes_the_decoder_takes(
     data = pcap([packet for part in chosen for packet in part])
     account = there_and_back(tmp_path, data)
     assert len(data) <= 9017 + few + per_byte * account.compressed
-    assert account.ranges <= stream.most_ranges(account.compressed)
+    assert account.ranges <= records.most_ranges(account.compressed)
 
 
 def test_pages_of_nothing_come_back_within_tight_limits(
@@ -350,8 +350,8 @@ def test_turns_of_a_stream_are_refused_before_they_are_decoded(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     small = bomb(tmp_path, pcap(covered(400)), monkeypatch, "small.puck").read_bytes()
-    monkeypatch.setattr(stream, "_FEW_RANGES", 150 * 384 + 1024)
-    monkeypatch.setattr(stream, "_RANGES_PER_BYTE", 0)
+    monkeypatch.setattr(records, "_FEW_RANGES", 150 * 384 + 1024)
+    monkeypatch.setattr(records, "_RANGES_PER_BYTE", 0)
     assert len(decode_turns(small, 0, 1)) == 1
     with pytest.raises(InputError, match="ranges in"):
         decode_turns(small)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pointkit.geometry.mesh import Mesh
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensors import load_sensor
 from puck.recordings.packet_turns import decode_packets
 from puckbench.recordings.writing import scan_packets
@@ -47,6 +47,6 @@ def room_scan(
     return scan(mesh or room(), load_sensor("vlp16"), sweep, model, place, rng)
 
 
-def captured(table: ScanTable) -> RecordedReturns:
+def captured(table: ScanTable) -> ReturnTable:
     """What a decoder makes of a scan's packets."""
     return decode_packets(scan_packets(table).payloads)

@@ -25,8 +25,7 @@ from pointkit.coding.binary_coder import (
     learning_rates,
     logistic_tables,
 )
-from pointkit.coding.integers import dot
-from pointkit.coding.intrinsics import Lanes, add_scaled, lanes_for
+from pointkit.coding.intrinsics import Lanes, add_scaled, dot, lanes_for
 from pointkit.compiling import inlined
 
 Ints = NDArray[np.int64]

@@ -47,6 +47,24 @@ _WORDS, _LONGS = ir.VectorType(_WORD, LANES), ir.VectorType(_LONG, LANES)
 _CANNOT_BE_WRITTEN = (AttributeError, NotImplementedError, TypeError, ValueError)
 
 
+@inlined
+def bit_count(word: int) -> int:
+    """Return the number of set bits of a 64-bit word."""
+    pairs = word - ((word >> 1) & 0x5555555555555555)
+    fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
+    eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
+    return (eights * 0x0101010101010101) >> 56
+
+
+@inlined
+def dot(left: Words, i: int, right: Words, j: int, lanes: Lanes) -> int:
+    """Return the sum of ``left[i + k] * right[j + k]`` over the lanes k, in 64 bits."""
+    total = np.int64(0)
+    for k in range(len(lanes)):
+        total += np.int64(left[np.uint64(i + k)]) * np.int64(right[np.uint64(j + k)])
+    return int(total)
+
+
 def lanes_for(numbers: int) -> Lanes:
     return (0,) * (-(-numbers // LANES) * LANES)
 

@@ -15,6 +15,13 @@ from typing import Any, Literal, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.column_tables import (
+    ColumnSpecs,
+    ColumnTable,
+    TableSchema,
+    read_column_table,
+    write_column_table,
+)
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.lidar.sensor import Sensor
@@ -25,13 +32,6 @@ from pointkit.lidar.turns import (
     check_turn,
     clock_steps,
     has_wide_ranges,
-)
-from pointkit.return_tables import (
-    ColumnSpecs,
-    ReturnTable,
-    TableSchema,
-    read_return_table,
-    write_return_table,
 )
 
 USUAL_QUANTUM_M = 0.002
@@ -130,7 +130,7 @@ FIRING_COLUMNS: ColumnSpecs = {
 
 
 @dataclass(frozen=True)
-class FiringTable(ReturnTable):
+class FiringTable(ColumnTable):
     """Table of firings with and without return, in the order of turns, columns and lasers.
 
     In dual return mode, a firing has a row for each kind of return.
@@ -340,7 +340,7 @@ def write_firings(path: Path, returns: Returns) -> None:
         about["range_bits"] = 32
     in_centidegrees = layout.azimuth_steps == CENTIDEGREES
     kind = FiringTable if in_centidegrees else _FiringTableInSteps
-    write_return_table(path, kind(columns, about))
+    write_column_table(path, kind(columns, about))
 
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
@@ -376,7 +376,7 @@ def _rows(number: int, turn: Turn, layout: Layout) -> dict[str, NDArray[Any]]:
 
 
 def read_firings(path: Path) -> Returns:
-    table = read_return_table(path, FiringTable)
+    table = read_column_table(path, FiringTable)
     with naming(path):
         try:
             about = table.about

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import LAST, RecordedReturns, table_of_returns
+from pointkit.lidar.return_table import LAST, ReturnTable, return_table_of
 from pointkit.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
@@ -258,12 +258,12 @@ def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Retu
     return parts[0][0].returns((turn_of(kind, part) for kind, part in parts), sensor)
 
 
-def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> RecordedReturns:
+def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTable:
     """Decode packets (p, 1206) to a table; see `returns_of_packets`. A turn begins at azimuth 0."""
     returns = returns_of_packets(payloads, sensor)
     product, number = kind_codes(payloads[:1])[0].tolist()
     device, mode = sensor or load_sensor(SENSORS[product]), MODES[number]
-    table = table_of_returns(returns, device.firing_sequence_us or 0.0)
+    table = return_table_of(returns, device.firing_sequence_us or 0.0)
     if mode == "last":
         table["return_kind"][:] = LAST
     table["turn"][:] = _turn_numbers(returns)

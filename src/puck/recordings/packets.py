@@ -81,3 +81,9 @@ BLOCK = np.dtype([("flag", "<u2"), ("azimuth", "<u2"), ("returns", RETURN, (2, L
 PACKET = np.dtype(
     [("blocks", BLOCK, BLOCKS), ("time_us", "<u4"), ("mode", "u1"), ("product", "u1")]
 )
+SCAN = "velodyne_msgs/msg/VelodyneScan"
+"""Type of the ROS messages that hold packets; `MESSAGES` are definitions in ROS's notation."""
+MESSAGES = {
+    "velodyne_msgs/msg/VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data",
+    SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets",
+}

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 from pydantic import NonNegativeFloat, NonNegativeInt
 
 from cloud_files.archives import SUFFIX, read_archive, write_archive
+from pointkit.column_tables import check_parquet_memory
 from pointkit.errors import InputError
 from pointkit.files import json_bytes, object_of, read_bytes, read_object, written_whole
 from pointkit.models import Model, parsed
-from pointkit.parquet_files import check_parquet_memory
 
 STREAM, RECORD = ".bin", ".json"
 

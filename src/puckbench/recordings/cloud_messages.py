@@ -16,10 +16,10 @@ from puck.recordings.compressed_point_cloud2 import (
     DEFINITION,
     decompressed_columns,
 )
+from puck.recordings.packets import SCAN
 from puck.recordings.point_cloud2 import POINT_CLOUD2, point_columns
 from puck.recordings.ros_bags import is_bag, read_messages, read_topics
 from puck.recordings.topics import Topic, choose_topic
-from puck.recordings.velodyne_messages import SCAN
 
 CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 

@@ -18,7 +18,7 @@ from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt, model_validat
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.ransac import Plane, robust_plane, robust_std
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.models import Model
 from virtual_lidar.residual_table import plane_coordinates
 from virtual_lidar.walls.range_image import Mask, RangeImage, largest_patch, widened, without_ends
@@ -112,7 +112,7 @@ class Rejected:
 
 
 def find_surfaces(
-    table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
+    table: ReturnTable, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
     """Find planes by RANSAC; return the accepted planes, largest first, and the rejected ones."""
     least = least_returns(table, search)
@@ -138,7 +138,7 @@ def find_surfaces(
 
 
 def surface_of(
-    table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
+    table: ReturnTable, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
     """Fit a plane robustly to the returns in `rows`, and select the returns that lie on it.
 
@@ -154,7 +154,7 @@ def surface_of(
     return DetectedPlane(kind, plane, rows[counts], *_extents(part.xyz[counts], plane))
 
 
-def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch) -> str | None:
+def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) -> str | None:
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -169,11 +169,11 @@ def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch
     return next((text for is_fault, text in faults if is_fault), None)
 
 
-def least_returns(table: RecordedReturns, search: PlaneSearch) -> int:
+def least_returns(table: ReturnTable, search: PlaneSearch) -> int:
     return search.least_returns * len(np.unique(table["turn"]))
 
 
-def incidence(table: RecordedReturns, plane: Plane) -> Floats:
+def incidence(table: ReturnTable, plane: Plane) -> Floats:
     """Return the angle between each nominal ray and the plane's normal, (n,), rad."""
     azimuth, elevation = table["azimuth"], table["elevation"]
     level = np.cos(elevation)

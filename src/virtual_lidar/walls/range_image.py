@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.geometry.cloud import Floats
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 
 Mask = NDArray[np.bool_]
 """Mask of a recording (n,), or of a range image (lasers by elevation, columns by azimuth)."""
@@ -26,7 +26,7 @@ class RangeImage:
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, table: RecordedReturns) -> RangeImage:
+    def of(cls, table: ReturnTable) -> RangeImage:
         levels, rank = np.unique(table["elevation"], return_inverse=True)
         column = (table["azimuth"] * (COLUMNS / math.tau)).astype(np.intp) % COLUMNS
         return cls(rank * COLUMNS + column, (len(levels), COLUMNS))
