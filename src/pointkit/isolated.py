@@ -40,11 +40,15 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 """Environment variables that reduce the address space which threads reserve."""
 
 
+Columns = dict[str, NDArray[Any]]
+"""Arrays by name."""
+
+
 @dataclass(frozen=True)
 class ParsedFile:
     """The result of a parser: arrays by name, and values that JSON can represent."""
 
-    columns: dict[str, NDArray[Any]]
+    columns: Columns
     about: dict[str, Any] = field(default_factory=dict)
 
 

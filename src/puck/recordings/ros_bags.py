@@ -17,8 +17,7 @@ import numpy as np
 from pointkit.damage import PARSER_FAULTS, reading
 from pointkit.errors import InputError, naming
 from pointkit.files import open_file, unreadable
-from pointkit.isolated import ParsedFile, parse_isolated
-from pointkit.point_columns import Columns
+from pointkit.isolated import Columns, ParsedFile, parse_isolated
 from puck.recordings.indexed_bags import indexed_bag
 from puck.recordings.sqlite_bags import SIDE_FILE_SUFFIXES, sqlite_bag
 from puck.recordings.topics import BagFile, Topic, Topics, added_up, choose_topic, listed

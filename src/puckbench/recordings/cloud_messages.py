@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from cloud_files.clouds import without_invalid, without_missing
+from cloud_files.missing_returns import missing_returns
+from cloud_files.point_columns import cloud_from_columns
 from pointkit.errors import naming
 from pointkit.geometry.cloud import UncheckedCloud
-from pointkit.geometry.missing_returns import missing_returns
-from pointkit.point_columns import Columns, cloud_from_columns
+from pointkit.isolated import Columns
 from puck.recordings.compressed_point_cloud2 import (
     COMPRESSED_POINT_CLOUD2,
     DEFINITION,

@@ -11,11 +11,11 @@ import numpy as np
 
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import check_points
+from pointkit.isolated import Columns
 from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.times import TimeUnit
 from pointkit.lidar.turns import MAX_LASERS
-from pointkit.point_columns import Columns
 from puckbench.recordings.cloud_messages import cloud_topic, read_cloud_messages
 from puckbench.recordings.decoded_clouds import (
     LASERS,
