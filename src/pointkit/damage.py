@@ -1,3 +1,5 @@
+"""Errors of other packages' parsers, as one line about a damaged file."""
+
 from __future__ import annotations
 
 import struct
@@ -29,5 +31,6 @@ def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
 
 
 def one_line(error: Exception) -> str:
+    """Return an exception's message as one short line, with its class if the message needs it."""
     text = " ".join(str(error).split())[:_MAX_LENGTH]
     return f"{type(error).__name__}: {text}" if isinstance(error, _NEEDS_NAME) or not text else text

@@ -194,6 +194,7 @@ def _receive_array(stream: BufferedReader, kind: str, shape: list[int]) -> NDArr
 
 
 def serve() -> None:
+    """Answer the requests of the calling process, line by line, until standard input ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # parsers may print
     warnings = _WarningRecorder()

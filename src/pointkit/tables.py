@@ -1,3 +1,5 @@
+"""Tables of results as CSV and Parquet files."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -41,10 +43,12 @@ def check_columns(table: pd.DataFrame, texts: Iterable[str], numbers: Iterable[s
 
 
 def is_number_column(values: pd.Series[Any]) -> bool:
+    """Return whether a column has numbers, or nothing."""
     return bool(pd.api.types.is_numeric_dtype(values) or values.isna().all())
 
 
 def write_table(table: pd.DataFrame, *paths: Path) -> None:
+    """Write a table to one or several files, as CSV or, with the suffix .parquet, as Parquet."""
     for path in paths:
         with written_whole(path) as temporary:
             if path.suffix == ".parquet":

@@ -13,6 +13,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def add_compress_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments that `run_compress` reads."""
     add = parser.add_argument
     add("recording", type=Path, help="packet capture or bag (any file)")
     add("out", type=Path, help="file to write (.puck)")
@@ -25,6 +26,7 @@ def add_compress_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_decompress_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments that `run_decompress` reads."""
     add = parser.add_argument
     add("stream", type=Path, help="file that `compress` wrote (.puck)")
     add("out", type=Path, help="recording to write")
@@ -39,6 +41,7 @@ def _integer(text: str) -> int:
 
 
 def run_compress(options: argparse.Namespace) -> dict[str, Any]:
+    """Compress the recording that parsed arguments name; return counts and sizes by name."""
     from pointkit.terminal import Progress
     from puck.options import CodingOptions
     from puck.recording import compress
@@ -55,6 +58,7 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def run_decompress(options: argparse.Namespace) -> dict[str, Any]:
+    """Restore the recording that parsed arguments name; return counts and sizes by name."""
     from pointkit.terminal import Progress
     from puck.recording import decompress
 

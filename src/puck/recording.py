@@ -69,13 +69,26 @@ class _Counts:
 
 @dataclass(kw_only=True)
 class RecordingSummary(_Counts):
-    """Counts of a recording's content, and its sizes in bytes before and after compression."""
+    """What a recording holds, and its sizes in bytes before and after compression.
+
+    Parameters
+    ----------
+    packets, turns, returns
+        Numbers of data packets, of turns that they form, and of returns in the turns.
+    ranges
+        Number of range pixels (with and without return) and of other pixels; decoders limit it.
+    bytes, compressed
+        Sizes of the recording and of its stream.
+    parts
+        Bytes of the stream by kind of record.
+    """
 
     bytes: int = 0
     compressed: int = 0
     parts: dict[str, int] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
+        """Return sizes, their ratio (``share``), and counts, as commands print them."""
         share = self.compressed / self.bytes if self.bytes else 1.0
         return {
             "bytes": self.bytes,
@@ -118,8 +131,31 @@ def compress(
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    Packets are encoded as turns; LZMA compresses other bytes. Lossy options raise InputError.
-    `report` gets the number of processed bytes and the file's size.
+    The data packets of known sensors are found by their content, and the packets of a revolution
+    are coded as one turn. LZMA compresses all other bytes. An Ouster's packets are known only if
+    its metadata (JSON) lie beside the recording.
+
+    Parameters
+    ----------
+    recording
+        Packet capture, ROS bag, or any other file.
+    out
+        File to write, whole or not at all.
+    options
+        Effort, and number of turns between key turns; other options must be lossless.
+    report
+        Function that is called with the numbers of processed bytes and of all bytes.
+
+    Returns
+    -------
+    RecordingSummary
+        Numbers of packets, turns and returns, and the sizes of both files in bytes.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, `out` cannot be written or is the recording itself, or
+        `options` are lossy.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -143,10 +179,30 @@ def compress(
 def decompress(
     path: Path, out: Path, report: Report | None = None, *, trusted: bool = False
 ) -> RecordingSummary:
-    """Restore a file that `compress` compressed.
+    """Restore a file that `compress` compressed, and verify its checksum.
 
-    Unless the stream is `trusted`, raise InputError if the file exceeds a limit that depends on the
-    stream's size.
+    Parameters
+    ----------
+    path
+        Stream (.puck).
+    out
+        File to write, whole or not at all.
+    report
+        Function that is called with the numbers of processed bytes and of all bytes of the stream.
+    trusted
+        Whether to restore a file of any size. By default, a file of more than 48 MiB plus 40 bytes
+        for each byte of the stream is refused, since such a stream may be made to fill the disk.
+
+    Returns
+    -------
+    RecordingSummary
+        Numbers of packets, turns and returns, and the sizes of both files in bytes.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged, or of another format or version; the restored file would be too
+        large; or a file cannot be read or written.
     """
     _check_different(path, out)
     source = open_file(path)

@@ -48,10 +48,13 @@ class RecordKind(IntEnum):
 
 @dataclass(frozen=True)
 class Record:
+    """Part of a stream: its kind, and the bytes of its content."""
+
     kind: RecordKind
     body: bytes
 
     def packed(self) -> bytes:
+        """Return the record as bytes: kind, length, checksum and body."""
         return bytes([self.kind]) + base_128(len(self.body)) + _with_checksum(self.kind, self.body)
 
 
@@ -61,10 +64,12 @@ def _with_checksum(kind: int, body: bytes) -> bytes:
 
 
 def start() -> bytes:
+    """Return the first bytes of every stream: the magic number and the version."""
     return MAGIC + bytes([_VERSION])
 
 
 def join_records(records: Iterable[Record]) -> bytes:
+    """Return a stream of records, with the END record that every stream has."""
     return b"".join([start(), *(each.packed() for each in (*records, Record(RecordKind.END, b"")))])
 
 
@@ -117,6 +122,7 @@ def count_ranges(layout: Layout, body: bytes) -> int:
 
 
 def most_ranges(size: int) -> int:
+    """Return the number of ranges that a decoder accepts in a stream of `size` bytes."""
     few = min(_FEW_RANGES + _RANGES_PER_BYTE * size, _MANY_RANGES)
     return few + _RANGES_PER_BYTE * max(size - _SMALL_BYTES, 0)
 

@@ -66,12 +66,14 @@ def dot(left: Words, i: int, right: Words, j: int, lanes: Lanes) -> int:
 
 
 def lanes_for(numbers: int) -> Lanes:
+    """Return the lanes of a vector with room for so many numbers, a multiple of `LANES`."""
     return (0,) * (-(-numbers // LANES) * LANES)
 
 
 def add_scaled_loop(
     onto: Words, i: int, numbers: Words, factor: int, shift: int, lanes: Lanes
 ) -> None:
+    """Do what `add_scaled` does."""
     for k in range(len(lanes)):
         product = np.int64(numbers[k]) * factor
         onto[i + k] += np.int32((product + (1 << (shift - 1))) >> shift)
@@ -80,6 +82,7 @@ def add_scaled_loop(
 def decay_and_add_loop(
     onto: Words, i: int, numbers: Words, factor: int, damp: int, slow: int, lanes: Lanes
 ) -> None:
+    """Do what `decay_and_add` does."""
     for k in range(len(lanes)):
         product = np.int32(np.int64(numbers[k]) * factor)
         onto[i + k] += np.int32((product >> damp) - (onto[i + k] >> slow))
@@ -89,6 +92,7 @@ def add_products_loop(
     sums: Floats32, targets: Rows, read: Floats32, sources: Rows, pairs: int, kernel: Floats32,
     at: int, width: int, wider: int,
 ) -> None:  # fmt: skip
+    """Do what `add_products` does."""
     for pair in range(pairs):
         onto, row = targets[pair] * wider, sources[pair] * width
         for k in range(width):

@@ -1,3 +1,5 @@
+"""Compressed point clouds in ROS messages: zlib, Zstandard, Draco and Cloudini."""
+
 from __future__ import annotations
 
 import logging

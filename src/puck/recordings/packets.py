@@ -51,6 +51,7 @@ def joined(
     about: dict[str, Any],
     size: int = PACKET_BYTES,
 ) -> PacketLog:
+    """Return payloads of `size` bytes each, received at times in s since 1970, as a log."""
     data = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, size)
     return PacketLog(data, np.asarray(received, dtype=np.float64), about)
 

@@ -1,3 +1,5 @@
+"""Values of the points in ROS's messages of the type PointCloud2."""
+
 from __future__ import annotations
 
 from collections import Counter
