@@ -251,7 +251,7 @@ def test_packets_of_banks_decode_as_velodyne_decoder_decodes_them(
     """It rounds azimuths to 0.01 degrees, averages the rotation (jitter: 0.01) and of a VLS-128
     pauses for one group more; the rotation in its first packet is unknown to it.
     """
-    other = np.load(Path(__file__).parents[2] / "data" / "capture" / "banks.npz")
+    other = np.load(Path(__file__).parents[1] / "data" / "capture" / "banks.npz")
     table = decode_packets(spin(product, mode, packets=5, rise=20))
     column = np.cumsum(np.diff(table["laser_id"], prepend=0) < 0)
     table = table.select(column >= firings)
