@@ -17,6 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cloud_files.content import read_content
+from cloud_files.point_columns import (
+    coordinate_names,
+    decoded,
+    default_columns,
+    has_coordinates,
+)
 from cloud_files.text_numbers import (
     MIN_NUMBERS,
     NUMBER,
@@ -30,13 +36,7 @@ from cloud_files.text_numbers import (
 from pointkit.damage import one_line
 from pointkit.errors import InputError, naming
 from pointkit.files import written_whole
-from pointkit.point_columns import (
-    Columns,
-    coordinate_names,
-    decoded,
-    default_columns,
-    has_coordinates,
-)
+from pointkit.isolated import Columns
 
 _BINARY_CHECK_BYTES = 1 << 16
 _COMMENT = ("#", "//")

@@ -1,3 +1,5 @@
+"""Files that are written whole or not at all, JSON, and errors that name the file."""
+
 from __future__ import annotations
 
 import errno
@@ -33,8 +35,9 @@ _MOST_LEVELS = 100
 def written_whole(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path, which is renamed to `path` if the `with` block succeeds.
 
-    No reader sees a half-written file. If several processes write one path, the last one wins. The
-    temporary name keeps the suffix, by which some writers choose the format.
+    No reader sees a half-written file, and after an exception there is none. If several processes
+    write one path, the last one wins. Missing folders are made. The temporary name keeps the
+    suffix, by which some writers choose the format.
 
     Raises
     ------
@@ -117,6 +120,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def json_bytes(value: Any) -> bytes:
+    """Return a value as indented JSON with sorted keys; raise ValueError for nan and infinity."""
     text = json.dumps(value, indent=1, sort_keys=True, allow_nan=False)
     return (text + "\n").encode()
 
@@ -156,6 +160,7 @@ def read_object(path: Path) -> dict[str, Any]:
 
 
 def object_of(data: bytes, what: str) -> dict[str, Any]:
+    """Parse a JSON object; raise InputError, which begins with `what`, if it is anything else."""
     value = json_of(data, what)
     if not isinstance(value, dict):
         raise InputError(f"{what}: not a JSON object")
@@ -163,6 +168,7 @@ def object_of(data: bytes, what: str) -> dict[str, Any]:
 
 
 def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make a dictionary of a JSON object's pairs; raise ValueError if a key is repeated."""
     values: dict[str, Any] = {}
     for name, value in pairs:
         if name in values:
@@ -207,11 +213,13 @@ def special_kind(path: Path) -> str | None:
 
 
 def refuse_pointer(path: Path, data: bytes) -> None:
+    """Raise InputError if a file is not the data, but Git-LFS's pointer to them."""
     if data.startswith(_POINTER):
         raise InputError(f"{path}: a Git-LFS pointer, not the file itself: git lfs pull")
 
 
 def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:
+    """Return an InputError with the reason why a file cannot be read."""
     if error.strerror is None and not path.exists():
         otherwise = os.strerror(errno.ENOENT)
     return InputError(f"{path}: {(error.strerror or otherwise).lower()}")
@@ -219,6 +227,7 @@ def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> Inp
 
 def unwritable(path: Path, error: OSError) -> InputError:
     # On a full disk some writers report only that fewer bytes were written.
+    """Return an InputError with the reason why a file cannot be written."""
     why = os.strerror(error.errno) if error.errno else "not all of it was written; is the disk full"
     return InputError(f"{path}: {why.lower()}")
 
@@ -235,4 +244,5 @@ def refusing_paths() -> Iterator[None]:
 
 
 def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits; raise InputError if unreadable."""
     return hashlib.sha256(read_bytes(path)).hexdigest()

@@ -85,7 +85,7 @@ def _write_packed_mcap(path: Path) -> None:
 
 
 def _write_returns(path: Path) -> None:
-    from pointkit.lidar.recorded_returns import write_returns
+    from pointkit.lidar.return_table import write_returns
     from puck.recordings.packet_turns import decode_packets
 
     write_returns(path, decode_packets(box_capture(1).payloads))

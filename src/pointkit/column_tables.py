@@ -1,6 +1,7 @@
-"""Tables of LiDAR returns, stored as Parquet files with units.
+"""Tables of named columns with units, such as LiDAR returns, in Parquet files.
 
-A subclass of `ReturnTable` declares its columns in a `TableSchema`.
+A subclass of `ColumnTable` declares its columns in a `TableSchema`: `ReturnTable` (a row for each
+return), `FiringTable` (a row for each firing of a laser), the table of a virtual scan.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.files import object_of, written_whole
+from pointkit.files import object_of, refuse_special, written_whole
 from pointkit.geometry.cloud import Floats
-from pointkit.parquet_files import check_parquet_memory, parquet_metadata
+from pointkit.isolated import parser_limits
+
+_VALUE_BYTES = 8
 
 ColumnSpecs = dict[str, tuple[str, str, str]]
 """NumPy type, unit and description of each column by its name, in the order of the file."""
@@ -43,7 +46,7 @@ class TableSchema:
 
 
 @dataclass(frozen=True)
-class ReturnTable:
+class ColumnTable:
     """A table with a row for each return of a LiDAR.
 
     A subclass says in ``schema`` which columns it has; among them are ``x``, ``y`` and ``z``, the
@@ -70,7 +73,7 @@ class ReturnTable:
 
     @property
     def xyz(self) -> Floats:
-        """Points in metres, (n, 3)."""
+        """Points (n, 3), m, from the columns x, y and z."""
         return self.vectors("x", "y", "z")
 
     def vectors(self, *names: str) -> Floats:
@@ -82,10 +85,10 @@ class ReturnTable:
         return replace(self, columns={name: part[rows] for name, part in self.columns.items()})
 
 
-T = TypeVar("T", bound=ReturnTable)
+T = TypeVar("T", bound=ColumnTable)
 
 
-def write_return_table(path: Path, table: ReturnTable) -> None:
+def write_column_table(path: Path, table: ColumnTable) -> None:
     """Write a table as a Parquet file, with the unit and description of each column.
 
     The file appears only when it is complete.
@@ -96,7 +99,7 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
         parquet.write_table(_arrow_table(table), temporary, **_encoding(table.schema))
 
 
-def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
+def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
     """Write a table that comes in portions as a Parquet file, and return its number of rows.
 
     Each portion becomes a row group, and only one is in memory. The description is that of the
@@ -120,8 +123,8 @@ def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
     return count
 
 
-def read_return_table(path: Path, kind: type[T]) -> T:
-    """Read a table that `write_return_table` or `write_portions` wrote.
+def read_column_table(path: Path, kind: type[T]) -> T:
+    """Read a table that `write_column_table` or `write_portions` wrote.
 
     `kind` is the class of the table. Raises InputError if the file is missing or damaged, takes too
     much memory for its size, lacks a column, or has numbers that do not fit a column's type.
@@ -149,8 +152,38 @@ def read_return_table(path: Path, kind: type[T]) -> T:
     return kind(columns, about)
 
 
+def check_parquet_memory(path: Path) -> None:
+    """Raise InputError if a Parquet file's decoded columns exceed the limit of `parser_limits`.
+
+    Files of other formats, and missing ones, are accepted: their reader refuses them.
+    """
+    from pyarrow import ArrowException, parquet
+
+    refuse_special(path)
+    try:
+        metadata = parquet.read_metadata(path)
+    except (OSError, UnicodeDecodeError, ArrowException):
+        return
+    limit, _ = parser_limits(path.stat().st_size)
+    if metadata.num_rows * metadata.num_columns * _VALUE_BYTES > limit:
+        table = f"{metadata.num_rows} rows of {metadata.num_columns} columns"
+        fault = f"take more than {limit / 2**30:.3g} GiB, too much for a file of its size"
+        raise InputError(f"{path}: {table} {fault}")
+
+
+def parquet_metadata(path: Path) -> dict[bytes, bytes]:
+    """Return a Parquet file's schema metadata, or an empty dictionary for other formats."""
+    from pyarrow import ArrowException, parquet
+
+    refuse_special(path)
+    try:
+        metadata: dict[bytes, bytes] = parquet.read_schema(path).metadata or {}
+    except (OSError, UnicodeDecodeError, ArrowException):
+        return {}
+    return metadata
+
+
 def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[Any]:
-    """Return the values in a type; raise InputError if it changes integers."""
     if values.dtype.kind not in "fiu":
         raise InputError(f"{what} holds no numbers ({values.dtype})")
     with np.errstate(invalid="ignore"):
@@ -162,12 +195,12 @@ def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[An
     return converted
 
 
-def is_table_of(path: Path, kind: type[ReturnTable]) -> bool:
+def is_table_of(path: Path, kind: type[ColumnTable]) -> bool:
     """Return whether a file is a table of this kind, by the metadata of the Parquet file."""
     return kind.schema.metadata_key.encode() in parquet_metadata(path)
 
 
-def _arrow_table(table: ReturnTable, schema: Any = None) -> Any:
+def _arrow_table(table: ColumnTable, schema: Any = None) -> Any:
     import pyarrow as pa
 
     if schema is None:
