@@ -17,7 +17,7 @@ PROJECTS = {
     path.parent.name: tomllib.loads(path.read_text())
     for path in sorted(SOURCE.glob("*/pyproject.toml"))
 }
-LIGHT = ("gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck", "puckbench")
+LIGHT = ("cloud_files", "gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck", "puckbench")
 """Packages that import nothing heavy before a name of theirs is used."""
 HEAVY = {"numba", "scipy", "torch", "open3d", "pandas", "matplotlib"}
 NOT_IMPORTED = {
