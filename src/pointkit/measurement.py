@@ -106,7 +106,7 @@ class CostlyResult(Generic[T]):
         else:
             made = measured(make)
             self._key, self._result = key, made.result
-            self._cost = Cost(made.seconds, made.peak_mib)
+            self._cost, self.saved = Cost(made.seconds, made.peak_mib), NO_COST
         return self._result
 
 
