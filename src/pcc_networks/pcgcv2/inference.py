@@ -2,8 +2,8 @@
 
 Pointwise convolutions are computed within an adjacent 3x3x3 convolution; biases and ReLUs are
 applied while a chunk of rows is in the cache; layers reuse memory. Training and GPUs use the
-model's own layers, whose sums are rounded in another order: on a CPU they would decode other voxels
-from the streams that exist.
+model's own layers, whose sums are rounded in another order: with them, the streams that exist would
+decode to points with other last digits, and voxels of nearly equal probability be exchanged.
 """
 
 from __future__ import annotations
