@@ -24,8 +24,7 @@ import numpy as np
 from jenco2022.residuals.virtual import SWEEP, Procedure, residual_table
 from pointkit.files import write_json
 from pointkit.seeding import generator
-from virtual_lidar.calibration.calibrating import Calibration, CalibrationOptions, calibrate
-from virtual_lidar.calibration.fitting import Estimate
+from virtual_lidar import Calibration, CalibrationOptions, Estimate, calibrate
 
 # The parameters of hidden models: `device` has a bias of every kind, as real sensors seem to;
 # `frames` is vlp16_incidence with biases per frame alone, and Laplace noise.

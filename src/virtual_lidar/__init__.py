@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from virtual_lidar.calibration.calibrating import CalibrationOptions as CalibrationOptions
     from virtual_lidar.calibration.calibrating import calibrate as calibrate
     from virtual_lidar.calibration.files import write_calibration as write_calibration
+    from virtual_lidar.calibration.fitting import Estimate as Estimate
     from virtual_lidar.errors import error_model_names as error_model_names
     from virtual_lidar.errors import open_error_model as open_error_model
     from virtual_lidar.errors.model import ERROR_MODELS as ERROR_MODELS
@@ -60,6 +61,7 @@ __getattr__, __dir__, __all__ = lazy(
     **{
         "calibration.calibrating": ("Calibration", "CalibrationOptions", "calibrate"),
         "calibration.files": ("write_calibration",),
+        "calibration.fitting": ("Estimate",),
         "errors.model": ("ERROR_MODELS", "Draws", "ErrorModel", "Hits"),
         "scenes.calibration": ("calibration_scene",),
         "scenes.objects": ("OBJECTS", "make_object"),
