@@ -17,7 +17,8 @@ from puckbench.datasets import recordings
 from puckbench.datasets.registry import open_scene_set
 from puckbench.recordings import reading
 from puckbench.recordings.reading import read_packets, read_recording, read_turns
-from tests.cloud_files.test_recordings import bag, scan_message
+from tests.puckbench.recordings.test_recording_files import bag
+from tests.support.capture_lookalike import scan_message
 from tests.support.spinning import DUAL, HDL32E, HDL64E, STRONGEST, VLP16, VLS128, pcap, rows, spin
 
 
