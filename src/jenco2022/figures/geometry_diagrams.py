@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _figure = partial(FIGURES.register, category="Sensor")
 _RAYS_DEG = (-15.0, -7.0, 1.0, 7.0, 15.0)
 _WALL_M, _WALL_HEIGHT_M, _SENSOR_HEIGHT_M, _OPEN_RAY_M = 3.0, 2.2, 1.0, 2.6

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _figure = partial(FIGURES.register, category="Findings")
 _figure_of_both = partial(_figure, needs=("rounded_and_truncated_gpcc",))
 _ROWS = (BPP, CD_POINT)

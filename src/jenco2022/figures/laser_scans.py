@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _figure = partial(FIGURES.register, category="Sensor")
 _figure_at_5_m = partial(_figure, needs=(at(5),))
 SAMPLE = 60_000

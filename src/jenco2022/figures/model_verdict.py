@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _DISTANCES = ("model", "std_m", "emd_m", "chance_m")
 _MIN_REACH_M = 0.04
 _REACH_SIGMAS = 4.0

@@ -8,6 +8,8 @@ from typing import Any
 from puckbench.figures import example_clouds, per_bpp, per_rate, point_counts
 from puckbench.figures.registry import FIGURES, figure_entry
 
+CODE = ("puckbench.figures.*", "puckbench.geometry.rendering")
+
 
 def _register(number: str, name: str, draw: Callable[..., Any], remark: str = "") -> None:
     entry = figure_entry(name)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _figure = partial(FIGURES.register, category="Sensor")
 SAMPLE = 30_000
 BIN_RAD = LARGEST_RAD / len(BIN_STDS_M)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _STEP_M = 0.05
 _FEWEST_BINS, _MOST_BINS = 128, 4096
 _VIRTUAL = ("vlp16_divergence", "vlp16")

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _figure = partial(FIGURES.register, category="Sensor")
 SAMPLE = 100_000
 _MIN_LIMIT_M, _MIN_MODELS_LIMIT_M = 0.15, 0.3

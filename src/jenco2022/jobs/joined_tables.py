@@ -4,8 +4,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
+from puckbench.core.code import SENSOR
 from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
+
+CODE = (
+    *(*SENSOR, "jenco2022.residuals", "puckbench.jobs.gathered_tables"),
+    *("virtual_lidar.calibration.*", "virtual_lidar.errors.calibrated"),
+)
 
 COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
 """Compared models; the thesis chose `vlp16_divergence` (section 5.5.3)."""

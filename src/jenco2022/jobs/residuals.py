@@ -6,7 +6,10 @@ from typing import Any
 
 from pydantic import Field
 
+from puckbench.core.code import SENSOR
 from puckbench.jobs.registry import JOBS, Job
+
+CODE = (*SENSOR, "jenco2022.residuals", "virtual_lidar.scenes.*")
 
 
 class WallScanJob(Job):

@@ -12,6 +12,8 @@ from puckbench.metrics.table_registry import TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 
 @TABLES.register(
     "claims", title="The thesis's claims, one by one", category="Claims", needs=("claims",)

@@ -11,6 +11,8 @@ from puckbench.metrics.table_registry import TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 REFERENCE, AS_RUN = "gpcc", "gpcc_as_run"
 QUANTILES = {"q25": 0.25, "median": 0.5, "q75": 0.75}
 _MEASURED = ("bpp", "cd_point", "cd_plane", "d1_psnr")

@@ -11,6 +11,8 @@ from puckbench.metrics.table_registry import SENSOR, TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 BINS = len(BIN_STDS_M)
 
 

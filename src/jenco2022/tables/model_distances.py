@@ -14,6 +14,8 @@ from virtual_lidar.residual_table import REAL
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 
 _BIN_M, _REACH_M = 2e-4, 0.5
 _BINS = round(2 * _REACH_M / _BIN_M)

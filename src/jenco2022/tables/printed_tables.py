@@ -13,6 +13,8 @@ from virtual_lidar.errors import open_error_model
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 _table = partial(TABLES.register, category=SENSOR, needs=(STUDY,))
 _MISSING_LASER = 13
 

@@ -13,6 +13,8 @@ from puckbench.metrics.table_registry import SENSOR, TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
+CODE = ("jenco2022.*", "virtual_lidar")
+
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"
 """Value of a key in rows that combine all values of this key (for distances, those below `FAR_M`).

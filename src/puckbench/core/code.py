@@ -11,6 +11,7 @@ from __future__ import annotations
 
 CLOUD_FILES = (
     *("cloud_files.clouds", "cloud_files.content", "cloud_files.descriptions", "cloud_files.ply"),
+    "cloud_files.point_columns",
     "puckbench.core.archives",
 )
 """Clouds on disk, as the jobs of a run write and read them."""
