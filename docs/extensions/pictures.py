@@ -159,7 +159,7 @@ def _cloud(path: Path, digest: str) -> PointCloud:
 
 
 def style_of(study: str) -> FigureStyle:
-    from pointkit.parquet_files import parquet_metadata
+    from pointkit.column_tables import parquet_metadata
     from puckbench.report.reference_results import KEY as ABOUT
 
     if study != DRIVES:

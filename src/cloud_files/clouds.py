@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from cloud_files.content import COMPRESSED, plain_suffix, read_content, unpacked
 from cloud_files.descriptions import read_description, sidecar, write_description
+from cloud_files.missing_returns import missing_firings, missing_returns
 from cloud_files.ply import has_faces, read_ply, write_vertices
+from cloud_files.point_columns import cloud_from_columns, coarse_step, colours_of, ply_columns
 from pointkit.errors import InputError, naming
 from pointkit.files import written_whole
 from pointkit.geometry.cloud import PointCloud, UncheckedCloud, check_points
-from pointkit.geometry.missing_returns import missing_firings, missing_returns
+from pointkit.isolated import Columns
 from pointkit.lazy import imported
-from pointkit.point_columns import Columns, cloud_from_columns, coarse_step, colours_of, ply_columns
 
 __all__ = ["IN_METRES", "SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
 
@@ -90,7 +91,7 @@ def read_cloud(
     """Read a point cloud from a file of any format whose suffix is in `SUFFIXES`.
 
     Missing returns, which some sensors and programs store as points at the origin or without
-    coordinates, are left out (`pointkit.geometry.missing_returns` says how they are recognised).
+    coordinates, are left out (`cloud_files.missing_returns` says how they are recognised).
 
     Parameters
     ----------

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from cloud_files.missing_returns import missing_returns
 from pointkit.damage import PARSER_FAULTS, reading
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats
-from pointkit.geometry.missing_returns import missing_returns
-from pointkit.isolated import ParsedFile, parse_isolated
-from pointkit.point_columns import Columns
+from pointkit.isolated import Columns, ParsedFile, parse_isolated
 
 _LOG = logging.getLogger(__name__)
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")

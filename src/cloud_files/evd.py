@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pointkit.column_tables import ColumnTable
 from pointkit.files import write_bytes
-from pointkit.return_tables import ReturnTable
 
 _NUMBERS = (
     *("timestamp", "yaw", "pitch", "distance", "distance_noisy"),
@@ -18,7 +18,7 @@ _ROW = np.dtype([("numbers", "<f8", 14), ("object_id", "<u8")])
 _WHITE = 255.0
 
 
-def write_evd(path: str | Path, table: ReturnTable) -> None:
+def write_evd(path: str | Path, table: ColumnTable) -> None:
     """Write a table of simulated returns as an EVD file, as BlenSor writes one frame.
 
     Each return has its time, angles, distances and coordinates (with and without noise), the

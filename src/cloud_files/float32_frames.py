@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cloud_files.content import read_content
 from pointkit.errors import InputError
 from pointkit.files import write_bytes
-from pointkit.point_columns import Columns
+from pointkit.isolated import Columns
 
 Rows = NDArray[np.float32]
 

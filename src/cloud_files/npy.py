@@ -18,9 +18,10 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from cloud_files.content import limit_of, read_content
+from cloud_files.point_columns import default_columns
 from pointkit.damage import reading
 from pointkit.errors import InputError, naming
-from pointkit.point_columns import Columns, default_columns
+from pointkit.isolated import Columns
 
 _POINT_ARRAYS = ("xyz", "points", "position", "positions", "pos", "coords", "vertices", "arr_0")
 _COLUMN_NAMES = {

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cloud_files.content import read_content
+from cloud_files.point_columns import decoded
 from pointkit.damage import one_line, reading
 from pointkit.errors import InputError, naming
 from pointkit.files import write_bytes
-from pointkit.point_columns import decoded
 
 _MAX_VALUES = 4096
 """Maximum values of a field per point; PCL's largest descriptor has 1,980."""

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cloud_files.content import plain_name, read_content
+from cloud_files.point_columns import ascii_name, decoded
 from pointkit.damage import reading
 from pointkit.errors import InputError, naming
 from pointkit.files import unreadable, written_whole
-from pointkit.point_columns import ascii_name, decoded
 
 _MAX_HEADER_BYTES = 1 << 20
 _OLD_TYPES = {"char": 1, "uchar": 1, "short": 2, "ushort": 2, "int": 4, "uint": 4, "float": 4}

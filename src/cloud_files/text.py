@@ -17,6 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cloud_files.content import read_content
+from cloud_files.point_columns import (
+    coordinate_names,
+    decoded,
+    default_columns,
+    has_coordinates,
+)
 from cloud_files.text_numbers import (
     MIN_NUMBERS,
     NUMBER,
@@ -30,13 +36,7 @@ from cloud_files.text_numbers import (
 from pointkit.damage import one_line
 from pointkit.errors import InputError, naming
 from pointkit.files import written_whole
-from pointkit.point_columns import (
-    Columns,
-    coordinate_names,
-    decoded,
-    default_columns,
-    has_coordinates,
-)
+from pointkit.isolated import Columns
 
 _BINARY_CHECK_BYTES = 1 << 16
 _COMMENT = ("#", "//")
@@ -68,7 +68,7 @@ def read_text(path: Path) -> Columns:
 
     Values are separated by commas, semicolons, tabs or blanks, and may have a decimal comma. Names
     of the columns are those of a line or comment before the points; without one, columns are named
-    by their number and range (`pointkit.point_columns.default_columns`).
+    by their number and range (`cloud_files.point_columns.default_columns`).
 
     Returns arrays (n,) by name. Raises InputError if the file is not a table of numbers, or if it
     could be read in more than one way; warns of columns without numbers, which are left out.

@@ -14,7 +14,7 @@ import numpy as np
 
 from gpcc.arithmetic import Bytes
 from gpcc.compiled import integer, kernel
-from pointkit.coding.integers import bit_count
+from pointkit.coding.intrinsics import bit_count
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import (
     AXES_BITS,

@@ -18,7 +18,7 @@ from gpcc.contexts import (
     CTX_OCCUPANCY,
     CTX_SINGLE_CHILD,
 )
-from pointkit.coding.integers import bit_count
+from pointkit.coding.intrinsics import bit_count
 from pointkit.compiling import inlined
 
 

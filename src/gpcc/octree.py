@@ -43,7 +43,7 @@ from gpcc.planar import (
     planar_mask,
     update_planar_rates,
 )
-from pointkit.coding.integers import bit_count
+from pointkit.coding.intrinsics import bit_count
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import Ints, first_child_code
 

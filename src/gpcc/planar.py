@@ -21,7 +21,7 @@ from gpcc.contexts import (
     CTX_PLANE_LAST_INDEX_Z,
 )
 from gpcc.neighbours import AFTER, BEFORE, UPPER
-from pointkit.coding.integers import bit_count
+from pointkit.coding.intrinsics import bit_count
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import compact_bits
 

@@ -1,7 +1,9 @@
-"""What packages for point clouds share: clouds and meshes, the returns of sensors, entropy coders.
+"""What packages for point clouds share: clouds and meshes, the returns of sensors, compiled loops.
 
-The names here are the most used ones; the modules have more. `pointkit.compiling` is the one door
-to numba. Invalid input, and damaged streams, raise `InputError`.
+The names here are the most used ones. `pointkit.coding` has entropy coders, `pointkit.geometry`
+searches, planes and Morton order, `pointkit.files` files that are written whole.
+`pointkit.compiling` is the one place that uses Numba. Invalid input and damaged streams raise
+`InputError`.
 """
 
 from typing import TYPE_CHECKING

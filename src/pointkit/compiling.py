@@ -56,15 +56,19 @@ class SourcesLocator(InTreeCacheLocator):
         self._folder = loops_folder(file.parent) / place
 
     def get_cache_path(self) -> str:
+        """Return the cache folder of the sources as they are."""
         return str(self._folder)
 
 
 class CompilingNotice(Listener):
+    """Prints once, on standard error, that compiling takes long, if it does."""
+
     def __init__(self) -> None:
         self._depth, self._seconds, self._began = 0, 0.0, 0.0
         self.is_printed = False
 
     def on_start(self, event: Event) -> None:
+        """Begin to count seconds, and print the notice if there are many."""
         now = time.monotonic()
         self._began = self._began if self._depth else now
         self._depth += 1
@@ -74,6 +78,7 @@ class CompilingNotice(Listener):
             print(_COMPILING, file=sys.stderr, flush=True)  # noqa: T201
 
     def on_end(self, event: Event) -> None:
+        """Add the seconds of a compilation."""
         self._depth -= 1
         if not self._depth:
             self._seconds += time.monotonic() - self._began
@@ -85,26 +90,46 @@ _register("numba:compile", NOTICE)
 
 
 def compiled(function: Function, **options: Any) -> Function:
-    """Compile a function on its first call; later processes load it from the cache.
+    """Compile a function with Numba on its first call; later processes load the machine code from a
+    cache.
 
-    Arithmetic is strict IEEE 754 unless `options` change it. Compiled code releases Python's global
-    interpreter lock.
+    The cache is used only while no source file of the function's package, or of pointkit, has
+    changed. Arithmetic is strict IEEE 754, and compiled code releases Python's global interpreter
+    lock.
+
+    Parameters
+    ----------
+    function
+        Function to compile; this is also a decorator without arguments.
+    **options
+        Options of ``numba.njit``.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
     return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:
+    """Compile a function that neither makes arrays nor calls functions that do.
+
+    It runs without reference counting, which costs small functions more time than their work.
+    """
     return compiled(function, **IN_PLACE, **options)
 
 
 def inlined(function: Function) -> Function:
-    """Return a function that is compiled only inside compiled callers; it must create no arrays."""
+    """Return a function that becomes part of the compiled functions that call it; Python cannot
+    call it.
+
+    It must create no arrays.
+    """
     return compiled(function, **INLINED)
 
 
 def inlined_too(function: Function) -> Function:
-    """Compile a function, and also inline it in its compiled callers; it must create no arrays."""
+    """Compile a function that Python calls, and that also becomes part of its compiled callers.
+
+    It must create no arrays.
+    """
     return compiled_in_place(function, forceinline=True)
 
 

@@ -1,3 +1,5 @@
+"""Errors about input from a user: one line that names the file or key, and the fault."""
+
 from __future__ import annotations
 
 import sysconfig
@@ -40,7 +42,7 @@ def naming(what: object) -> Iterator[None]:
 
 @contextmanager
 def noting(note: str) -> Iterator[None]:
-    """Add a note, such as the current rate, to an exception raised inside the `with` block."""
+    """Add a note, such as the rate being coded, to an exception raised in the `with` block."""
     try:
         yield
     except BaseException as error:

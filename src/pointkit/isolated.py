@@ -41,6 +41,10 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 """Environment variables that reduce the address space which threads reserve."""
 
 
+Columns = dict[str, NDArray[Any]]
+"""Arrays by name."""
+
+
 @dataclass(frozen=True)
 class ParsedFile:
     """What a parser returns.
@@ -53,7 +57,7 @@ class ParsedFile:
         Further values, which JSON can represent.
     """
 
-    columns: dict[str, NDArray[Any]]
+    columns: Columns
     about: dict[str, Any] = field(default_factory=dict)
 
 

@@ -1,3 +1,5 @@
+"""Packages that import a module of theirs when one of its names is used first."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

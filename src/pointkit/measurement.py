@@ -1,3 +1,5 @@
+"""Time and peak memory of function calls."""
+
 from __future__ import annotations
 
 import ctypes
@@ -21,6 +23,7 @@ class Cost(NamedTuple):
     peak_mib: float
 
     def plus(self, other: Cost) -> Cost:
+        """Return the cost of both calls, one after the other."""
         return Cost(self.seconds + other.seconds, max(self.peak_mib, other.peak_mib))
 
 

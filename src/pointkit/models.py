@@ -1,3 +1,5 @@
+"""Records of options that are checked, and errors of one line that say what is allowed."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -19,6 +21,7 @@ class Model(BaseModel):
     )
 
     def replaced(self, **changes: Any) -> Self:
+        """Return a copy with other values of some options, checked again."""
         return type(self).model_validate({**dict(self), **changes})
 
 
@@ -48,6 +51,7 @@ def parsed(model: type[M], values: Any, what: str) -> M:
 
 
 def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
+    """Create a model from a configuration; raise InputError that names the key and the fault."""
     try:
         return model.model_validate(_immutable(values))
     except ValidationError as error:

@@ -45,10 +45,12 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
+    """Let `load` import these names, if they are places in files or modules."""
     _trusted.update(name for name in names if is_place(name))
 
 
 def is_place(name: object) -> TypeGuard[str]:
+    """Return whether a name is a place: ``module:Name`` or ``file.py:Name``."""
     return isinstance(name, str) and ":" in name
 
 
@@ -102,6 +104,7 @@ class Registry(Generic[T]):
 
     @property
     def group(self) -> str:
+        """Name of the group of entry points of other packages' plug-ins of this kind."""
         return f"puckbench.{self.kind.replace(' ', '_')}s"
 
     @cached_property
@@ -141,6 +144,7 @@ class Registry(Generic[T]):
         return places
 
     def names(self) -> list[str]:
+        """Return the names of all plug-ins: ours, those of installed packages, and added ones."""
         return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:
@@ -166,6 +170,7 @@ class Registry(Generic[T]):
         return plugin
 
     def name_of(self, plugin: T) -> str:
+        """Return the name under which a plug-in is registered."""
         return next(name for (_, name), each in self._plugins.items() if each is plugin)
 
     def __contains__(self, name: str) -> bool:

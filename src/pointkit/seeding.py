@@ -1,3 +1,5 @@
+"""Random numbers that depend only on a seed and names."""
+
 from __future__ import annotations
 
 import hashlib

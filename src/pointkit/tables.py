@@ -8,10 +8,10 @@ from typing import Any
 
 import pandas as pd
 
+from pointkit.column_tables import check_parquet_memory
 from pointkit.damage import reading
 from pointkit.errors import InputError, naming
 from pointkit.files import refuse_special, unreadable, written_whole
-from pointkit.parquet_files import check_parquet_memory
 
 _TEXT_COLUMNS = ("dataset", "cloud", "scene", "group", "codec", "rate")
 _DAMAGE = (ValueError, NotImplementedError, LookupError, TypeError, AttributeError)

@@ -1,3 +1,5 @@
+"""Calls of a function in parallel threads, with results in order."""
+
 from __future__ import annotations
 
 import os

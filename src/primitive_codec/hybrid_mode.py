@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pointkit.errors import InputError
-from pointkit.geometry.bounded_search import nearest_within
 from pointkit.geometry.box_tree import BoxTree, box_tree
 from pointkit.geometry.cloud import Floats
 from pointkit.threads import in_threads
 from primitive_codec import voxel_mode
+from primitive_codec.bounded_search import nearest_within
 from primitive_codec.cells import centre_distances
 from primitive_codec.distortion import Distortion, NearestOffsets
 from primitive_codec.stream import CLASSES, MAX_HYBRID_VOXELS, HybridHeader, pack_hybrid

@@ -15,7 +15,12 @@ import numpy as np
 from pointkit.compiling import compiled, compiled_in_place, inlined
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from pointkit.geometry.vectors import (
+from primitive_codec.entropy import ContextCoder, code_bit
+from primitive_codec.occupancy_map import CONTEXTS as MAP_CONTEXTS
+from primitive_codec.occupancy_map import MIXERS as MAP_MIXERS
+from primitive_codec.octree_arrays import SPACING_UNIT, Bytes, Ints, first_point
+from primitive_codec.stream import REVOLUTION_BYTES
+from primitive_codec.vectors import (
     Vector,
     add_multiple,
     cross,
@@ -25,11 +30,6 @@ from pointkit.geometry.vectors import (
     row_of,
     vector,
 )
-from primitive_codec.entropy import ContextCoder, code_bit
-from primitive_codec.occupancy_map import CONTEXTS as MAP_CONTEXTS
-from primitive_codec.occupancy_map import MIXERS as MAP_MIXERS
-from primitive_codec.octree_arrays import SPACING_UNIT, Bytes, Ints, first_point
-from primitive_codec.stream import REVOLUTION_BYTES
 
 CONE, SPHERE = 0, 1
 MAX_COLUMNS = 1 << 22

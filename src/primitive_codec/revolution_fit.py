@@ -11,7 +11,6 @@ import numpy as np
 from pointkit.compiling import compiled, compiled_in_place
 from pointkit.geometry.cholesky import solve
 from pointkit.geometry.cloud import Floats
-from pointkit.geometry.vectors import add_multiple, dot, length, row_of, vector
 from primitive_codec.revolution import (
     SPHERE,
     RevolutionSurface,
@@ -19,6 +18,7 @@ from primitive_codec.revolution import (
     normal_at,
     orthogonal_axes,
 )
+from primitive_codec.vectors import add_multiple, dot, length, row_of, vector
 
 _MAX_STEPS = 15
 _DAMPING, _DAMPING_STEP = 1e-3, 10.0

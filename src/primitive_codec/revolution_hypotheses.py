@@ -6,10 +6,10 @@ import numpy as np
 
 from pointkit.compiling import compiled, compiled_in_place, inlined
 from pointkit.geometry.cloud import Floats
-from pointkit.geometry.vectors import Vector, add_multiple, cross, dot, length, multiply, row_of
 from primitive_codec.octree_arrays import Ints
 from primitive_codec.revolution import CONE, SPHERE, RevolutionSurface
 from primitive_codec.smoothing import BlockedSamples, CellSamples, blocks_of, ranges_near
+from primitive_codec.vectors import Vector, add_multiple, cross, dot, length, multiply, row_of
 
 SPANS = (3.0, 6.0, 12.0)
 """Largest distances of a hypothesis's samples, in sampling cells."""

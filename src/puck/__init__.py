@@ -13,19 +13,27 @@ if TYPE_CHECKING:
     from puck.packet_kinds import decode_turns as decode_turns
     from puck.recording import compress as compress
     from puck.recording import decompress as decompress
+    from puck.recordings.packet_turns import packet_kind as packet_kind
+    from puck.recordings.packet_turns import packets_of as packets_of
     from puck.returns import decode_returns as decode_returns
     from puck.returns import encode_returns as encode_returns
+    from puck.returns import encode_turns as encode_turns
     from puck.returns import range_steps as range_steps
     from puck.returns import reflectivity_bytes as reflectivity_bytes
     from puck.smoothing import smoothed_points as smoothed_points
-    from puck.stream import encode_turns as encode_turns
 
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     options=("CodingOptions",),
     recording=("compress", "decompress"),
-    returns=("decode_returns", "encode_returns", "range_steps", "reflectivity_bytes"),
+    returns=(
+        "decode_returns",
+        "encode_returns",
+        "encode_turns",
+        "range_steps",
+        "reflectivity_bytes",
+    ),
     smoothing=("smoothed_points",),
     packet_kinds=("decode_turns",),
-    stream=("encode_turns",),
+    **{"recordings.packet_turns": ("packet_kind", "packets_of")},
 )

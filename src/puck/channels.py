@@ -58,6 +58,7 @@ class ChannelContext(NamedTuple):
 def new_channel_model(
     bits: BitCoder, lasers: int, effort: Effort, farthest: int, *, has_signals: bool
 ) -> ChannelModel:
+    """Return a model without knowledge of pixels of at most `farthest`."""
     sizes = np.array([_LEVELS * 4, 100, 100, lasers, _SIZES * 10, _SIZES * _LEVELS]) * NODES
     features = _FEATURES_OF_THOROUGH if effort == "thorough" else _FEATURES_OF_NORMAL
     zeros = np.zeros(lasers, np.int64)

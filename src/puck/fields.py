@@ -1,3 +1,5 @@
+"""Coding of what an Ouster's packets hold beyond their turn: further images, headers, checks."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -40,6 +42,8 @@ class _State:
 
 
 class FieldsEncoder:
+    """Encodes the further data of successive turns' packets."""
+
     def __init__(self, kind: OusterKind, effort: Effort) -> None:
         self._kind, self._effort, self._state = kind, effort, _State()
 
@@ -62,6 +66,8 @@ class FieldsEncoder:
 
 
 class FieldsDecoder:
+    """Decodes what `FieldsEncoder` encoded, turn by turn."""
+
     def __init__(self, kind: OusterKind) -> None:
         self._kind = kind
         self._state: _State | None = _State()

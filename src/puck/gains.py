@@ -52,6 +52,7 @@ class Gains(NamedTuple):
 
 
 def new_gains(lasers: int, farthest: int) -> Gains:
+    """Return tables without knowledge, for reflectivities of at most `farthest`."""
     entries = np.array([_BINS, lasers * _COARSE_BINS, lasers + 1, _BINS, _BINS])
     variances = np.append(np.repeat(_VARIANCE * _FIRST_VARIANCES, entries), 0).astype(np.int64)
     gains = Gains(

@@ -29,6 +29,7 @@ _CHUNK = 1 << 16
 
 
 def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
+    """Encode gaps by LZMA; `are_headers` selects options for headers of packets."""
     return compress_bytes(_joined(gaps), are_headers)
 
 
@@ -65,6 +66,7 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
 
 
 def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
+    """Return the length of the bytes, and their LZMA2 stream."""
     filters = [{**_filter(len(raw)), **(_HEADERS if are_headers else {})}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pointkit.coding.context_mixing import Ints, Words
-from pointkit.coding.integers import dot
-from pointkit.coding.intrinsics import Lanes, decay_and_add, lanes_for
+from pointkit.coding.intrinsics import Lanes, decay_and_add, dot, lanes_for
 from pointkit.compiling import inlined
 
 FRACTION = 16
@@ -30,6 +29,7 @@ class LeastSquares(NamedTuple):
 
 
 def new_least_squares(predictors: int, features: int) -> LeastSquares:
+    """Return predictors whose coefficients are 0, for so many features."""
     lanes = lanes_for(features)
     products = np.zeros(predictors * features * len(lanes), np.int32)
     targets = np.zeros((predictors, len(lanes)), np.int64)
@@ -42,6 +42,7 @@ def new_least_squares(predictors: int, features: int) -> LeastSquares:
 
 @inlined
 def predicted(state: LeastSquares, which: int) -> int:
+    """Return the prediction of predictor `which` from the features."""
     start = which * len(state.lanes)
     return int(dot(state.coefficients, start, state.features, 0, state.lanes) >> FRACTION)
 

@@ -88,6 +88,7 @@ def _decide(
 
 @inlined
 def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
+    """Encode or decode a bit by a single counter of the mixer; return the bit."""
     state = np.int64(mixer.counters[np.uint64(counter)])
     share = int(state >> COUNT_BITS + PROBABILITY_BITS - 16)
     bit = code(mixer.bits, bit, min(max(share, MIN_PROBABILITY), ONE - MIN_PROBABILITY))
@@ -97,6 +98,7 @@ def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
 
 @inlined
 def in_steps(number: int, step: int) -> int:
+    """Return how many whole steps a number has."""
     return number if step == 1 else number // step
 
 

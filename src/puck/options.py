@@ -1,3 +1,5 @@
+"""Options of encoding."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,21 +14,28 @@ MAX_STEP = 1 << 12
 
 @dataclass(frozen=True)
 class CodingOptions:
-    """Options for encoding turns; the defaults are lossless.
+    """Options of encoding; with the defaults nothing is lost.
 
     Parameters
     ----------
     step
-        Ranges are coded as multiples of this number of quanta (sensor steps); 1 is lossless.
+        Ranges become multiples of this number of quanta (the sensor's units); 1 loses nothing.
     lmbda
-        Lagrangian weight of the rate in nats against the squared error in quanta squared, rounded
-        to sixteenths. If above 0, a multiple beside the nearest one may be coded to save bits.
+        Weight of a range's cost (in nats) against its squared error (in squared quanta), rounded to
+        sixteenths. Above 0, a range may become a multiple next to the nearest one if that saves
+        enough bits.
     times, reflectivities
-        Whether they are encoded.
+        Whether they are encoded; if not, decoded turns have None.
     effort
-        Size of the models: larger ones compress better and take longer.
+        ``fast``, ``normal`` or ``thorough``: larger models compress better and take longer.
     key_every
-        Turns from one key turn (decodable alone) to the next; 0: only the first is a key turn.
+        Every so many turns there is one that can be decoded without the turns before it (key turn);
+        0: only the first turn is one.
+
+    Raises
+    ------
+    InputError
+        An option is out of its range.
     """
 
     step: int = 1

@@ -34,9 +34,16 @@ from puck.recordings.packet_turns import (
     turn_of,
 )
 from puck.recordings.packets import PACKET_BYTES
-from puck.records import DAMAGED, Record, RecordKind, check, read_records
+from puck.records import (
+    DAMAGED,
+    Record,
+    RecordKind,
+    check,
+    check_ranges,
+    count_ranges,
+    read_records,
+)
 from puck.returns_header import decode_layout, encode_layout
-from puck.stream import check_ranges, count_ranges
 from puck.turns import TurnDecoder, TurnEncoder, is_key
 
 Kind = PacketKind | OusterKind
@@ -53,6 +60,7 @@ class PacketFormat(NamedTuple):
 
     @property
     def span(self) -> int:
+        """Number of bytes in the file from a packet's first byte to its last one."""
         return sum(self.pieces) + self.hole * (len(self.pieces) - 1)
 
     @property
@@ -117,10 +125,28 @@ class _CodedTurn(NamedTuple):
 
 
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
+    """Decode some turns of a stream of `encode_turns` or `encode_returns`, or of a compressed
+    recording.
 
-    Decoding starts at the last key turn up to turn `first`. Turns lack an Ouster's signals and
-    ambient light, which `decompress` restores.
+    Parameters
+    ----------
+    stream
+        The bytes of the whole stream.
+    first, end
+        Turns `first` to `end` - 1, counted from 0, are decoded; None stands for all further ones.
+        Decoding starts at the last key turn up to `first`, as other turns need the turn before
+        them.
+
+    Returns
+    -------
+    list of Turn
+        In chronological order. They lack an Ouster's signals and ambient light, which only
+        `decompress` restores.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged, or has more ranges than a stream of its size may hold.
     """
     layout: Layout | None = None
     turns: list[_CodedTurn] = []
@@ -167,6 +193,8 @@ def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
 
 
 class PacketsEncoder:
+    """Encodes the packets of successive turns of one kind as records."""
+
     def __init__(self, kind: Kind, options: CodingOptions) -> None:
         is_quick = options.effort == "fast" and isinstance(kind, OusterKind)
         self.kind, self._turns = kind, TurnEncoder(kind.layout, options, is_quick=is_quick)
@@ -174,11 +202,13 @@ class PacketsEncoder:
         self._fields: FieldsEncoder | None = None
 
     def layout(self) -> Record:
+        """Return the record that must precede the records of all turns."""
         kind = self.kind
         code = kind.code if isinstance(kind, OusterKind) else bytes([kind.product, kind.mode])
         return Record(RecordKind.LAYOUT, encode_layout(kind.layout) + code)
 
     def encode(self, payloads: Payloads) -> tuple[Turn, list[Record]]:
+        """Encode the packets (p, bytes) of one turn; return the turn and its one or two records."""
         kind = self.kind
         if isinstance(kind, PacketKind):
             turn = turn_of(kind, payloads)
@@ -208,6 +238,7 @@ class PacketsDecoder:
         self._is_key = False
 
     def start_layout(self, body: bytes) -> None:
+        """Begin turns of another kind of packets, by the body of a LAYOUT record."""
         check(self._turn is None)
         self._kind = kind = decode_kind(body)
         self._turns = TurnDecoder(kind.layout)
@@ -226,6 +257,7 @@ class PacketsDecoder:
         return turn.returns
 
     def add_fields(self, body: bytes) -> None:
+        """Decode what packets hold beyond the last turn, by a FIELDS record's body."""
         kind, turn, self._turn = self._kind, self._turn, None
         if kind is None or turn is None:
             raise InputError(DAMAGED)

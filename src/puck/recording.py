@@ -31,7 +31,7 @@ from puck.packet_kinds import (
     formats_of,
 )
 from puck.recordings.packet_turns import Payloads
-from puck.records import DAMAGED, Record, RecordKind, check, read_records, start
+from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
 from puck.sqlite_pages import (
     LARGEST_PAGE,
     LINK_BYTES,
@@ -41,7 +41,6 @@ from puck.sqlite_pages import (
     page_size,
     without_links,
 )
-from puck.stream import most_ranges
 
 _WINDOW = 1 << 24
 """Bytes that are searched for packets at a time; the packets' turns form a batch."""
@@ -70,13 +69,26 @@ class _Counts:
 
 @dataclass(kw_only=True)
 class RecordingSummary(_Counts):
-    """Counts of a recording's content, and its sizes in bytes before and after compression."""
+    """What a recording holds, and its sizes in bytes before and after compression.
+
+    Parameters
+    ----------
+    packets, turns, returns
+        Numbers of data packets, of turns that they form, and of returns in the turns.
+    ranges
+        Number of range pixels (with and without return) and of other pixels; decoders limit it.
+    bytes, compressed
+        Sizes of the recording and of its stream.
+    parts
+        Bytes of the stream by kind of record.
+    """
 
     bytes: int = 0
     compressed: int = 0
     parts: dict[str, int] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
+        """Return sizes, their ratio (``share``), and counts, as commands print them."""
         share = self.compressed / self.bytes if self.bytes else 1.0
         return {
             "bytes": self.bytes,
@@ -105,7 +117,7 @@ class _Limits:
         if number > most and not self.trusted:
             raise InputError(
                 f"{number} {what} in {self.size} bytes: more than they can hold; if you trust the "
-                "file, restore it with puckbench decompress --trusted"
+                "file, restore it with decompress --trusted"
             )
 
 
@@ -119,8 +131,31 @@ def compress(
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    Packets are encoded as turns; LZMA compresses other bytes. Lossy options raise InputError.
-    `report` gets the number of processed bytes and the file's size.
+    The data packets of known sensors are found by their content, and the packets of a revolution
+    are coded as one turn. LZMA compresses all other bytes. An Ouster's packets are known only if
+    its metadata (JSON) lie beside the recording.
+
+    Parameters
+    ----------
+    recording
+        Packet capture, ROS bag, or any other file.
+    out
+        File to write, whole or not at all.
+    options
+        Effort, and number of turns between key turns; other options must be lossless.
+    report
+        Function that is called with the numbers of processed bytes and of all bytes.
+
+    Returns
+    -------
+    RecordingSummary
+        Numbers of packets, turns and returns, and the sizes of both files in bytes.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, `out` cannot be written or is the recording itself, or
+        `options` are lossy.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -144,10 +179,30 @@ def compress(
 def decompress(
     path: Path, out: Path, report: Report | None = None, *, trusted: bool = False
 ) -> RecordingSummary:
-    """Restore a file that `compress` compressed.
+    """Restore a file that `compress` compressed, and verify its checksum.
 
-    Unless the stream is `trusted`, raise InputError if the file exceeds a limit that depends on the
-    stream's size.
+    Parameters
+    ----------
+    path
+        Stream (.puck).
+    out
+        File to write, whole or not at all.
+    report
+        Function that is called with the numbers of processed bytes and of all bytes of the stream.
+    trusted
+        Whether to restore a file of any size. By default, a file of more than 48 MiB plus 40 bytes
+        for each byte of the stream is refused, since such a stream may be made to fill the disk.
+
+    Returns
+    -------
+    RecordingSummary
+        Numbers of packets, turns and returns, and the sizes of both files in bytes.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged, or of another format or version; the restored file would be too
+        large; or a file cannot be read or written.
     """
     _check_different(path, out)
     source = open_file(path)

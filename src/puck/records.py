@@ -12,13 +12,23 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import IO
 
-from pointkit.coding.byte_io import base_128
+from pointkit.coding.byte_io import Reader, base_128
 from pointkit.errors import InputError
+from pointkit.lidar.turns import Layout
 
 MAGIC = b"PUCK"
 _VERSION = 2
 _CHECKSUM_BYTES = 4
 _PORTION = 1 << 20
+_FEW_RANGES, _RANGES_PER_BYTE = 1 << 22, 32
+"""Limit of the ranges in a stream: a constant, and more for each byte of the stream.
+
+Coarsely quantised scans without noise have few bits per range.
+"""
+_SMALL_BYTES, _MANY_RANGES = 1 << 20, 6 << 20
+"""A stream of up to 1 MiB holds at most 6 Mi ranges: some seconds of a recording."""
+_RANGES_PER_TURN = 1024
+"""Ranges added for each turn, since decoding even two ranges of a key turn takes 1 ms."""
 DAMAGED = "the stream is damaged or truncated"
 
 
@@ -38,10 +48,13 @@ class RecordKind(IntEnum):
 
 @dataclass(frozen=True)
 class Record:
+    """Part of a stream: its kind, and the bytes of its content."""
+
     kind: RecordKind
     body: bytes
 
     def packed(self) -> bytes:
+        """Return the record as bytes: kind, length, checksum and body."""
         return bytes([self.kind]) + base_128(len(self.body)) + _with_checksum(self.kind, self.body)
 
 
@@ -51,10 +64,12 @@ def _with_checksum(kind: int, body: bytes) -> bytes:
 
 
 def start() -> bytes:
+    """Return the first bytes of every stream: the magic number and the version."""
     return MAGIC + bytes([_VERSION])
 
 
 def join_records(records: Iterable[Record]) -> bytes:
+    """Return a stream of records, with the END record that every stream has."""
     return b"".join([start(), *(each.packed() for each in (*records, Record(RecordKind.END, b"")))])
 
 
@@ -95,3 +110,24 @@ def _read(stream: IO[bytes], length: int) -> bytes:
         parts.append(part)
         length -= len(part)
     return b"".join(parts)
+
+
+def count_ranges(layout: Layout, body: bytes) -> int:
+    """Return the number of ranges in a coded turn, plus `_RANGES_PER_TURN`."""
+    reader = Reader(body)
+    reader.take(1)
+    reader.number()
+    columns = reader.number() * layout.columns_per_block
+    return columns * layout.lasers * layout.kinds + _RANGES_PER_TURN
+
+
+def most_ranges(size: int) -> int:
+    """Return the number of ranges that a decoder accepts in a stream of `size` bytes."""
+    few = min(_FEW_RANGES + _RANGES_PER_BYTE * size, _MANY_RANGES)
+    return few + _RANGES_PER_BYTE * max(size - _SMALL_BYTES, 0)
+
+
+def check_ranges(ranges: int, size: int) -> None:
+    """Raise InputError if a stream of `size` bytes has more ranges than it can hold."""
+    if ranges > most_ranges(size):
+        raise InputError(f"{ranges} ranges in {size} bytes: more than they can hold")

@@ -1,21 +1,50 @@
+"""Streams of the returns of a spinning sensor: revolutions with, or without, the sensor's beams."""
+
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from io import BytesIO
 
 from pointkit.errors import InputError
 from pointkit.lidar.returns import Returns
+from pointkit.lidar.turns import Layout, Turn
 from puck import turns
 from puck.options import CodingOptions
-from puck.records import Record, RecordKind, check, join_records, read_records
+from puck.records import (
+    Record,
+    RecordKind,
+    check,
+    check_ranges,
+    count_ranges,
+    join_records,
+    read_records,
+)
 from puck.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
-from puck.stream import check_ranges, count_ranges
 from puck.turns import TurnDecoder, TurnEncoder, turn_step
 
 
 def encode_returns(returns: Returns, options: CodingOptions | None = None) -> bytes:
-    """Encode returns as one self-contained stream; lossless by default."""
+    """Encode returns as one stream, which contains all that `decode_returns` needs.
+
+    Parameters
+    ----------
+    returns
+        Revolutions, and the beams of the sensor.
+    options
+        By default, nothing is lost. A larger step quantises ranges; times and reflectivities can be
+        left out.
+
+    Returns
+    -------
+    bytes
+        The stream.
+
+    Raises
+    ------
+    InputError
+        The returns have more ranges than a decoder accepts for a stream of this size.
+    """
     encoder = TurnEncoder(returns.layout, options)
     bodies = [encoder.encode(turn) for turn in returns.turns]
     stream = join_records(
@@ -30,21 +59,77 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 
 
 def decode_returns(stream: bytes) -> Returns:
-    """Decode the output of `encode_returns`; raise InputError for damaged and other streams."""
+    """Decode a stream of `encode_returns`.
+
+    Ranges are multiples of the quantisation step, in the sensor's quanta; times and reflectivities
+    are None if the encoder left them out.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged, of another version, or of another kind, such as a compressed
+        recording.
+    """
     without_turns, bodies = _read(stream)
     decoder = TurnDecoder(without_turns.layout)
     return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))
 
 
 def range_steps(stream: bytes) -> list[float]:
-    """Return the quantisation step of the ranges in each turn of a stream, m."""
+    """Return the quantisation step of the ranges in each turn of a stream of `encode_returns`, m.
+
+    It is the sensor's quantum if nothing was lost. Turns are not decoded.
+    """
     without_turns, bodies = _read(stream)
     return [turn_step(body) * without_turns.quantum_m for body in bodies]
 
 
 def reflectivity_bytes(stream: bytes) -> int:
+    """Return how many bytes of a stream of `encode_returns` hold reflectivities."""
     without_turns, bodies = _read(stream)
     return sum(turns.reflectivity_bytes(body, without_turns.layout) for body in bodies)
+
+
+def encode_turns(
+    turns: Iterable[Turn], layout: Layout, options: CodingOptions | None = None
+) -> bytes:
+    """Encode revolutions of one layout, in chronological order, as one stream without a sensor's
+    beams.
+
+    Parameters
+    ----------
+    turns
+        Revolutions; each may have its own number of columns.
+    layout
+        Arrangement of the lasers in the images of all turns.
+    options
+        By default, nothing is lost.
+
+    Returns
+    -------
+    bytes
+        The stream, which `puck.decode_turns` decodes.
+
+    Raises
+    ------
+    InputError
+        The arrays of a turn do not have the layout's shapes and types.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from puck import decode_turns, encode_turns
+    >>> from pointkit.lidar.turns import Layout, Turn
+    >>> ranges = np.full((1, 4, 2), 500, np.uint16)  # one return per beam, 4 columns, 2 lasers
+    >>> turn = Turn(ranges, azimuths=np.arange(0, 80, 20, dtype=np.uint16))
+    >>> stream = encode_turns([turn, turn], Layout(order=(1, 0)))
+    >>> [bool((decoded.ranges == ranges).all()) for decoded in decode_turns(stream)]
+    [True, True]
+    """
+    encoder = TurnEncoder(layout, options)
+    records = [Record(RecordKind.LAYOUT, encode_layout(layout))]
+    records += [Record(RecordKind.TURN, encoder.encode(turn)) for turn in turns]
+    return join_records(records)
 
 
 def _read(stream: bytes) -> tuple[Returns, list[bytes]]:

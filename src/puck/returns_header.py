@@ -1,3 +1,5 @@
+"""Layouts of images and beams of sensors, as bytes in a stream's first records."""
+
 from __future__ import annotations
 
 import zlib
@@ -31,6 +33,7 @@ _USES: tuple[tuple[Firing, bool], ...] = (
 
 
 def encode_layout(layout: Layout) -> bytes:
+    """Return a layout as bytes; up to 16 lasers take half a byte each."""
     kinds, more = layout.kinds, b""
     if layout.azimuth_steps != CENTIDEGREES:
         kinds |= _HAS_STEPS
@@ -111,6 +114,11 @@ def _angles(beams: Beams) -> bytes:
 
 
 def decode_beams(body: bytes, layout: Layout) -> Returns:
+    """Decode `encode_beams`; return `Returns` without turns.
+
+    Raises InputError if the bytes are damaged, or name a sensor that is unknown or has other beams
+    now.
+    """
     reader = Reader(body)
     quantum = reader.number() * _QUANTUM_UNIT_M
     use, length = reader.take(2)

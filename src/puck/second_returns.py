@@ -1,3 +1,5 @@
+"""Coding of the second ranges of beams, in dual return mode: most are equal to the first."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -29,6 +31,7 @@ class SecondReturnModel(NamedTuple):
 def new_second_return_model(
     bits: BitCoder, lasers: int, step: int, farthest: int
 ) -> SecondReturnModel:
+    """Return a model without knowledge; `farthest` is the largest range, in quanta."""
     same = MixerOptions(
         contexts=3, counters=1024 + lasers * 8 + 640, rows=_SAME_ROWS, weights=[0.4] * 3
     )

@@ -1,3 +1,5 @@
+"""Coding of azimuths and times: numbers that rise at a nearly constant rate."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -27,6 +29,7 @@ class SequenceModel(NamedTuple):
 
 
 def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
+    """Return a model without knowledge of numbers that wrap around at `modulus`."""
     counters = _NODES * (16 + 81 + 9 * 16 + 81 + 243)
     weights = [0.3] * _CONTEXTS
     options = MixerOptions(contexts=_CONTEXTS, counters=counters, rows=_NODES, weights=weights)

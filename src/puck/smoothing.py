@@ -50,9 +50,23 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
-    """Return the points (n, 3), m, of decoded returns, moved along their rays to smooth surfaces.
+    """Return the points of decoded returns, moved along their rays to smooth surfaces.
 
-    `steps_m` are the turns' quantisation steps, m (see `returns.range_steps`).
+    Planes are fitted to the first returns of each turn. A return moves towards its plane, out of
+    its quantisation interval by at most three standard deviations of the noise or a tenth of the
+    step.
+
+    Parameters
+    ----------
+    returns
+        Decoded returns.
+    steps_m
+        Quantisation step of each turn's ranges, m (see `puck.range_steps`).
+
+    Returns
+    -------
+    array (n, 3)
+        Points in the sensor's coordinates, m, in the order of ``returns.points()``.
     """
     distances = [
         smoothed_distances(returns, turn, step)

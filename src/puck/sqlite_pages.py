@@ -47,6 +47,7 @@ def encode_links(links: Bytes) -> bytes:
 
 
 def decode_links(body: bytes) -> Bytes:
+    """Return the links (n, 4) that `encode_links` encoded."""
     planes = np.frombuffer(body, np.uint8).reshape(LINK_BYTES, -1).T
     steps = np.ascontiguousarray(planes).view(">u4")[:, 0].astype(np.uint32)
     numbers = np.cumsum(steps, dtype=np.uint32).astype(">u4")

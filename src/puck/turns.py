@@ -111,6 +111,18 @@ def _new_state(
 
 
 class TurnEncoder:
+    """Encodes successive turns of one layout, each with the models that earlier turns have trained.
+
+    Parameters
+    ----------
+    layout
+        Arrangement of lasers and columns in the images of all turns.
+    options
+        Options of encoding; by default, nothing is lost.
+    is_quick
+        Whether ranges and reflectivities are coded by `puck.quick_images`.
+    """
+
     def __init__(
         self, layout: Layout, options: CodingOptions | None = None, *, is_quick: bool = False
     ) -> None:
@@ -120,6 +132,7 @@ class TurnEncoder:
         self._since_key = 0
 
     def encode(self, turn: Turn) -> bytes:
+        """Return a turn's bytes; raise InputError if it does not have the layout."""
         check_turn(turn, self.layout)
         options = self.options
         effort = EFFORTS.index(options.effort)
@@ -187,6 +200,7 @@ def turn_step(body: bytes) -> int:
 
 
 def reflectivity_bytes(body: bytes, layout: Layout) -> int:
+    """Return how many bytes of a coded turn hold reflectivities."""
     reader = Reader(body)
     if not reader.take(1)[0] & _REFLECTIVITIES:
         return 0
@@ -233,18 +247,22 @@ class PartWriter:
         self.parts: list[bytes] = []
 
     def open(self, most_decisions: int) -> BitCoder:
+        """Return an encoder for a part of at most so many decisions."""
         return bit_writer(most_decisions * _BYTES_PER_DECISION + 64)
 
     def code_images(self, coder: ImageCoder, jobs: list[ImageJob], nearest: Ints) -> list[Words]:
+        """Encode images as parts; return each with borders."""
         images, parts = coder.encode(jobs, nearest)
         self.parts += parts
         return images
 
     def close(self, bits: BitCoder, is_complete: bool) -> None:
+        """End the part of an encoder."""
         del is_complete
         self.parts.append(written(bits))
 
     def joined(self) -> bytes:
+        """Return all parts, each preceded by its length in bytes."""
         return b"".join(base_128(len(part)) + part for part in self.parts)
 
 
@@ -255,14 +273,17 @@ class PartReader:
         self._reader = reader
 
     def open(self, most_decisions: int) -> BitCoder:
+        """Return a decoder of the next part."""
         del most_decisions
         return bit_reader(self._reader.take(self._reader.number()))
 
     def code_images(self, coder: ImageCoder, jobs: list[ImageJob], nearest: Ints) -> list[Words]:
+        """Decode images from the next parts; return each with borders."""
         parts = [self._reader.take(self._reader.number()) for _ in jobs]
         return coder.decode(jobs, nearest, parts)
 
     def close(self, bits: BitCoder, is_complete: bool) -> None:
+        """Raise InputError unless the part of a decoder was complete, and read to its end."""
         if not is_complete or not read_to_its_end(bits):
             raise InputError("the stream is damaged (a turn)")
 
@@ -413,10 +434,12 @@ def _code_all_reflectivities(
 
 
 def padded(values: Values) -> Words:
+    """Return values as 32-bit integers, below PAD rows of zeros."""
     return np.pad(values.astype(np.int32, "C"), ((PAD, 0), (0, 0)))
 
 
 def extended(values: Words) -> Words:
+    """Return values above PAD rows of zeros."""
     return np.pad(values, ((0, PAD), (0, 0)))
 
 

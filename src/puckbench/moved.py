@@ -16,6 +16,7 @@ _MOVED = {
     "puckbench.core.lazy": "pointkit.lazy",
     "puckbench.core.measurement": "pointkit.measurement",
     "puckbench.core.models": "pointkit.models",
+    "puckbench.core.progress": "pointkit.terminal",
     "puckbench.core.registry": "pointkit.registry",
     "puckbench.core.seeding": "pointkit.seeding",
     "puckbench.core.threads": "pointkit.threads",

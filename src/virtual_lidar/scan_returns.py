@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from pointkit.lidar.recorded_returns import RecordedReturns, table_of_returns
+from pointkit.lidar.return_table import ReturnTable, return_table_of
 from pointkit.lidar.returns import USUAL_QUANTUM_M, Beams, Firing, Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.turns import CENTIDEGREES, MAX_RANGE, Layout, Turn
@@ -34,9 +34,9 @@ class ScanReturns:
     rows: NDArray[np.intp]
     still_at: Floats | None
 
-    def table(self) -> RecordedReturns:
+    def table(self) -> ReturnTable:
         """Return the returns as a table, like those of a recording, for `recorded_planes`."""
-        return table_of_returns(self.returns)
+        return return_table_of(self.returns)
 
 
 def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.column_tables import (
+    ColumnSpecs,
+    ColumnTable,
+    TableSchema,
+    read_column_table,
+    write_column_table,
+    write_portions,
+)
 from pointkit.geometry.cloud import Floats
 from pointkit.models import Model, parsed
-from pointkit.return_tables import (
-    ColumnSpecs,
-    ReturnTable,
-    TableSchema,
-    read_return_table,
-    write_portions,
-    write_return_table,
-)
 
 COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the start of the sweep"),
@@ -51,7 +51,7 @@ class _ScanMetadata(Model, extra="ignore"):
 
 
 @dataclass(frozen=True)
-class ScanTable(ReturnTable):
+class ScanTable(ColumnTable):
     """Returns of a virtual scan, in the order of firing, with true and measured values.
 
     ``table["yaw"]`` is a column (n,); `COLUMNS` describes all of them. ``xyz`` are the true points
@@ -84,7 +84,7 @@ class ScanTable(ReturnTable):
 
 def write_scan(path: Path, table: ScanTable) -> None:
     """Write a scan to a Parquet file, with the unit and description of each column."""
-    write_return_table(path, table)
+    write_column_table(path, table)
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
@@ -94,6 +94,6 @@ def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
 
 def read_scan(path: Path) -> ScanTable:
     """Read a scan that `write_scan` wrote; raise InputError if the file is not one."""
-    table = read_return_table(path, ScanTable)
+    table = read_column_table(path, ScanTable)
     parsed(_ScanMetadata, table.about, f"{path}: its metadata")
     return table

@@ -18,9 +18,9 @@ from cloud_files import content
 from cloud_files.clouds import SUFFIXES, read_cloud, write_cloud
 from cloud_files.e57 import parse_e57
 from cloud_files.meshes import SUFFIXES as MESHES
+from cloud_files.point_columns import cloud_from_columns
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
-from pointkit.point_columns import cloud_from_columns
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.random((40, 3)) * [50, 30, 10]

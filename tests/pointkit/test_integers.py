@@ -1,8 +1,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pointkit.coding.integers import bit_count, dot
-from pointkit.coding.intrinsics import leading_zeros
+from pointkit.coding.intrinsics import bit_count, dot, leading_zeros
 from pointkit.compiling import compiled
 
 RANDOM = np.random.default_rng(3)

@@ -21,7 +21,10 @@ from pureini import EncodingInfo, FieldType, PointcloudEncoder, PointField
 
 from pointkit.coding.zstandard import compressed as zstd
 from pointkit.errors import InputError
-from puck.recordings.compressed_point_cloud2 import decompressed_columns, parse_cloudini
+from puck.recordings.compressed_point_cloud2 import (
+    decompressed_columns,
+    parse_cloudini,
+)
 from tests.puck.test_point_cloud2 import Layout, message_of
 
 POINTS = 40
@@ -129,7 +132,7 @@ def test_without_pureini_a_message_says_how_to_install_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "pureini", None)
     (tmp_path / "cloud").write_bytes(STREAMS["cloudini"])
-    with pytest.raises(InputError, match=r"Cloudini .*pip install 'puckbench\[cloudini\]'"):
+    with pytest.raises(InputError, match=r"Cloudini .*pip install pureini"):
         parse_cloudini(tmp_path / "cloud")
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from puck.recordings import sqlite_bags
+from puck.recordings.packets import SCAN
 from puck.recordings.topics import Topic
-from puck.recordings.velodyne_messages import SCAN
 from tests.support.bag_files import TOPIC, bag_with_log, sqlite_bag
 
 

@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from puck.recordings.velodyne_messages import MESSAGES, SCAN
+from puck.recordings.packets import MESSAGES, SCAN
 from tests.support.capture_lookalike import box_capture, scan_message
 
 TOPIC = "/velodyne_packets"

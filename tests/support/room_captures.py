@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pointkit.geometry.mesh import Mesh
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensors import load_sensor
 from tests.support.sensor_scenes import ROOM, room
 from virtual_lidar import ScanTable, open_error_model, open_sweep, returns_of_scan, scan
@@ -46,6 +46,6 @@ def room_scan(
     return scan(mesh or room(), load_sensor("vlp16"), sweep, model, place, rng)
 
 
-def captured(table: ScanTable) -> RecordedReturns:
+def captured(table: ScanTable) -> ReturnTable:
     """The returns that the sensor of a scan would report."""
     return returns_of_scan(table).table()

@@ -12,7 +12,7 @@ import pytest
 from pyarrow import parquet
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import read_returns
+from pointkit.lidar.return_table import read_return_table
 from pointkit.tables import read_table
 from virtual_lidar.residual_table import read_residuals
 
@@ -32,7 +32,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-@pytest.mark.parametrize("read", [read_table, read_returns, read_residuals])
+@pytest.mark.parametrize("read", [read_table, read_return_table, read_residuals])
 def test_a_small_file_of_many_rows_is_refused(read: Callable[[Path], Any], path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.parquet: 40000000 rows of 8 columns take more than"):
         read(path)

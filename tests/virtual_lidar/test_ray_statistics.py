@@ -4,7 +4,7 @@ from scipy.stats import chi2
 
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.ransac import Plane
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from tests.support.room_captures import STEP_DEG, captured, room_scan
 from virtual_lidar.walls.detection import DetectedPlane
 from virtual_lidar.walls.statistics import (
@@ -142,7 +142,7 @@ def test_two_returns_of_one_firing_are_no_step() -> None:
     azimuth = np.repeat(np.radians([10.0, 10.2, 10.4]), 3)
     nothing = np.zeros(9, dtype=int)
     columns = {"azimuth": azimuth, "laser_id": nothing, "turn": nothing}
-    assert np.degrees(azimuth_step(RecordedReturns(columns))) == pytest.approx(0.2)
+    assert np.degrees(azimuth_step(ReturnTable(columns))) == pytest.approx(0.2)
 
 
 # Forty, sixty and five returns of three lasers, from a wall that is 5 mm off to either side.
@@ -156,7 +156,7 @@ def seen(some: slice, noise_m: float | None) -> PlaneStatistics:
     surface = DetectedPlane(
         "wall", Plane(np.array([0.0, -1.0, 0.0]), -2.5), np.arange(105)[some], 3, 1
     )
-    rows = RecordedReturns({"laser_id": laser, "distance": np.full(len(laser), 2.5)})
+    rows = ReturnTable({"laser_id": laser, "distance": np.full(len(laser), 2.5)})
     noise = None if noise_m is None else RayNoise(0.9, noise_m, 1)
     bias = laser_bias(deviation, laser)
     return PlaneStatistics(surface, rows, -deviation, deviation, bias, noise)
@@ -187,5 +187,5 @@ def test_a_step_is_between_firings_of_one_laser_in_one_turn(changing: str) -> No
     columns = {name: np.zeros(4, dtype=int) for name in ("laser_id", "turn")}
     columns[changing] = np.array([0, 1, 2, 2])
     azimuth = np.radians([10.0, 20.0, 30.0, 30.2])
-    result = azimuth_step(RecordedReturns({**columns, "azimuth": azimuth}))
+    result = azimuth_step(ReturnTable({**columns, "azimuth": azimuth}))
     assert np.degrees(result) == pytest.approx(0.2)

@@ -6,7 +6,7 @@ import pytest
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from tests.support.room_captures import NOISE, ROTATION_HZ, captured, room_scan
 from tests.support.sensor_scenes import ROOM
 from virtual_lidar.walls.stillness import still_rows, turn_shift
@@ -14,22 +14,22 @@ from virtual_lidar.walls.stillness import still_rows, turn_shift
 TURN_S = 1 / ROTATION_HZ
 
 
-def drive(*stops: tuple[float, float]) -> RecordedReturns:
+def drive(*stops: tuple[float, float]) -> ReturnTable:
     """Eight turns of a noisy sensor that is x metres from the middle at each time (in turns)."""
     path = tuple((turn * TURN_S, x, 0.0, 0.0, 0.0, 0.0, 0.0) for turn, x in stops)
     return captured(room_scan(8, path=path, noise=NOISE))
 
 
-def turn(table: RecordedReturns, number: int) -> RecordedReturns:
+def turn(table: ReturnTable, number: int) -> ReturnTable:
     return table.select(table["turn"] == number)
 
 
 @pytest.fixture(scope="module")
-def standing() -> RecordedReturns:
+def standing() -> ReturnTable:
     return captured(room_scan(4, noise=NOISE))
 
 
-def test_all_turns_of_a_standing_sensor_are_still(standing: RecordedReturns) -> None:
+def test_all_turns_of_a_standing_sensor_are_still(standing: ReturnTable) -> None:
     rows, still = still_rows(standing)
     assert len(rows) == len(standing)
     assert still.turns == len(np.unique(standing["turn"]))
@@ -62,40 +62,40 @@ def test_the_shift_towards_a_wall_is_that_of_the_sensor() -> None:
     assert turn_shift(here, here) == 0
 
 
-def test_somebody_who_walks_past_does_not_end_the_interval(standing: RecordedReturns) -> None:
+def test_somebody_who_walks_past_does_not_end_the_interval(standing: ReturnTable) -> None:
     passing = (standing["turn"] == 2) & (standing["azimuth"] > 1.0) & (standing["azimuth"] < 2.0)
     distance = np.where(passing, 0.8, standing["distance"])
     walked = replace(standing, columns={**standing.columns, "distance": distance})
     assert still_rows(walked)[1].turns == still_rows(standing)[1].turns
 
 
-def test_one_turn_does_not_tell(standing: RecordedReturns) -> None:
+def test_one_turn_does_not_tell(standing: ReturnTable) -> None:
     with pytest.raises(InputError, match="one turn does not show"):
         still_rows(turn(standing, 1))
 
 
-def test_turns_that_see_nothing_together_are_refused(standing: RecordedReturns) -> None:
+def test_turns_that_see_nothing_together_are_refused(standing: ReturnTable) -> None:
     sides = (standing["turn"] % 2 == 0) == (standing["azimuth"] < np.pi)
     with pytest.raises(InputError, match="too few returns of two turns compare"):
         still_rows(standing.select(sides))
 
 
-def turns(azimuths: Floats, distances: Floats, number: int = 0) -> RecordedReturns:
+def turns(azimuths: Floats, distances: Floats, number: int = 0) -> ReturnTable:
     """One turn of one laser."""
     columns = {"azimuth": azimuths, "distance": distances}
     columns["laser_id"] = np.zeros(len(azimuths), dtype=int)
     columns["turn"] = np.full(len(azimuths), number)
-    return RecordedReturns(columns)
+    return ReturnTable(columns)
 
 
-def sectors(shifts: Mapping[int, float], count: int = 30) -> RecordedReturns:
+def sectors(shifts: Mapping[int, float], count: int = 30) -> ReturnTable:
     """So many returns in each of some sectors of ten degrees, all over it, 2 m away but for it."""
     within = (np.arange(count) + 0.5) * 10 / count
     degrees = np.concatenate([10 * sector + within for sector in shifts])
     return turns(np.radians(degrees), 2 + np.repeat(list(shifts.values()), count))
 
 
-def around(step_deg: float = 0.3, rise_m: float = 0.0) -> RecordedReturns:
+def around(step_deg: float = 0.3, rise_m: float = 0.0) -> ReturnTable:
     """A turn of 2 m, of which every other return is farther by some."""
     azimuths = np.radians(np.arange(0, 360, step_deg))
     return turns(azimuths, 2 + rise_m * (np.arange(len(azimuths)) % 2))
@@ -125,11 +125,11 @@ def test_distances_are_interpolated_on_one_surface(
     assert np.isfinite(result) == compares
 
 
-def standing_at(*distances: float) -> RecordedReturns:
+def standing_at(*distances: float) -> ReturnTable:
     parts = [
         turns(around()["azimuth"], around()["distance"] + d, i) for i, d in enumerate(distances)
     ]
-    return RecordedReturns(
+    return ReturnTable(
         {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
     )
 

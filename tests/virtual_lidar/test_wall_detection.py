@@ -6,7 +6,7 @@ import pytest
 
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Mesh
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.models import parsed
 from tests.support.room_captures import NOISE, captured, room_scan
 from tests.support.sensor_scenes import joined, moved, quad
@@ -24,7 +24,7 @@ SEARCH = PlaneSearch()
 
 
 def found(
-    table: RecordedReturns, search: PlaneSearch = SEARCH, seed: int = 0
+    table: ReturnTable, search: PlaneSearch = SEARCH, seed: int = 0
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
     return find_surfaces(table, search, np.random.default_rng(seed))
 
@@ -34,16 +34,16 @@ def field(size: float = 40.0) -> Mesh:
 
 
 @pytest.fixture(scope="module")
-def clean() -> RecordedReturns:
+def clean() -> ReturnTable:
     return captured(room_scan(2))
 
 
 @pytest.fixture(scope="module")
-def noisy() -> RecordedReturns:
+def noisy() -> ReturnTable:
     return captured(room_scan(4, noise=NOISE, seed=2))
 
 
-def test_the_four_walls_of_a_room_are_found_where_they_are(clean: RecordedReturns) -> None:
+def test_the_four_walls_of_a_room_are_found_where_they_are(clean: ReturnTable) -> None:
     surfaces, rejected = found(clean)
     assert not rejected
     assert [item.kind for item in surfaces] == ["wall"] * 4
@@ -55,28 +55,28 @@ def test_the_four_walls_of_a_room_are_found_where_they_are(clean: RecordedReturn
         assert item.plane.normal @ clean.xyz[item.rows[0]] < 0
 
 
-def test_returns_next_to_a_corner_do_not_count(clean: RecordedReturns) -> None:
+def test_returns_next_to_a_corner_do_not_count(clean: ReturnTable) -> None:
     corners = np.degrees([np.arctan2(x, y) for x in (-3.0, 3.0) for y in (-2.5, 2.5)]) % 360
     for item in found(clean)[0]:
         degrees = np.floor(np.degrees(clean["azimuth"][item.rows]))
         assert not np.isin(np.floor(corners), degrees).any()
 
 
-def test_all_else_of_the_walls_counts(clean: RecordedReturns) -> None:
+def test_all_else_of_the_walls_counts(clean: ReturnTable) -> None:
     rows = np.concatenate([item.rows for item in found(clean)[0]])
     assert len(np.unique(rows)) == len(rows)
     # Up to three of 90 columns are cut off at each end of a wall.
     assert len(rows) > 0.93 * len(clean)
 
 
-def test_noise_moves_the_walls_by_little(noisy: RecordedReturns) -> None:
+def test_noise_moves_the_walls_by_little(noisy: ReturnTable) -> None:
     distances = sorted(item.distance_m for item in found(noisy)[0])
     # The mean of 16 biases of 8 mm goes into the plane.
     assert distances == pytest.approx([2.5, 2.5, 3, 3], abs=3 * 0.008 / 4)
 
 
 def test_the_same_generator_finds_the_same_planes_and_another_nearly(
-    noisy: RecordedReturns,
+    noisy: ReturnTable,
 ) -> None:
     first, again, other = found(noisy)[0], found(noisy)[0], found(noisy, seed=5)[0]
     for left, two in zip(first, again, strict=True):
@@ -86,7 +86,7 @@ def test_the_same_generator_finds_the_same_planes_and_another_nearly(
         assert left.distance_m == pytest.approx(two.distance_m, abs=1e-3)
 
 
-def test_a_laser_with_a_great_bias_keeps_its_returns(noisy: RecordedReturns) -> None:
+def test_a_laser_with_a_great_bias_keeps_its_returns(noisy: ReturnTable) -> None:
     longer = noisy["distance"] + np.where(noisy["laser_id"] == 6, 0.028, 0.0)
     scaled = (longer / noisy["distance"])[:, None] * noisy.xyz
     columns = {**noisy.columns, "distance": longer, **dict(zip("xyz", scaled.T, strict=True))}
@@ -96,7 +96,7 @@ def test_a_laser_with_a_great_bias_keeps_its_returns(noisy: RecordedReturns) -> 
         assert counts[6] >= 0.95 * np.median(counts)
 
 
-def test_a_laser_that_runs_along_an_edge_does_not_count(noisy: RecordedReturns) -> None:
+def test_a_laser_that_runs_along_an_edge_does_not_count(noisy: ReturnTable) -> None:
     ahead = (noisy["azimuth"] < 0.1) | (noisy["laser_id"] != 5)
     wall = found(noisy)[0][0]
     rows = wall.rows[ahead[wall.rows]]
@@ -140,7 +140,7 @@ def test_a_rough_wall_is_not_taken() -> None:
     assert len(rejected) == 4
 
 
-def test_incidence_is_measured_from_the_normal(clean: RecordedReturns) -> None:
+def test_incidence_is_measured_from_the_normal(clean: ReturnTable) -> None:
     for item in found(clean)[0]:
         rows = clean.select(item.rows)
         cosine = item.distance_m / rows["distance"]

@@ -1,6 +1,6 @@
 import numpy as np
 
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from virtual_lidar.walls.detection import (
     AZIMUTH_COLUMNS,
     RangeImage,
@@ -53,7 +53,7 @@ def test_returns_are_counted_by_laser_elevation_and_degree() -> None:
         "azimuth": np.radians([0.5, 359.99, 359.2, 0.6]),
         "distance": np.ones(4),
     }
-    pixels = RangeImage.of(RecordedReturns(columns))
+    pixels = RangeImage.of(ReturnTable(columns))
     counts = pixels.counts(np.array([True, True, True, False]))
     assert counts.shape == (2, AZIMUTH_COLUMNS)
     assert (counts[0, 0], counts[1, 359], counts.sum()) == (1, 2, 3)

@@ -33,8 +33,7 @@ from gpcc.attributes.quantisation import (
 from gpcc.attributes.syntax import AttributeParameterSet
 from gpcc.compiled import compiled, entry, integer, kernel
 from gpcc.fixed_point import inverse_square_root, square_root
-from pointkit.coding.integers import bit_count
-from pointkit.coding.intrinsics import leading_zeros
+from pointkit.coding.intrinsics import bit_count, leading_zeros
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import Ints
 

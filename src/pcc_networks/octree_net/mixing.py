@@ -13,7 +13,7 @@ from pcc_networks.octree_net.causal_neighbourhood import CELLS, CellMasks, Level
 from pcc_networks.octree_net.symbols import EVEN, GROUPS, ODD, VALUES, Frequencies, Symbols
 from pointkit.coding.binary_coder import BitCoder, bit_reader, bit_writer
 from pointkit.coding.context_mixing import Mixer, MixerOptions, code_bit, new_mixer
-from pointkit.coding.integers import bit_count
+from pointkit.coding.intrinsics import bit_count
 from pointkit.compiling import compiled_in_place
 
 Ints = NDArray[np.int64]

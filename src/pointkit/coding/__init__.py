@@ -1,8 +1,12 @@
 """Entropy coding and stream formats that several codecs use.
 
-`code` is a binary arithmetic coder in integers. `code_bit` estimates each bit's probability by
-context mixing. `Framing`, `Reader`, `base_128` and `signed_128` write and read bytes. Damaged
-streams raise `pointkit.errors.InputError`.
+Two functions code bits by the same binary arithmetic coder (`BitCoder`, 32-bit integers): `code`
+takes the probability from its caller; `code_bit` estimates it by context mixing. Both encode with a
+coder from `bit_writer`, and decode with one from `bit_reader`.
+
+`base_128` and `signed_128` write whole numbers as bytes, `Reader` reads them. `Framing` adds a
+magic number, version and checksum. `compressed` and `decompressed` are Zstandard. Damaged streams
+raise `pointkit.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

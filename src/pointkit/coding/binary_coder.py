@@ -34,26 +34,43 @@ LOW, HIGH, CODE, POSITION, WRITING = range(5)
 
 
 class BitCoder(NamedTuple):
+    """State of an arithmetic coder, which encodes if made by `bit_writer`, decodes if by
+    `bit_reader`.
+
+    Parameters
+    ----------
+    registers
+        (5,): lower and upper end of the interval, decoded word, position in the buffer, and 1 in an
+        encoder.
+    buffer
+        (n,), the bytes of the stream.
+    """
+
     registers: NDArray[np.int64]  # (5,)
     buffer: NDArray[np.uint8]  # (n,), the bytes of the stream
 
 
 def bit_writer(most_bytes: int) -> BitCoder:
+    """Return an encoder with room for `most_bytes` bytes.
+
+    Compiled code does not check the limit: allow two bytes for each bit that is coded with `code`
+    or `code_bit`, and 64 more.
+    """
     registers = np.array([0, _TOP, 0, 0, 1], np.int64)
     return BitCoder(registers, np.empty(most_bytes, np.uint8))
 
 
 def bit_reader(stream: bytes) -> BitCoder:
-    """Return a decoder of a stream; beyond the stream's end, the decoder reads zeros."""
+    """Return a decoder of the bytes of `written`; beyond their end it reads zeros."""
     start = stream[:_TAIL].ljust(_TAIL, b"\0")
     registers = np.array([0, _TOP, int.from_bytes(start, "big"), _TAIL, 0], np.int64)
     return BitCoder(registers, np.frombuffer(stream, np.uint8).copy())
 
 
 def written(coder: BitCoder) -> bytes:
-    """Flush a writer and return its bytes.
+    """End an encoder's stream and return its bytes.
 
-    Up to `PAST_THE_END` trailing zero bytes are removed; a reader supplies them.
+    Up to `PAST_THE_END` zero bytes at the end are left out, since a decoder reads zeros there.
     """
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
@@ -71,7 +88,10 @@ def read_to_its_end(coder: BitCoder) -> bool:
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a reader has passed the stream's end by more than `PAST_THE_END` bytes."""
+    """Return whether a decoder has read so far beyond its stream that the stream must be damaged.
+
+    An encoder is never exhausted.
+    """
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
     return bool(registers[WRITING] == 0 and past)
@@ -101,9 +121,17 @@ def learning_rates() -> NDArray[np.int64]:
 
 @inlined_too
 def code(coder: BitCoder, bit: int, probability: int) -> int:
-    """Encode or decode a bit that is 1 with probability ``probability / ONE``; return the bit.
+    """Encode or decode one bit, and return it.
 
-    ``probability`` must be from 1 to ONE - 1.
+    Parameters
+    ----------
+    coder
+        From `bit_writer` to encode, from `bit_reader` to decode.
+    bit
+        0 or 1; a decoder ignores it.
+    probability
+        Probability that the bit is 1, in units of 1 / ONE, from 1 to ONE - 1; the same on both
+        sides.
     """
     registers = coder.registers
     low, high = registers[0], registers[1]
@@ -120,9 +148,10 @@ def code(coder: BitCoder, bit: int, probability: int) -> int:
 
 @inlined
 def code_uniform(coder: BitCoder, number: int, count: int) -> int:
-    """Encode or decode a uniformly distributed number from 0 to count - 1; return it.
+    """Encode or decode a number of which all values from 0 to count - 1 are equally likely; return
+    it.
 
-    `count` is at most 2^16.
+    A decoder ignores `number`. `count` is at most 2^16.
     """
     registers = coder.registers
     low, high = registers[0], registers[1]
@@ -169,7 +198,11 @@ def _next_byte(coder: BitCoder) -> int:
 
 @compiled_in_place
 def code_gamma(coder: BitCoder, value: int) -> int:
-    """Encode or decode a number from 1 to 2^17 - 1 in Elias gamma code; return it."""
+    """Encode or decode a number from 1 to 2^17 - 1 in Elias gamma code, short for small numbers;
+    return it.
+
+    A decoder ignores `value`.
+    """
     bits = 0
     if coder.registers[WRITING] == 1:
         while value >> (bits + 1):

@@ -1,3 +1,5 @@
+"""Whole numbers and bytes in streams that are read from the first byte to the last."""
+
 from __future__ import annotations
 
 from pointkit.errors import InputError
@@ -26,6 +28,15 @@ def stream_bytes(stream: object) -> bytes:
 
 
 class Reader:
+    """Reads bytes and numbers, one after the other; raises InputError where a stream ends too
+    early.
+
+    Parameters
+    ----------
+    body
+        The stream.
+    """
+
     def __init__(self, body: bytes) -> None:
         self.body, self.at = body, 0
 
@@ -37,10 +48,14 @@ class Reader:
         return self.body[self.at - size : self.at]
 
     def rest(self) -> bytes:
+        """Return all bytes that are not yet read."""
         return self.take(len(self.body) - self.at)
 
     def number(self, longest: int = _LONGEST_NUMBER) -> int:
-        """Read a number written by `base_128`; raise InputError if it exceeds `longest` bytes."""
+        """Read a number written by `base_128`.
+
+        Raises InputError if it has more than `longest` bytes, by default five, or the stream ends.
+        """
         number = 0
         for k in range(longest):
             byte = self.take(1)[0]
@@ -50,5 +65,6 @@ class Reader:
         raise InputError("the stream is damaged (a number)")
 
     def signed(self, longest: int = _LONGEST_NUMBER) -> int:
+        """Read a number written by `signed_128`, of at most `longest` bytes."""
         zigzag = self.number(longest)
         return -(zigzag + 1 >> 1) if zigzag & 1 else zigzag >> 1

@@ -25,8 +25,7 @@ from pointkit.coding.binary_coder import (
     learning_rates,
     logistic_tables,
 )
-from pointkit.coding.integers import dot
-from pointkit.coding.intrinsics import Lanes, add_scaled, lanes_for
+from pointkit.coding.intrinsics import Lanes, add_scaled, dot, lanes_for
 from pointkit.compiling import inlined
 
 Ints = NDArray[np.int64]
@@ -51,12 +50,22 @@ class MixerOptions:
 
     Parameters
     ----------
+    contexts
+        Number of contexts: for each bit, the caller chooses a counter of each.
+    counters
+        Number of adaptive probabilities of all contexts.
     rows
         Number of rows of weights in all sets.
     weights
         Initial weights of the experts, then of the contexts.
+    experts
+        Number of estimates (logits) that the caller computes itself.
+    learning_rate, final_learning_rate
+        Rates at which weights follow errors, at the first bit and after many bits.
     memory
         Number of bits after which a counter adapts at a constant rate.
+    sets
+        Number of sets of weights; for each bit, the caller chooses a row of each.
     tables
         Number of sets with correction tables: the first, or the first two.
     """
@@ -116,6 +125,10 @@ class Mixer(NamedTuple):
 
 
 def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
+    """Return a mixer without knowledge, which codes with `bits`.
+
+    Encoder and decoder must start with the same options.
+    """
     inputs = options.experts + options.contexts
     lanes = lanes_for(inputs + 1)
     weights = np.zeros((options.rows, len(lanes)), np.int32)
@@ -150,6 +163,7 @@ def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
 
 
 def new_counters(count: int) -> NDArray[np.int32]:
+    """Return counters (count,) of probability 1 / 2 that have coded no bit."""
     return np.full(count, 1 << PROBABILITY_BITS + COUNT_BITS - 1, np.int32)
 
 
@@ -162,9 +176,19 @@ def new_corrections(rows: int) -> Words:
 
 @inlined
 def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
-    """Encode or decode a bit, and return it; a reader ignores the argument `bit`.
+    """Encode or decode a bit whose probability the mixer estimates; return the bit, and learn from
+    it.
 
-    `node` is added to each element of the mixer's `contexts`, `row` to each of `rows`.
+    Parameters
+    ----------
+    mixer
+        Its `contexts`, `rows` and, if it has experts, `inputs` are set by the caller. Its coder
+        decides whether the bit is encoded or decoded.
+    bit
+        0 or 1; a decoder ignores it.
+    node, row
+        Numbers added to each element of `contexts`, and to each of `rows`, to tell the decisions
+        about one number apart.
     """
     sizes, inputs, weights = mixer.sizes, mixer.inputs, mixer.weights
     experts, sets, width = len(sizes.experts), len(sizes.sets), len(sizes.lanes)
@@ -210,6 +234,7 @@ def _learning_rate(learning: Ints) -> int:
 
 @inlined
 def logit_of(counters: Counters, counter: int, stretch: Integers) -> int:
+    """Return the logit, in units of 1 / 256, of a counter's probability of a 1."""
     state = np.int64(counters[np.uint64(counter)])
     return int(stretch[np.uint64(state >> COUNT_BITS + PROBABILITY_BITS - 12)])
 

@@ -1,3 +1,5 @@
+"""Magic number, version and checksum before the body of a stream."""
+
 from __future__ import annotations
 
 import struct
@@ -11,14 +13,19 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Framing:
-    """Format of a stream: magic number, version (1 byte), header, CRC-32 of the body, and body.
+    """Format of a stream: magic number, version (1 byte), header, CRC-32 of the body (4 bytes), and
+    body.
 
     Parameters
     ----------
+    magic
+        First bytes of every stream of the format.
+    version
+        0 to 255; streams of other versions are refused.
     title
         Name of the format in error messages.
     header
-        Bytes of the header, which the CRC-32 does not cover.
+        Number of header bytes, which the CRC-32 does not cover.
     """
 
     magic: bytes
@@ -31,10 +38,15 @@ class Framing:
         return self.magic + bytes([self.version])
 
     def framed(self, body: bytes, header: bytes = b"") -> bytes:
+        """Return a stream with this body, and a header of as many bytes as the format has."""
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Return header and body; raise InputError if magic number, version or CRC is wrong."""
+        """Return the header and the body of a stream.
+
+        Raises InputError if the magic number, the version or the checksum is wrong, or the stream
+        too short.
+        """
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:
             raise InputError("the stream is truncated")

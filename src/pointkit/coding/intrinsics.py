@@ -47,13 +47,33 @@ _WORDS, _LONGS = ir.VectorType(_WORD, LANES), ir.VectorType(_LONG, LANES)
 _CANNOT_BE_WRITTEN = (AttributeError, NotImplementedError, TypeError, ValueError)
 
 
+@inlined
+def bit_count(word: int) -> int:
+    """Return the number of set bits of a 64-bit word."""
+    pairs = word - ((word >> 1) & 0x5555555555555555)
+    fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
+    eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
+    return (eights * 0x0101010101010101) >> 56
+
+
+@inlined
+def dot(left: Words, i: int, right: Words, j: int, lanes: Lanes) -> int:
+    """Return the sum of ``left[i + k] * right[j + k]`` over the lanes k, in 64 bits."""
+    total = np.int64(0)
+    for k in range(len(lanes)):
+        total += np.int64(left[np.uint64(i + k)]) * np.int64(right[np.uint64(j + k)])
+    return int(total)
+
+
 def lanes_for(numbers: int) -> Lanes:
+    """Return the lanes of a vector with room for so many numbers, a multiple of `LANES`."""
     return (0,) * (-(-numbers // LANES) * LANES)
 
 
 def add_scaled_loop(
     onto: Words, i: int, numbers: Words, factor: int, shift: int, lanes: Lanes
 ) -> None:
+    """Do what `add_scaled` does."""
     for k in range(len(lanes)):
         product = np.int64(numbers[k]) * factor
         onto[i + k] += np.int32((product + (1 << (shift - 1))) >> shift)
@@ -62,6 +82,7 @@ def add_scaled_loop(
 def decay_and_add_loop(
     onto: Words, i: int, numbers: Words, factor: int, damp: int, slow: int, lanes: Lanes
 ) -> None:
+    """Do what `decay_and_add` does."""
     for k in range(len(lanes)):
         product = np.int32(np.int64(numbers[k]) * factor)
         onto[i + k] += np.int32((product >> damp) - (onto[i + k] >> slow))
@@ -71,6 +92,7 @@ def add_products_loop(
     sums: Floats32, targets: Rows, read: Floats32, sources: Rows, pairs: int, kernel: Floats32,
     at: int, width: int, wider: int,
 ) -> None:  # fmt: skip
+    """Do what `add_products` does."""
     for pair in range(pairs):
         onto, row = targets[pair] * wider, sources[pair] * width
         for k in range(width):

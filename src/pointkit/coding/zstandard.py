@@ -1,3 +1,5 @@
+"""Zstandard with a limit of the decompressed size."""
+
 from __future__ import annotations
 
 import sys
@@ -14,7 +16,17 @@ _WINDOW_LOG = 27
 
 
 def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
-    """Return one Zstandard frame; `long` lets matches be up to 128 MiB apart."""
+    """Return data as one Zstandard frame.
+
+    Parameters
+    ----------
+    data
+        Bytes to compress.
+    level
+        Zstandard's level, up to 22.
+    long
+        Whether repeated bytes are found up to 128 MiB apart.
+    """
     options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
     if long:
         options[zstd.CompressionParameter.enable_long_distance_matching] = 1

@@ -1,3 +1,5 @@
+"""Octree of bounding boxes, for searches in points."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -46,6 +48,7 @@ class BoxTree(NamedTuple):
 
 
 def box_tree(points: Floats) -> BoxTree:
+    """Build the tree of points (n, 3), n > 0, which need not be distinct."""
     keys = morton_keys(points)
     rows = sort_keys(keys)
     starts, ends, first, children, depth = _nodes(points, rows, keys)

@@ -46,7 +46,10 @@ class _Description(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Points with optional attributes; lists and whole numbers are converted to the arrays named.
+    """Points with optional attributes, which are checked when the cloud is made.
+
+    Lists and arrays of whole numbers are converted to the types below. The length of a cloud is its
+    number of points.
 
     Parameters
     ----------
@@ -55,16 +58,16 @@ class PointCloud:
     normals
         Unit vectors, (n, 3) float64.
     colours
-        RGB, (n, 3) uint8; a cloud that is only written may have uint16.
+        Red, green and blue, (n, 3) uint8; a cloud that is only written may have uint16.
     labels
-        (n,) int32.
+        Class or object of each point, (n,) int32.
     about
-        Description, such as source, seed, ``scale`` and ``offset`` to metres, and ``size`` of the
-        cube to which the cloud is scaled (0: metres).
+        Description: source, seed and parameters; ``size`` of the cube to which the cloud is scaled
+        (0: its unit is the metre); ``scale`` and ``offset`` to metres (see `to_metres`).
     returns
-        Returns of a spinning sensor, one per point.
+        The returns of a spinning sensor from which the points were computed, one for each point.
     fields
-        Further attributes by name, (n,) each.
+        Further attributes by name, (n,) numbers each.
 
     Raises
     ------
@@ -249,7 +252,7 @@ def check_points(points: Floats, source: str) -> None:
 
 
 def check_finite(points: Floats) -> None:
-    """Check points, (n, 3); raise InputError if a coordinate is NaN or infinite."""
+    """Raise InputError if a coordinate of points (n, 3) is NaN or infinite."""
     if not np.isfinite(points).all():
         invalid = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
         raise InputError(f"{invalid} of {len(points)} points are not finite")

@@ -55,16 +55,28 @@ class Labels:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with z up: vertices (v, 3) in metres, triangles (t, 3), optional labels."""
+    """A triangle mesh with z up.
+
+    Parameters
+    ----------
+    vertices
+        Coordinates (v, 3), m.
+    triangles
+        Indices (t, 3) of the vertices of each triangle.
+    labels
+        Object and primitive of each triangle, or None.
+    """
 
     vertices: Floats
     triangles: NDArray[np.int64]
     labels: Labels | None = None
 
     def corners(self) -> Floats:
+        """Return the coordinates of the triangles' vertices, (t, 3, 3): triangle, vertex, axis."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:
+        """Return the areas (t,) of the triangles, square metres."""
         return np.asarray(np.linalg.norm(self._doubled_areas(), axis=1) / 2)
 
     def normals(self) -> Floats:
@@ -76,6 +88,7 @@ class Mesh:
         )
 
     def bounds(self) -> Floats:
+        """Return the lowest and the highest corner (2, 3) of the vertices that triangles use."""
         used = self.vertices[np.unique(self.triangles)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
@@ -100,6 +113,9 @@ def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> P
 
 
 def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
+    """Transform a mesh and its primitives from a scaled frame: ``metres = scaled / scale +
+    offset``.
+    """
     labels = _labels_in_metres(mesh.labels, scale, offset)
     return Mesh(mesh.vertices / scale + offset, mesh.triangles, labels)
 

@@ -16,6 +16,7 @@ MOMENT_COUNT = 10
 
 @compiled_in_place
 def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> None:
+    """Add a point with a weight to the ten moments."""
     moments[0] += weight
     moments[1] += weight * x
     moments[2] += weight * y
@@ -30,6 +31,7 @@ def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> N
 
 @compiled_in_place
 def squared_distance(moments: Floats, plane: Floats) -> float:
+    """Return the weighted sum of the points' squared distances from a plane (4,)."""
     a, b, c, d = plane[0], plane[1], plane[2], plane[3]
     along = a * a * moments[4] + b * b * moments[7] + c * c * moments[9]
     along += 2 * (a * b * moments[5] + a * c * moments[6] + b * c * moments[8])
@@ -39,6 +41,9 @@ def squared_distance(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def fit_plane(moments: Floats, plane: Floats) -> float:
+    """Write the plane with the least weighted sum of squared distances to `plane` (4,); return that
+    sum.
+    """
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
     xx, xy, xz, yy, yz, zz = _covariance(moments)
@@ -50,6 +55,7 @@ def fit_plane(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def distance_to_fit(moments: Floats) -> float:
+    """Return the weighted sum of squared distances from the plane of `fit_plane`."""
     xx, xy, xz, yy, yz, zz = _covariance(moments)
     return float(max(_least_eigenvalue(xx, xy, xz, yy, yz, zz), 0.0) * moments[0])
 

@@ -1,4 +1,9 @@
-"""Morton codes: the bits of x, y and z interleaved, x highest, up to 21 bits per axis."""
+"""Morton codes of whole numbers: the bits of x, y and z interleaved, x highest, up to 21 bits per
+axis.
+
+Codecs write them in streams. The keys of `pointkit.geometry.spatial_order`, by which points of any
+coordinates are sorted in memory, have x lowest and 16 bits per axis.
+"""
 
 from __future__ import annotations
 

@@ -1,3 +1,5 @@
+"""Planes through points, by RANSAC, least squares, and without outliers."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -29,6 +31,7 @@ class Plane:
         return np.asarray(points @ self.normal - self.offset)
 
     def facing(self, point: Floats) -> Plane:
+        """Return the plane with its normal on the side of a point (3,)."""
         side = -1.0 if self.normal @ point < self.offset else 1.0
         return Plane(self.normal * side, self.offset * side)
 
@@ -56,6 +59,7 @@ def ransac_plane(
 
 
 def least_squares_plane(points: Floats) -> Plane:
+    """Return the plane with the least sum of squared distances to points (n, 3)."""
     centre = points.mean(axis=0)
     relative = points - centre
     _, vectors = np.linalg.eigh(relative.T @ relative)

@@ -1,6 +1,8 @@
 """Sorting of points along a Morton curve, and removal of duplicates.
 
-Neighbours on the curve are close in space, so that caching speeds up searches fourfold.
+Neighbours on the curve are close in space, so that caching speeds up searches fourfold. Keys are
+cells of the points' bounding cube, x lowest; `pointkit.geometry.morton` has the codes of whole
+numbers with x highest.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ def distinct_points(points: Floats) -> tuple[Rows, Floats]:
 
 
 def morton_order(points: Floats) -> Rows:
+    """Return the indices (n,) that sort points (n, 3) along the curve."""
     return sort_keys(morton_keys(points))
 
 

@@ -1,3 +1,5 @@
+"""Planes through the voxels around each voxel."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,7 +1,8 @@
 """Returns of a spinning sensor, real or virtual, as the integers that the sensor reports.
 
-A turn (revolution) is an image of firing columns by lasers; a Parquet file has a row for each
-firing.
+`Returns` hold revolutions as images of firing columns by lasers. A `FiringTable` is their file: a
+Parquet table with a row for each firing, with and without return. The points of returns, in metres
+and seconds, are in a `pointkit.lidar.return_table.ReturnTable`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,13 @@ from typing import Any, Literal, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.column_tables import (
+    ColumnSpecs,
+    ColumnTable,
+    TableSchema,
+    read_column_table,
+    write_column_table,
+)
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.lidar.sensor import Sensor
@@ -25,13 +33,6 @@ from pointkit.lidar.turns import (
     check_turn,
     clock_steps,
     has_wide_ranges,
-)
-from pointkit.return_tables import (
-    ColumnSpecs,
-    ReturnTable,
-    TableSchema,
-    read_return_table,
-    write_return_table,
 )
 
 USUAL_QUANTUM_M = 0.002
@@ -93,7 +94,16 @@ class Beams:
     def of(cls, sensor: Sensor, firing: Firing = "sequential", is_virtual: bool = False) -> Self:
         """Return the beams of a sensor.
 
-        A virtual sensor rotates counter-clockwise; all rays start at its origin.
+        Parameters
+        ----------
+        sensor
+            Description of the sensor.
+        firing
+            Whether the lasers of a column fire one after the other, as in a real sensor, or at
+            once.
+        is_virtual
+            Whether all rays start at the sensor's origin, and it turns counter-clockwise, as in
+            virtual scans; corrections of lasers are then ignored.
         """
         none, delays = (0.0,) * sensor.lasers, (0.0,) * sensor.lasers
         if firing == "sequential":
@@ -114,6 +124,7 @@ class Beams:
 
     @property
     def lasers(self) -> int:
+        """Number of lasers."""
         return len(self.elevations_deg)
 
 
@@ -130,10 +141,11 @@ FIRING_COLUMNS: ColumnSpecs = {
 
 
 @dataclass(frozen=True)
-class FiringTable(ReturnTable):
-    """Table of firings with and without return, in the order of turns, columns and lasers.
+class FiringTable(ColumnTable):
+    """The file form of `Returns`: a row for each firing, with and without return.
 
-    In dual return mode, a firing has a row for each kind of return.
+    Rows are in the order of turns, columns and lasers. In dual return mode, a firing has a row for
+    each kind of return.
     """
 
     schema = TableSchema("table of firings", "puckbench_firings", FIRING_COLUMNS)
@@ -146,10 +158,30 @@ class _FiringTableInSteps(FiringTable):
 
 @dataclass(frozen=True)
 class Returns:
-    """Returns of a spinning sensor in its coordinates: x right, y forward, z up.
+    """Revolutions of a spinning sensor, and its beams; what codecs of returns encode and decode.
 
-    The distance from a beam's start is the range times `quantum_m`, plus `range_offset_m` and the
-    beam's `range_mm`. Raises InputError if arrays of a turn do not have the layout's shapes.
+    The sensor's coordinates are x right, y forward, z up. The distance from a beam's start is the
+    range times `quantum_m`, plus `range_offset_m` and the beam's `range_mm`.
+
+    Parameters
+    ----------
+    beams
+        Directions and firing times of the lasers.
+    layout
+        Arrangement of lasers and columns in the images of all turns.
+    turns
+        Revolutions, in chronological order.
+    quantum_m
+        Unit of ranges, m.
+    sensor
+        Name of the sensor.
+    range_offset_m
+        Length added to all ranges, m.
+
+    Raises
+    ------
+    InputError
+        The arrays of a turn do not have the layout's shapes, or beams and layout differ in lasers.
     """
 
     beams: Beams
@@ -186,10 +218,20 @@ class Returns:
         return distances
 
     def points(self, distances: Sequence[Floats] | None = None) -> Floats:
-        """Compute points (n, 3) in m, in the order of turns, columns, lasers and kinds of return.
+        """Compute the points of the returns.
 
-        The conversion is that of the VLP-16 User Manual 63-9243 Rev. E, section 9.2. `distances`,
-        m, replace the ranges of the turns and have their shapes.
+        The conversion is that of the VLP-16 User Manual 63-9243 Rev. E, section 9.2.
+
+        Parameters
+        ----------
+        distances
+            Distances, m, to use in place of the ranges of each turn, and in their shapes.
+
+        Returns
+        -------
+        array (n, 3)
+            Points in the sensor's coordinates, m, in the order of turns, columns, lasers and kinds
+            of return. Firings without return have no point.
         """
         if distances is None:
             distances = [self.distances(turn) for turn in self.turns]
@@ -287,6 +329,7 @@ class Returns:
 
     @property
     def columns_per_turn(self) -> int:
+        """Number of columns in a whole revolution, from the usual step of the azimuth."""
         steps = self.layout.azimuth_steps
         rises = [np.mod(np.diff(turn.azimuths.astype(int)), steps) for turn in self.turns]
         increases = np.concatenate(rises) if rises else np.zeros(0, int)
@@ -298,6 +341,7 @@ class Returns:
         return max(round(steps * self.layout.columns_per_block / float(usual.mean())), 1)
 
     def split(self) -> Iterator[Returns]:
+        """Yield each turn as `Returns` of its own."""
         for turn in self.turns:
             yield replace(self, turns=(turn,))
 
@@ -322,6 +366,7 @@ def _returned(turn: Turn) -> NDArray[np.bool_]:
 
 
 def write_firings(path: Path, returns: Returns) -> None:
+    """Write returns as a `FiringTable` in a Parquet file, from which nothing is missing."""
     layout = returns.layout
     parts = [_rows(number, turn, layout) for number, turn in enumerate(returns.turns)]
     columns = {
@@ -340,7 +385,7 @@ def write_firings(path: Path, returns: Returns) -> None:
         about["range_bits"] = 32
     in_centidegrees = layout.azimuth_steps == CENTIDEGREES
     kind = FiringTable if in_centidegrees else _FiringTableInSteps
-    write_return_table(path, kind(columns, about))
+    write_column_table(path, kind(columns, about))
 
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
@@ -376,7 +421,15 @@ def _rows(number: int, turn: Turn, layout: Layout) -> dict[str, NDArray[Any]]:
 
 
 def read_firings(path: Path) -> Returns:
-    table = read_return_table(path, FiringTable)
+    """Read the Parquet file of `write_firings`.
+
+    Raises
+    ------
+    InputError
+        The file is no such table, its rows are not in order, or a value is not one that a sensor
+        can report.
+    """
+    table = read_column_table(path, FiringTable)
     with naming(path):
         try:
             about = table.about
@@ -390,10 +443,12 @@ def read_firings(path: Path) -> Returns:
 
 
 def returns_file(cloud: Path) -> Path:
+    """Return the path of the Parquet file with the returns of a cloud's file."""
     return cloud.with_suffix(".parquet")
 
 
 def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
+    """Return a cloud with the returns beside its file, if there are any."""
     beside = returns_file(path)
     return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
 

@@ -125,18 +125,29 @@ class Sensor(Model):
 
     @property
     def lasers(self) -> int:
+        """Number of lasers."""
         return len(self.laser_elevation_deg)
 
 
 def sensor_names() -> list[str]:
+    """Return the names of the sensors that pointkit describes."""
     return sorted(path.stem for path in _SENSORS.glob("*.yaml"))
 
 
 def load_sensor(name_or_path: str | Path) -> Sensor:
-    """Load a shipped sensor by name, or a sensor from a file.
+    """Return the description of a sensor.
 
-    The file describes a sensor (YAML), or is the calibration of an HDL-64E (db.xml, or YAML of
-    ROS's velodyne_pointcloud).
+    Parameters
+    ----------
+    name_or_path
+        Name of a shipped sensor (``vlp16``; see `sensor_names`), or a file: a description (YAML),
+        or the calibration of an HDL-64E (VeloView's db.xml, or the YAML of ROS's
+        velodyne_pointcloud).
+
+    Raises
+    ------
+    InputError
+        There is no such sensor or file, or the description is not valid.
     """
     path = Path(name_or_path)
     if path.suffix not in {".yaml", ".yml", ".xml"}:

@@ -1,3 +1,5 @@
+"""Units of the times of points, and leaps of clocks, inferred from the times."""
+
 from __future__ import annotations
 
 from typing import Any, Literal, get_args

@@ -1,3 +1,5 @@
+"""One revolution of a spinning sensor as images, and the arrangement of its firings in them."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -26,14 +28,29 @@ Ranges = NDArray[np.uint16 | np.uint32]
 
 @dataclass(frozen=True)
 class Layout:
-    """Arrangement of a sensor's firings in an image of columns by lasers.
+    """Arrangement of a sensor's firings in images of columns by lasers.
 
-    `order` lists laser ids from the lowest elevation to the highest. The columns of a block, two
-    for a VLP-16, share an azimuth; the blocks of a packet share a time. Dual return mode has two
-    `kinds` of return. `azimuth_steps` is the number of azimuth units in a revolution: 36,000 of
-    0.01 degrees by default, the number of columns for an Ouster. If lasers of a column have
-    different azimuths, coders move the values of each laser by `shifts` columns, so that a column
-    has nearly one azimuth; empty: no shifts.
+    Parameters
+    ----------
+    order
+        Ids of the lasers, from the lowest elevation to the highest.
+    columns_per_block
+        Number of columns that share one azimuth (a block): two for a VLP-16.
+    blocks_per_time
+        Number of blocks that share one time (a packet).
+    kinds
+        Number of returns reported for each beam: 1, or 2 in dual return mode.
+    azimuth_steps
+        Number of azimuth units in a revolution: 36,000 of 0.01 degrees by default, the number of
+        columns for an Ouster.
+    shifts
+        Columns by which coders move the values of each laser, so that a column has nearly one
+        azimuth although its lasers point to several; empty: none.
+
+    Raises
+    ------
+    ValueError
+        A value is out of its range, or `order` is no permutation of the lasers.
     """
 
     order: tuple[int, ...]
@@ -59,28 +76,31 @@ class Layout:
 
     @property
     def lasers(self) -> int:
+        """Number of lasers."""
         return len(self.order)
 
     @property
     def max_blocks(self) -> int:
+        """Largest number of blocks in a turn."""
         columns = min(MAX_COLUMNS, MAX_PIXELS // self.lasers)
         return max(columns // self.columns_per_block, 1)
 
 
 @dataclass(frozen=True)
 class Turn:
-    """The firings of one revolution as images, with lasers in the order of their ids.
+    """The firings of one revolution as images; the lasers are in the order of their ids.
 
     Parameters
     ----------
     ranges
-        (kinds of return, columns, lasers), in range quanta, 0 for no return; at most `MAX_RANGE`.
+        (kinds of return, columns, lasers) uint16 or uint32, in the sensor's range units (quanta),
+        at most `MAX_RANGE`; 0: no return.
     azimuths
-        (blocks,), in the layout's azimuth steps.
+        (blocks,) uint16, in the layout's azimuth steps, in the direction of rotation.
     times
-        (ceil(blocks / blocks_per_time),), microseconds.
+        (ceil(blocks / blocks_per_time),) uint32, microseconds of the sensor's clock; None: unknown.
     reflectivities
-        In the shape of `ranges`.
+        uint8, in the shape of `ranges`; None: unknown.
     """
 
     ranges: Ranges
@@ -95,6 +115,7 @@ class Turn:
 
 
 def check_turn(turn: Turn, layout: Layout) -> None:
+    """Raise InputError unless a turn's arrays have the shapes and types of a layout."""
     blocks = len(turn.azimuths)
     shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
     arrays: list[tuple[str, Any, tuple[int, ...], str]] = [
@@ -142,6 +163,7 @@ def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
 
 
 def has_wide_ranges(turn: Turn) -> bool:
+    """Return whether a turn's ranges have 32 bits, not 16."""
     return turn.ranges.dtype == np.uint32
 
 

@@ -64,6 +64,7 @@ def calibration_beside(recording: Path) -> Path | None:
 
 
 def is_s3(status: NDArray[np.uint8]) -> bool:
+    """Return whether packets with these last two bytes (p, 2) are of an HDL-64E S3, not S2."""
     return bool((status[:, 0] == _S3_TYPE).any())
 
 

@@ -1,6 +1,7 @@
 """Link-layer packets in pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
 
-This reader replaces dpkt, which ignores interfaces of pcapng files and stops at some blocks.
+dpkt is not used, since it gives all packets of a pcapng file the clock of the first interface, and
+does not tell what a truncated file lacks.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ class CapturedPacket(NamedTuple):
 
 
 class Interface(NamedTuple):
+    """Link type, snap length, clock ticks per second and offset of a pcapng interface."""
+
     link: int
     snap_length: int
     ticks: int
@@ -103,6 +106,7 @@ class CapturedPackets:
 
 
 def is_packet_capture(data: bytes) -> bool:
+    """Return whether bytes begin like a pcap or pcapng file."""
     is_section = data.startswith(_SECTION_START) and data[8:12] in _SECTION_ORDERS
     return is_section or pcap_layout(data) is not None
 

@@ -1,3 +1,5 @@
+"""Compressed point clouds in ROS messages: zlib, Zstandard, Draco and Cloudini."""
+
 from __future__ import annotations
 
 import logging
@@ -12,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.isolated import ParsedFile, parse_isolated
-from pointkit.point_columns import Columns
+from pointkit.isolated import Columns, ParsedFile, parse_isolated
 from puck.recordings.point_cloud2 import KINDS, Value, point_columns, point_values
 
 COMPRESSED_POINT_CLOUD2 = "point_cloud_interfaces/msg/CompressedPointCloud2"
@@ -145,7 +146,7 @@ def parse_cloudini(path: Path) -> ParsedFile:
     try:
         from pureini import PointcloudDecoder
     except ImportError as error:
-        how = "pip install 'puckbench[cloudini]'"
+        how = "pip install pureini"
         raise InputError(f"reading Cloudini takes the package pureini ({how})") from error
     try:
         data, info = PointcloudDecoder().decode(path.read_bytes())

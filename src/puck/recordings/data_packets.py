@@ -1,3 +1,5 @@
+"""Choice of a sensor's data packets among the datagrams of a capture, and what is left out."""
+
 from __future__ import annotations
 
 import logging
@@ -50,6 +52,7 @@ class PayloadKind(IntEnum):
 
 
 def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """Return the kind (p,), a `PayloadKind`, of payloads (p, 1206)."""
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     flags = np.isin(packets["blocks"]["flag"], BANK_FLAGS).sum(axis=1)
     codes = kind_codes(payloads)
@@ -144,6 +147,7 @@ def whole_packets(
 
 
 def log_left_out(path: Path, about: Mapping[str, Any]) -> None:
+    """Warn of the data of a recording that were left out, by the counts in `about`."""
     parts = [f"{what} ({about[name]:,})" for name, what in LEFT_OUT.items() if about.get(name)]
     if parts:
         logging.getLogger(__name__).warning("%s: left out %s", path, ", ".join(parts))

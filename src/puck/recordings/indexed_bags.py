@@ -1,3 +1,5 @@
+"""ROS bags with an index of their messages: ROS 1 (.bag) and MCAP."""
+
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
@@ -12,6 +14,7 @@ from puck.recordings.topics import BagFile, added_up
 
 @contextmanager
 def indexed_bag(path: Path) -> Iterator[BagFile]:
+    """Open a bag; raise ValueError if its chunks overlap, as only damaged bags' do."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 

@@ -41,6 +41,7 @@ class Field(NamedTuple):
     bits: int
 
     def of(self, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return the field's values, of the shape of `words` without its last axis."""
         values = (words[..., self.word] >> self.bit) & ((1 << self.bits) - 1)
         return values.astype(np.uint32, copy=False)
 
@@ -143,10 +144,12 @@ class OusterSensor:
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
+        """Structure of a packet."""
         return packet_type(self.profile, self.lasers, self.columns_per_packet, self.is_fusa)
 
     @property
     def beams(self) -> Beams:
+        """Directions and offsets of the lasers, in lidar coordinates."""
         none, height = (0.0,) * self.lasers, (self.height_mm,) * self.lasers
         radial = (self.radial_mm,) * self.lasers
         return Beams(
@@ -155,6 +158,7 @@ class OusterSensor:
 
     @property
     def layout(self) -> Layout:
+        """Arrangement of lasers and columns in the images of turns."""
         ranges = PROFILES[self.profile].ranges
         order = np.argsort(self.elevations_deg, kind="stable")
         shifts = np.rint(np.array(self.azimuths_deg) * self.columns / 360).astype(int)
@@ -179,6 +183,7 @@ def metadata_beside(recording: Path) -> Path | None:
 
 
 def read_sensor(path: Path) -> OusterSensor:
+    """Read an Ouster's metadata (JSON); raise InputError if they are not such metadata."""
     document = object_of(read_bytes(path), str(path))
     with naming(path):
         try:
@@ -241,6 +246,7 @@ def is_size_of_packets(size: int) -> bool:
 
 
 def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
+    """Return the serial number in a packet; None for early firmware, which sends none."""
     if sensor.profile == LEGACY:
         return None
     return int.from_bytes(np.frombuffer(payload, sensor.packet)["serial"].tobytes(), "little")
@@ -283,6 +289,7 @@ def numbered_columns(
 
 
 def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the counter of revolutions in each packet (p,), which wraps around."""
     is_legacy = "frame" not in (packets.dtype.names or ())
     numbers = packets["columns"]["frame"][:, 0] if is_legacy else packets["frame"]
     return np.asarray(numbers, dtype=np.int64)

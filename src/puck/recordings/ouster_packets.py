@@ -1,3 +1,5 @@
+"""Kinds of an Ouster's packets, and their conversion to turns and further images, and back."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -87,10 +89,12 @@ class OusterKind:
 
     @classmethod
     def of(cls, sensor: OusterSensor) -> OusterKind:
+        """Return the kind of a sensor's packets, as UDP payloads in one piece."""
         return cls(sensor.profile, sensor.is_fusa, sensor.columns_per_packet, sensor.layout)
 
     @classmethod
     def decode(cls, layout: Layout, code: bytes) -> OusterKind:
+        """Invert `code`; raise InputError if no packets have this code and layout."""
         profile, flags, columns = code
         if profile < len(PROFILES) and flags < 4 and columns > 1:
             is_fusa, is_fragmented = bool(flags & 1), bool(flags & 2)
@@ -102,6 +106,7 @@ class OusterKind:
 
     @property
     def code(self) -> bytes:
+        """Three bytes that describe the format of packets in a stream."""
         flags = self.is_fusa | self.is_fragmented << 1
         return bytes([list(PROFILES).index(self.profile), flags, self.columns_per_packet])
 
@@ -115,10 +120,12 @@ class OusterKind:
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
+        """Structure of a packet."""
         return packet_type(self.profile, self.layout.lasers, self.columns_per_packet, self.is_fusa)
 
     @property
     def size(self) -> int:
+        """Size of a packet, bytes."""
         return self.packet.itemsize
 
     @cached_property
@@ -160,6 +167,7 @@ class OusterKind:
         return without_overlaps(places[is_packet], span)
 
     def split_turns(self, payloads: Payloads) -> Iterator[tuple[OusterKind, Payloads]]:
+        """Split packets (p, size) where the counter of revolutions changes."""
         changes = np.flatnonzero(np.diff(frame_numbers(self._viewed(payloads)))) + 1
         most = self.layout.max_blocks // self.columns_per_packet
         for first, end in pairwise([0, *changes.tolist(), len(payloads)]):
@@ -167,11 +175,13 @@ class OusterKind:
                 yield self, payloads[start : min(start + most, end)]
 
     def turn_of(self, payloads: Payloads) -> Turn:
+        """Convert packets (p, size) of one revolution to a turn."""
         profile = PROFILES[self.profile]
         turn = turn_of_columns(profile, self._columns(payloads), self.layout.azimuth_steps)
         return replace(turn, reflectivities=None) if profile.signals else turn
 
     def rest_of(self, payloads: Payloads) -> Rest:
+        """Return what packets (p, size) hold beyond their turn."""
         columns = self._columns(payloads)
         words = columns["pixels"]
         images = [channel.field.of(words).astype(np.uint16) for channel in self.channels]
@@ -189,6 +199,7 @@ class OusterKind:
         )  # fmt: skip
 
     def packets_of(self, turn: Turn, rest: Rest) -> Payloads:
+        """Return the packets (p, size) of a turn and its rest, bit for bit as they were."""
         count, uneven = divmod(len(turn.azimuths), self.columns_per_packet)
         if uneven or turn.times is None or rest.remainders.max(initial=0) * rest.unit >= _NS:
             raise InputError("the stream is damaged (packets of a turn)")
@@ -222,6 +233,7 @@ class OusterKind:
 
     @property
     def outside_bytes(self) -> int:
+        """Number of bytes of a packet before and after its columns."""
         return 0 if self.profile == LEGACY else 2 * _OUTSIDE_BYTES
 
     def _outsides(self, payloads: Payloads) -> tuple[Payloads, bool]:

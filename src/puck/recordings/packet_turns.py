@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import LAST, RecordedReturns, table_of_returns
+from pointkit.lidar.return_table import LAST, ReturnTable, return_table_of
 from pointkit.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
@@ -65,7 +65,16 @@ Payloads = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class PacketKind:
-    """Product and return mode (last two bytes) of packets, and the layout of their images."""
+    """Kind of a Velodyne's data packets, and the layout of the images in which they are coded.
+
+    Parameters
+    ----------
+    product, mode
+        Codes of the sensor and of its return mode, as in a packet's last two bytes: 0x22 is a
+        VLP-16; 0x37 reports a beam's strongest return, 0x38 the last, 0x39 both.
+    layout
+        Arrangement of lasers and columns in a `Turn`.
+    """
 
     product: int
     mode: int
@@ -85,9 +94,14 @@ class PacketKind:
 
     @property
     def has_rest(self) -> bool:
+        """Whether packets have bytes that do not belong to their turn (`rest`)."""
         return self.product == HDL64E or self.blocks.size < BLOCKS
 
     def returns(self, turns: Iterable[Turn], sensor: Sensor | None = None) -> Returns:
+        """Return turns with the beams of `sensor`, by default the one that the product code names.
+
+        Raises InputError if the sensor has another number of lasers, or no firing times.
+        """
         sensor = sensor or load_sensor(SENSORS[self.product])
         if sensor.lasers != self.layout.lasers or sensor.firing_sequence_us is None:
             lasers = f"{self.layout.lasers} lasers and their firing times"
@@ -98,6 +112,10 @@ class PacketKind:
 
 @cache
 def packet_kind(product: int, mode: int) -> PacketKind:
+    """Return the kind of packets with a product code and a return mode (see `PacketKind`).
+
+    Raises InputError for sensors and modes that are not supported.
+    """
     if product not in SENSORS:
         name = PRODUCTS.get(product, "an unknown sensor")
         listed = ", ".join(PRODUCTS[each] for each in SENSORS)
@@ -243,8 +261,17 @@ def _is_supported(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
 def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Returns:
     """Decode packets (p, 1206) to returns; the first and the last revolution may be incomplete.
 
-    The product code determines the default sensor. Raises InputError for damaged packets, or
-    several sensors or return modes.
+    Parameters
+    ----------
+    payloads
+        Bytes of data packets in the order in which the sensor sent them.
+    sensor
+        Description of the lasers; by default, the nominal one of the packets' product.
+
+    Raises
+    ------
+    InputError
+        There is no packet, a packet is damaged, or packets are of several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
@@ -258,12 +285,16 @@ def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Retu
     return parts[0][0].returns((turn_of(kind, part) for kind, part in parts), sensor)
 
 
-def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> RecordedReturns:
-    """Decode packets (p, 1206) to a table; see `returns_of_packets`. A turn begins at azimuth 0."""
+def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTable:
+    """Decode packets (p, 1206) to a table with a row for each return (see `returns_of_packets`).
+
+    A turn begins where the azimuth passes 0. The table's ``about`` tells sensor, return mode and
+    number of packets.
+    """
     returns = returns_of_packets(payloads, sensor)
     product, number = kind_codes(payloads[:1])[0].tolist()
     device, mode = sensor or load_sensor(SENSORS[product]), MODES[number]
-    table = table_of_returns(returns, device.firing_sequence_us or 0.0)
+    table = return_table_of(returns, device.firing_sequence_us or 0.0)
     if mode == "last":
         table["return_kind"][:] = LAST
     table["turn"][:] = _turn_numbers(returns)
@@ -286,9 +317,27 @@ def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
 
 
 def packets_of(kind: PacketKind, turn: Turn, rest: Payloads | None = None) -> Payloads:
-    """Convert a turn back to packets (p, 1206), the inverse of `turn_of`.
+    """Convert a turn back to data packets, the inverse of `turn_of`.
 
-    `rest` holds the bytes (p, r) at `PacketKind.rest`, by default 0.
+    Parameters
+    ----------
+    kind
+        Sensor and return mode.
+    turn
+        A turn of whole packets, with times and reflectivities.
+    rest
+        Bytes (p, r) that stand at `PacketKind.rest` in each packet; by default 0.
+
+    Returns
+    -------
+    array (p, 1206) of uint8
+        The UDP payloads.
+
+    Raises
+    ------
+    InputError
+        Packets cannot hold the turn: it lacks times or reflectivities, is not of whole packets, or
+        has a range of more than 16 bits.
     """
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:

@@ -51,6 +51,7 @@ def joined(
     about: dict[str, Any],
     size: int = PACKET_BYTES,
 ) -> PacketLog:
+    """Return payloads of `size` bytes each, received at times in s since 1970, as a log."""
     data = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, size)
     return PacketLog(data, np.asarray(received, dtype=np.float64), about)
 
@@ -81,3 +82,9 @@ BLOCK = np.dtype([("flag", "<u2"), ("azimuth", "<u2"), ("returns", RETURN, (2, L
 PACKET = np.dtype(
     [("blocks", BLOCK, BLOCKS), ("time_us", "<u4"), ("mode", "u1"), ("product", "u1")]
 )
+SCAN = "velodyne_msgs/msg/VelodyneScan"
+"""Type of the ROS messages that hold packets; `MESSAGES` are definitions in ROS's notation."""
+MESSAGES = {
+    "velodyne_msgs/msg/VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data",
+    SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets",
+}

@@ -1,3 +1,5 @@
+"""UDP datagrams in packet captures: Ethernet, VLANs, IPv4 and IPv6, whole or in fragments."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -29,6 +31,8 @@ _MAX_LISTED = 4
 
 
 class Stream(NamedTuple):
+    """Sender and receiver of datagrams, with their ports."""
+
     sender: str
     sender_port: int
     receiver: str
@@ -70,6 +74,7 @@ class Capture:
     bytes_cut_off: int
 
     def contents(self) -> str:
+        """Describe for an error message what the capture holds, most frequent first."""
         sizes = Counter((each.length, each.stream.receiver_port) for each in self.datagrams)
         cut = "; ".join(_listed(self.cut_sizes))
         counts = {

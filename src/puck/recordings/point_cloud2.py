@@ -1,3 +1,5 @@
+"""Values of the points in ROS's messages of the type PointCloud2."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -8,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.point_columns import Columns
+from pointkit.isolated import Columns
 
 POINT_CLOUD2 = "sensor_msgs/msg/PointCloud2"
 KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}

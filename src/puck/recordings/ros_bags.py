@@ -17,8 +17,7 @@ import numpy as np
 from pointkit.damage import PARSER_FAULTS, reading
 from pointkit.errors import InputError, naming
 from pointkit.files import open_file, unreadable
-from pointkit.isolated import ParsedFile, parse_isolated
-from pointkit.point_columns import Columns
+from pointkit.isolated import Columns, ParsedFile, parse_isolated
 from puck.recordings.indexed_bags import indexed_bag
 from puck.recordings.sqlite_bags import SIDE_FILE_SUFFIXES, sqlite_bag
 from puck.recordings.topics import BagFile, Topic, Topics, added_up, choose_topic, listed
@@ -56,6 +55,10 @@ def is_bag(path: Path) -> bool:
 
 
 def read_topics(path: Path) -> Topics:
+    """Return the topics of a bag by name, with their types and numbers of messages.
+
+    Raises InputError if the file is damaged or no bag.
+    """
     topics = _isolated(parse_topics, path).about["topics"]
     return {name: Topic(*topic) for name, topic in topics.items()}
 
@@ -67,12 +70,31 @@ def read_messages(
     topic: str | None = None,
     numbers: Sequence[int] | None = None,
 ) -> Messages:
-    """Read messages of the topic chosen by `puck.recordings.topics.choose_topic`.
+    """Read and deserialise messages of one topic.
 
-    `numbers` (sorted, from 0) selects messages; by default, all are read.
-    `definitions` define types that `rosbags` lacks; definitions in the bag are not used, because
-    `rosbags` would compile them. Raises InputError if the file is damaged, or lacks the topic or a
-    selected message.
+    Parameters
+    ----------
+    path
+        File (.bag, .db3, .mcap), or folder of a ROS 2 bag.
+    kinds
+        Message types that the caller can use, the preferred one first.
+    definitions
+        Definitions, in ROS's notation, of message types that the package `rosbags` lacks.
+        Definitions in the bag are not used, because `rosbags` would compile them.
+    topic
+        Name of the topic; by default, the only topic of the first type in `kinds` that occurs.
+    numbers
+        Numbers of messages to read, ascending from 0; by default, all.
+
+    Returns
+    -------
+    Messages
+        The topic's name and type, and the messages in the order of time.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, it has no such topic or several, or it lacks a message of `numbers`.
     """
     from rosbags.serde import SerdeError
 
@@ -94,6 +116,7 @@ def _isolated(parse: Callable[..., ParsedFile], path: Path, **options: Any) -> P
 
 
 def parse_topics(path: Path, folder: str) -> ParsedFile:
+    """Read topics as `read_topics` does, in the worker process."""
     with _reading(path, folder):
         files, _ = _files(path, Path(folder))
         return ParsedFile({}, {"topics": _all_topics(_topics_of_files(files, Path(folder)))})

@@ -1,3 +1,5 @@
+"""Topics of ROS bags, and the choice of one."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -68,6 +70,7 @@ def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) 
 
 
 def listed(names: Collection[str]) -> str:
+    """Return names, sorted and at most eight of them, for an error message."""
     shortened = [
         "".join(letter if letter.isprintable() else "?" for letter in name)[:_MAX_NAME_LENGTH]
         for name in sorted(names)[:_MAX_LISTED]

@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import os
 import sys
 from collections.abc import Container, Sequence
-from pathlib import Path
 from typing import NoReturn
 
 import puckbench
 from pointkit.errors import InputError
-from pointkit.files import refusing_paths, unwritable
+from pointkit.files import refusing_paths
+from pointkit.terminal import print_answer
 from puckbench.cli.answers import text_of
 from puckbench.cli.registry import Answer, command, help_texts
 from puckbench.core.interrupts import interrupted_by_signals
@@ -39,9 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with interrupted_by_signals(), refusing_paths():
             answer = _run(name, options, parser)
         if isinstance(answer, str):
-            _show(answer)
+            print_answer(answer)
         elif answer is not None:
-            _show(json.dumps(answer, allow_nan=False) if options.json else text_of(answer))
+            text = json.dumps(answer, allow_nan=False) if options.json else text_of(answer)
+            print_answer(text)
     except InputError as error:
         return _fail(str(error))
     except KeyboardInterrupt:
@@ -73,18 +73,6 @@ def _show_remarks() -> None:
     for log in map(logging.getLogger, ("puckbench", "cloud_files", "puck")):
         log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
         log.addHandler(remarks)
-
-
-def _show(text: str) -> None:
-    """Print a command's answer; raise InputError if this fails, unless the pipe was closed."""
-    try:
-        print(text)  # noqa: T201
-        sys.stdout.flush()
-    except OSError as error:
-        # The interpreter flushes the remaining text at its end, which would fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):
-            raise unwritable(Path("standard output"), error) from error
 
 
 def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:

@@ -29,7 +29,7 @@ def add_time_unit(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    from pointkit.lidar.recorded_returns import write_returns
+    from pointkit.column_tables import write_column_table
     from pointkit.lidar.sensors import load_sensor
     from puckbench.datasets.recordings import decompressed
     from puckbench.recordings.reading import read_recording
@@ -40,5 +40,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         table = read_recording(
             path, sensor, *interval, stream, unit, options.capture, options.topic
         )
-    write_returns(options.out, table)
+    write_column_table(options.out, table)
     return {"points": len(table), "turns": int(table["turn"].max()) + 1, **table.about}

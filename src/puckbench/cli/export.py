@@ -28,8 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    from pointkit.column_tables import is_table_of
     from pointkit.lidar.returns import FiringTable
-    from pointkit.return_tables import is_table_of
     from puck.recordings.pcap import refuse_stream
     from puckbench.jobs.prepare_recording import is_recording, read_selected_turns
     from puckbench.recordings.cloud_messages import has_clouds

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from cloud_files.content import plain_suffix
+from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError
 from pointkit.lidar.returns import returns_file
-from pointkit.return_tables import is_table_of
 from puck.recordings.data_packets import LEFT_OUT
 from puck.recordings.pcap import refuse_stream
 from puckbench.cli.capture import STREAM, TOPIC
@@ -111,9 +111,9 @@ def _cloud(
 
 
 def _refuse_returns(path: Path) -> None:
-    from pointkit.lidar.recorded_returns import RecordedReturns
+    from pointkit.lidar.return_table import ReturnTable
 
-    if is_table_of(path, RecordedReturns):
+    if is_table_of(path, ReturnTable):
         how = f"export it as a cloud first (puckbench export {path} cloud.ply)"
         raise InputError(f"{path}: a recording's table, not a scan's: {how}")
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 CLOUD_FILES = (
     *("cloud_files.clouds", "cloud_files.content", "cloud_files.descriptions", "cloud_files.ply"),
-    "puckbench.core.archives",
+    *("puckbench.core.archives", "cloud_files.missing_returns", "cloud_files.point_columns"),
 )
 """Clouds on disk, as the jobs of a run write and read them."""
 MESH_FILES = (*CLOUD_FILES, "cloud_files.meshes", "cloud_files.meshes.ply")
@@ -22,7 +22,8 @@ CODEC = ("puckbench.codecs.base", "puckbench.jobs.codec_jobs", "puckbench.jobs.c
 """Calls of a codec, and archives of its streams."""
 RECORDINGS = (
     *("puckbench.recordings", "puckbench.datasets.recordings", "puck.records"),
-    *("puck.recordings", "puckbench.codecs.registry"),
+    *("puck.recordings", "puckbench.codecs.registry", "cloud_files.missing_returns"),
+    "cloud_files.point_columns",
 )
 """Recordings of real sensors."""
 TABLES = (

@@ -21,11 +21,11 @@ import numpy as np
 
 from cloud_files.clouds import without_invalid, without_missing
 from cloud_files.float32_frames import check_column_count, float32_rows
+from cloud_files.missing_returns import missing_returns
 from cloud_files.poses import read_kitti_calibration, read_poses, read_times
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import Floats, UncheckedCloud, check_points
-from pointkit.geometry.missing_returns import missing_returns
 from puckbench.datasets.base import Count, select_names
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS

@@ -18,10 +18,10 @@ import numpy as np
 
 from cloud_files.clouds import without_invalid, without_missing
 from cloud_files.float32_frames import check_column_count, float32_rows
+from cloud_files.missing_returns import missing_firings
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import Floats, UncheckedCloud, check_points
-from pointkit.geometry.missing_returns import missing_firings
 from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 from pydantic import NonNegativeFloat, NonNegativeInt
 
+from pointkit.column_tables import check_parquet_memory
 from pointkit.errors import InputError
 from pointkit.files import json_bytes, object_of, read_bytes, read_object, written_whole
 from pointkit.models import Model, parsed
-from pointkit.parquet_files import check_parquet_memory
 from puckbench.core.archives import SUFFIX, read_archive, write_archive
 
 STREAM, RECORD = ".bin", ".json"

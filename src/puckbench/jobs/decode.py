@@ -12,9 +12,9 @@ from cloud_files.clouds import wide_colours, write_cloud
 from cloud_files.content import plain_suffix
 from cloud_files.las_rewriting import rewrite_las
 from cloud_files.meshes import write_mesh
+from cloud_files.point_columns import WIDE_COLOURS
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, PointCloud
-from pointkit.point_columns import WIDE_COLOURS
 from puckbench.codecs.facts import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.core.code import CLOUD_FILES, CODEC

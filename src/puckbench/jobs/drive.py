@@ -12,8 +12,8 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import clock_steps
+from pointkit.terminal import Progress
 from puckbench.core.code import MESH_FILES, SENSOR
-from puckbench.core.progress import Progress
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import Scene
 from puckbench.jobs.registry import JOBS, Job

@@ -12,13 +12,13 @@ from pointkit.errors import InputError, naming, noting
 from pointkit.files import json_bytes, object_of
 from pointkit.geometry.cloud import PointCloud, check_points
 from pointkit.measurement import Cost, measured
+from pointkit.terminal import Progress
 from puckbench import __version__
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
 from puckbench.core.archives import read_archive, write_archive
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import run_environment
-from puckbench.core.progress import Progress
 from puckbench.geometry.digest import cloud_digest
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import RECORD, STREAM, write_rows

@@ -11,11 +11,11 @@ from pointkit.errors import InputError, naming, noting
 from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from pointkit.lidar.returns import with_returns
 from pointkit.measurement import Cost, Measured, measured
+from pointkit.terminal import Progress
 from puckbench.codecs.base import Codec, SharedWork
 from puckbench.codecs.registry import open_codec
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import cpu_model, run_environment
-from puckbench.core.progress import Progress
 from puckbench.geometry.attributes import not_coded
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import NOT_CODED, REMARK, Coded, write_curve

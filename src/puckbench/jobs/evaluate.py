@@ -12,9 +12,9 @@ from cloud_files.content import plain_suffix
 from pointkit.errors import naming
 from pointkit.files import write_json
 from pointkit.lidar.returns import with_returns
+from pointkit.terminal import Progress
 from puckbench import __version__
 from puckbench.core.code import CODEC, MESH_FILES
-from puckbench.core.progress import Progress
 from puckbench.jobs.curve_files import REMARK, read_coded, read_curve, write_rows
 from puckbench.jobs.decoding import Decoded, Decoding
 from puckbench.jobs.registry import JOBS

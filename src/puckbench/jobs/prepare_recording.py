@@ -7,10 +7,10 @@ from typing import Any
 from cloud_files import meshes
 from cloud_files.clouds import SUFFIXES
 from cloud_files.content import plain_suffix, read_content
+from pointkit.column_tables import is_table_of
 from pointkit.errors import naming
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, read_firings
-from pointkit.return_tables import is_table_of
 from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.pcap import refuse_stream
 from puck.recordings.ros_bags import bag_format

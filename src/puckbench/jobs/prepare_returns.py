@@ -7,10 +7,10 @@ from typing import Any
 from pydantic import Field
 
 from cloud_files.clouds import write_cloud
+from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, read_firings, write_firings
-from pointkit.return_tables import is_table_of
 from puckbench.jobs.prepare import names_and_groups
 from puckbench.jobs.registry import JOBS, Job
 from virtual_lidar.scan_table import ScanTable

@@ -14,8 +14,8 @@ from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.models import Model, parsed
 from pointkit.seeding import generator
+from pointkit.terminal import Progress
 from puckbench.core.code import MESH_FILES, SENSOR
-from puckbench.core.progress import Progress
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.surfaces import read_surface

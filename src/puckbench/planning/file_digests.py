@@ -11,7 +11,7 @@ from stat import S_ISREG
 from pointkit.errors import InputError
 from pointkit.files import read_object, write_json
 from pointkit.models import Model, parsed
-from puckbench.core.progress import Progress
+from pointkit.terminal import Progress
 
 _MOST_READ = 1 << 30
 """Size up to which a file is read whole, bytes; this takes 0.8 s (1.3 GB/s)."""

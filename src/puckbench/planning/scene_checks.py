@@ -12,12 +12,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from cloud_files.point_columns import WIDE_COLOURS
 from pointkit.errors import InputError
 from pointkit.files import read_object, write_json
 from pointkit.geometry.cloud import Floats, PointCloud, bounds, check_extent
 from pointkit.models import Model, parsed
-from pointkit.point_columns import WIDE_COLOURS
-from puckbench.core.progress import Progress
+from pointkit.terminal import Progress
 from puckbench.datasets.base import DataSet
 from puckbench.datasets.scene import Scene
 from puckbench.geometry.extent import warn_of_implausible_extent

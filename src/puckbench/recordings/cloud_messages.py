@@ -7,19 +7,20 @@ from pathlib import Path
 import numpy as np
 
 from cloud_files.clouds import without_invalid, without_missing
+from cloud_files.missing_returns import missing_returns
+from cloud_files.point_columns import cloud_from_columns
 from pointkit.errors import naming
 from pointkit.geometry.cloud import UncheckedCloud
-from pointkit.geometry.missing_returns import missing_returns
-from pointkit.point_columns import Columns, cloud_from_columns
+from pointkit.isolated import Columns
 from puck.recordings.compressed_point_cloud2 import (
     COMPRESSED_POINT_CLOUD2,
     DEFINITION,
     decompressed_columns,
 )
+from puck.recordings.packets import SCAN
 from puck.recordings.point_cloud2 import POINT_CLOUD2, point_columns
 from puck.recordings.ros_bags import is_bag, read_messages, read_topics
 from puck.recordings.topics import Topic, choose_topic
-from puck.recordings.velodyne_messages import SCAN
 
 CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 

@@ -15,7 +15,7 @@ from cloud_files.ply import read_ply
 from cloud_files.text import read_csv
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, check_points
-from pointkit.lidar.recorded_returns import RETURN_COLUMNS, UNKNOWN, RecordedReturns
+from pointkit.lidar.return_table import RETURN_COLUMNS, UNKNOWN, ReturnTable
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.lidar.times import TimeUnit, falls, fault_of, largest_leap, seconds_of, unit_of
@@ -46,7 +46,7 @@ _log = logging.getLogger(__name__)
 
 def read_points(
     path: Path, sensor: Sensor | None = None, time_unit: TimeUnit | None = None
-) -> RecordedReturns:
+) -> ReturnTable:
     """Read points x, y, z (m, sensor's coordinates) with a laser column as a table of returns.
 
     Points at the origin or with all coordinates nan are left out. See `returns_of_columns`.
@@ -75,7 +75,7 @@ def read_points(
 
 def returns_of_columns(
     columns: Columns, seconds: Floats, device: Sensor, label: str
-) -> RecordedReturns:
+) -> ReturnTable:
     """Convert the columns of points in a sensor's coordinates, and times (n,), s, to a table.
 
     The laser column is the first of `laser_id`, `laser`, `label`, `ring`, `channel` and `line`
@@ -103,7 +103,7 @@ def returns_of_columns(
     table = {
         name: values.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
     }
-    return RecordedReturns(table, {"sensor": device.name})
+    return ReturnTable(table, {"sensor": device.name})
 
 
 def _points(columns: Columns, label: str) -> Floats:

@@ -16,14 +16,14 @@ from cloud_files.las import write_las
 from cloud_files.pcd import write_pcd
 from cloud_files.ply import write_ply
 from cloud_files.text import write_csv
+from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import UNKNOWN, RecordedReturns, read_returns, table_of_returns
+from pointkit.lidar.return_table import UNKNOWN, ReturnTable, read_return_table, return_table_of
 from pointkit.lidar.returns import Returns
-from pointkit.return_tables import is_table_of
 from puckbench.recordings.writing import write_pcap
 from virtual_lidar.scan_table import ScanTable, read_scan
 
-Source = ScanTable | RecordedReturns | Returns
+Source = ScanTable | ReturnTable | Returns
 Columns = dict[str, NDArray[Any]]
 
 _KITTI_BRIGHTEST = 255
@@ -103,8 +103,8 @@ _OF_RECORDINGS = (
 )
 
 
-def read_source(path: Path) -> ScanTable | RecordedReturns:
-    return read_returns(path) if is_table_of(path, RecordedReturns) else read_scan(path)
+def read_source(path: Path) -> ScanTable | ReturnTable:
+    return read_return_table(path) if is_table_of(path, ReturnTable) else read_scan(path)
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
         The suffix is unknown, there is no return, or the format does not suit the source.
     """
     suffix = _checked_suffix(path, len(source))
-    if isinstance(source, RecordedReturns | Returns):
+    if isinstance(source, ReturnTable | Returns):
         if clean:
             raise InputError(f"{path}: a recording has no true coordinates")
         return export_points(path, _recorded_columns(source))
@@ -165,10 +165,10 @@ def _checked_suffix(path: Path, points: int) -> str:
     return suffix
 
 
-def _recorded_columns(source: RecordedReturns | Returns) -> Columns:
-    if isinstance(source, RecordedReturns):
+def _recorded_columns(source: ReturnTable | Returns) -> Columns:
+    if isinstance(source, ReturnTable):
         return _of(source.columns, *_OF_RECORDINGS)
-    table = table_of_returns(source, _column_us(source))
+    table = return_table_of(source, _column_us(source))
     columns = {**_of(table.columns, *"xyz"), "ring": _rings(source)[table["laser_id"]]}
     if all(turn.reflectivities is not None for turn in source.turns):
         columns["intensity"] = table["reflectivity"].astype(np.float32)

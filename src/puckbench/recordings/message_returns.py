@@ -11,11 +11,11 @@ import numpy as np
 
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import check_points
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.isolated import Columns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.times import TimeUnit
 from pointkit.lidar.turns import MAX_LASERS
-from pointkit.point_columns import Columns
 from puckbench.recordings.cloud_messages import cloud_topic, read_cloud_messages
 from puckbench.recordings.decoded_clouds import (
     LASERS,
@@ -38,7 +38,7 @@ def read_message_returns(
     sensor: Sensor | None,
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
-) -> RecordedReturns:
+) -> ReturnTable:
     """Read a topic of clouds as a table of returns, with a turn for each message.
 
     The clouds' coordinates are those of ROS: x forward, y left, z up. For times see

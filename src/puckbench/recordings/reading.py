@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
-from pointkit.lidar.recorded_returns import RecordedReturns, read_returns, table_of_returns
+from pointkit.lidar.return_table import ReturnTable, read_return_table, return_table_of
 from pointkit.lidar.returns import Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
@@ -25,11 +25,10 @@ from puck.recordings.data_packets import (
 from puck.recordings.ouster import ouster_turns
 from puck.recordings.packet_order import tell_irregularities
 from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
-from puck.recordings.packets import HDL64E, PacketLog
+from puck.recordings.packets import HDL64E, MESSAGES, SCAN, PacketLog
 from puck.recordings.pcap import read_datagrams, refuse_stream
 from puck.recordings.ros_bags import is_bag, read_messages
 from puck.recordings.topics import refuse_topic
-from puck.recordings.velodyne_messages import MESSAGES, SCAN
 from puckbench.recordings.cloud_messages import has_clouds
 from puckbench.recordings.decoded_clouds import SUFFIXES, read_points
 from puckbench.recordings.message_returns import read_message_returns
@@ -53,15 +52,15 @@ def read_recording(
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
     topic: str | None = None,
-) -> RecordedReturns:
+) -> ReturnTable:
     """Read the returns of a recording as a table.
 
     Parameters
     ----------
     path
         A packet capture (.pcap, .pcapng), a ROS bag of data packets or clouds (.bag, .db3, .mcap,
-        or its folder), a cloud (see `decoded_clouds.read_points`), or a table of `write_returns`
-        (.parquet).
+        or its folder), a cloud (see `decoded_clouds.read_points`), or a Parquet file of a
+        `ReturnTable`.
     sensor, time_unit
         The sensor, and the unit of a cloud's times; both are inferred by default. Packets of an
         Ouster describe their sensor.
@@ -86,7 +85,7 @@ def read_recording(
         if is_file_of_returns:
             refuse_topic(topic)
         if suffix == ".parquet":
-            table = _between(read_returns(path), start_s, end_s)
+            table = _between(read_return_table(path), start_s, end_s)
         elif suffix in SUFFIXES:
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
         elif has_units:
@@ -203,12 +202,12 @@ def _packets_of_bag(path: Path, stream: str | None, topic: str | None) -> Packet
     return whole_packets([packet.data.tobytes() for packet in packets], received, about)
 
 
-def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
+def _decoded(log: PacketLog, sensor: Sensor | None) -> ReturnTable:
     if log.sensor is None:
         return decode_packets(log.payloads, sensor)
     if sensor:
         raise InputError(f"sensor {sensor.name}: the metadata of an Ouster describe its sensor")
-    table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
+    table = return_table_of(ouster_turns(log.sensor, log.payloads).returns)
     kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
     return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
 
@@ -250,6 +249,6 @@ def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:
     return selected
 
 
-def _between(table: RecordedReturns, start_s: float, end_s: float) -> RecordedReturns:
+def _between(table: ReturnTable, start_s: float, end_s: float) -> ReturnTable:
     since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
     return table.select((since >= start_s) & (since < end_s))

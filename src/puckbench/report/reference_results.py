@@ -151,7 +151,7 @@ def read_reference(name: str) -> ReferenceResults:
 
 
 def _read(path: Path) -> ReferenceResults:
-    from pointkit.parquet_files import parquet_metadata
+    from pointkit.column_tables import parquet_metadata
     from pointkit.tables import check_columns, read_table
     from puckbench.figures.style import FigureStyle
 

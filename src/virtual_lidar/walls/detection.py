@@ -18,7 +18,7 @@ from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt, model_validat
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.ransac import Plane, robust_plane, robust_std
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.models import Model
 from virtual_lidar.residual_table import plane_coordinates
 
@@ -129,7 +129,7 @@ class Rejected:
 
 
 def find_surfaces(
-    table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
+    table: ReturnTable, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
     """Find walls, floors and ceilings by RANSAC, one after the other.
 
@@ -170,7 +170,7 @@ def find_surfaces(
 
 
 def surface_of(
-    table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
+    table: ReturnTable, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
     """Fit a plane robustly to some returns, and select those that lie on it.
 
@@ -197,7 +197,7 @@ def surface_of(
     return DetectedPlane(kind, plane, rows[counts], *_extents(part.xyz[counts], plane))
 
 
-def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch) -> str | None:
+def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) -> str | None:
     """Return which criterion a plane does not meet, in a few words, or None if it meets all."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
@@ -213,12 +213,12 @@ def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch
     return next((text for is_fault, text in faults if is_fault), None)
 
 
-def least_returns(table: RecordedReturns, search: PlaneSearch) -> int:
+def least_returns(table: ReturnTable, search: PlaneSearch) -> int:
     """Return the least number of returns on a plane in all turns of a recording."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
-def incidence(table: RecordedReturns, plane: Plane) -> Floats:
+def incidence(table: ReturnTable, plane: Plane) -> Floats:
     """Return the angles between the nominal rays of returns and a plane's normal, (n,), rad."""
     azimuth, elevation = table["azimuth"], table["elevation"]
     level = np.cos(elevation)
@@ -255,7 +255,7 @@ class RangeImage:
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, table: RecordedReturns) -> RangeImage:
+    def of(cls, table: ReturnTable) -> RangeImage:
         levels, rank = np.unique(table["elevation"], return_inverse=True)
         column = (table["azimuth"] * (AZIMUTH_COLUMNS / math.tau)).astype(np.intp) % AZIMUTH_COLUMNS
         return cls(rank * AZIMUTH_COLUMNS + column, (len(levels), AZIMUTH_COLUMNS))

@@ -15,7 +15,7 @@ from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.ransac import ransac_plane
-from pointkit.lidar.recorded_returns import BOTH, RecordedReturns
+from pointkit.lidar.return_table import BOTH, ReturnTable
 from pointkit.lidar.times import TimeUnit
 from pointkit.models import Model, parsed
 from pointkit.seeding import generator
@@ -133,15 +133,13 @@ class RecordedPlanes:
         As of `find_surfaces`; planes that were selected by hand in their order.
     """
 
-    table: RecordedReturns
+    table: ReturnTable
     still: Still | None
     surfaces: list[DetectedPlane]
     rejected: list[Rejected]
 
 
-def recorded_planes(
-    table: RecordedReturns, options: RecordingOptions, source: Path
-) -> RecordedPlanes:
+def recorded_planes(table: ReturnTable, options: RecordingOptions, source: Path) -> RecordedPlanes:
     """Find out when a sensor was at rest, and which walls, floors and ceilings it saw.
 
     In dual return mode only beams with two equal returns are used, since other beams hit an edge.
@@ -188,7 +186,7 @@ def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
 
 
 def _planes(
-    table: RecordedReturns, options: RecordingOptions
+    table: ReturnTable, options: RecordingOptions
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
     if options.planes:
         chosen = [
@@ -203,7 +201,7 @@ def _planes(
     return surfaces, rejected
 
 
-def _cropped(table: RecordedReturns, crop: Crop, search: PlaneSearch, number: int) -> DetectedPlane:
+def _cropped(table: ReturnTable, crop: Crop, search: PlaneSearch, number: int) -> DetectedPlane:
     rows, what = crop.rows(table.xyz), f"plane {number} ({crop.surface})"
     if len(rows) < _LEAST_RETURNS:
         least = f"where at least {_LEAST_RETURNS} are needed"
@@ -228,7 +226,7 @@ def _why(rejected: list[Rejected]) -> str:
     return f"(the largest of {len(rejected)} not taken: {place}, {most.reason})"
 
 
-def _rows_of(rows: RecordedReturns, surface: DetectedPlane, number: int) -> pd.DataFrame:
+def _rows_of(rows: ReturnTable, surface: DetectedPlane, number: int) -> pd.DataFrame:
     about = about_plane(rows.xyz, surface.plane, np.zeros(3))
     columns = {
         **about,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.geometry.cloud import Floats
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from virtual_lidar.walls.detection import WALL, DetectedPlane, incidence
 from virtual_lidar.walls.residuals import RecordedPlanes
 
@@ -155,7 +155,7 @@ def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
     return Repeatability(len(covariances), float(np.mean(correlations)), shared)
 
 
-def azimuth_step(table: RecordedReturns) -> float:
+def azimuth_step(table: ReturnTable) -> float:
     """Return the median azimuth step of a laser's firings, rad; nan if no laser fired twice."""
     order = np.lexsort((table["azimuth"], table["laser_id"], table["turn"]))
     laser, turn = table["laser_id"][order], table["turn"][order]
@@ -186,7 +186,7 @@ class PlaneStatistics:
     """
 
     surface: DetectedPlane
-    rows: RecordedReturns
+    rows: ReturnTable
     residual: Floats
     deviation: Floats
     bias: LaserBias

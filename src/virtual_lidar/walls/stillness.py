@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 
 SHIFT_M = 0.003
 """Greatest `turn_shift` of a sensor at rest, m."""
@@ -43,7 +43,7 @@ class Still:
         return self.last - self.first + 1
 
 
-def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
+def still_rows(table: ReturnTable, limit_m: float = SHIFT_M) -> tuple[ReturnTable, Still]:
     """Return the longest part of a recording with the sensor at rest, and its interval.
 
     At rest, the `turn_shift` between revolutions is at most `limit_m`. Raises InputError if the
@@ -69,7 +69,7 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
     return table.select((table["turn"] >= best.first) & (table["turn"] <= best.last)), best
 
 
-def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
+def turn_shift(reference: ReturnTable, other: ReturnTable) -> float:
     """Return by how much distances differ between two revolutions, m; inf with too few returns.
 
     The distances of each laser in `reference` are interpolated to the azimuths of `other`. The
@@ -85,13 +85,13 @@ def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
     return float(np.quantile(medians, 0.75))
 
 
-def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
+def _turns(table: ReturnTable) -> dict[int, NDArray[np.intp]]:
     order = np.argsort(table["turn"], kind="stable")
     numbers, starts = np.unique(table["turn"][order], return_index=True)
     return dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
 
 
-def _differences(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
+def _differences(reference: ReturnTable, other: ReturnTable) -> tuple[Floats, Floats]:
     places, other_places = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]
@@ -108,7 +108,7 @@ def _differences(reference: RecordedReturns, other: RecordedReturns) -> tuple[Fl
     return change[rows], other["azimuth"][rows]
 
 
-def _places(table: RecordedReturns) -> Floats:
+def _places(table: ReturnTable) -> Floats:
     return np.asarray(table["laser_id"] * _LASER_STRIDE + table["azimuth"])
 
 

@@ -13,7 +13,7 @@ from pointkit.coding.zstandard import compressed, decompressed
 from pointkit.errors import InputError
 from pointkit.lidar.returns import Beams, Returns
 from pointkit.lidar.turns import Layout, Turn
-from puck import stream
+from puck import records
 from puck.recordings.packet_turns import returns_of_packets
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.returns_codec import ReturnsCodec
@@ -228,9 +228,9 @@ def test_a_stream_of_turns_without_information_is_refused(
     whole = codec.encode_returns(returns, "2mm")
     size = len(whole) - 6 * (name != "puck")  # without the magic of the smoothed one
     most = 3 * (16384 + 1024) - 32 * size
-    monkeypatch.setattr(stream, "_FEW_RANGES", most)
+    monkeypatch.setattr(records, "_FEW_RANGES", most)
     assert len(codec.decode_returns(whole).turns) == 3
-    monkeypatch.setattr(stream, "_FEW_RANGES", most - 1)
+    monkeypatch.setattr(records, "_FEW_RANGES", most - 1)
     refusal = f"codec {name}: 52224 ranges in {size} bytes"
     with pytest.raises(InputError, match=refusal):
         codec.decode_returns(whole)
@@ -241,7 +241,7 @@ def test_a_stream_of_turns_without_information_is_refused(
 def test_the_most_ranges_of_a_stream_grow_with_its_length() -> None:
     """Few bytes may hold 4 Mi ranges, 1 MB at most 6 Mi, each further byte 32."""
     sizes = [0, 100, 1 << 16, (1 << 16) + 1, 1 << 20, (1 << 20) + 1, 1 << 24]
-    limits = [stream.most_ranges(size) for size in sizes]
+    limits = [records.most_ranges(size) for size in sizes]
     assert limits == sorted(limits)
     assert limits[0] == 1 << 22
     assert limits[2] == limits[3] == limits[4] == 6 << 20

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from puck.recordings.packet_turns import decode_packets
-from puck.recordings.velodyne_messages import SCAN
+from puck.recordings.packets import SCAN
 from tests.support.bag_files import (
     LOG,
     MESSAGE,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import read_returns
+from pointkit.lidar.return_table import read_return_table
 from pointkit.lidar.returns import Returns, read_firings
 from puck import compress
 from puck.recordings.packet_turns import returns_of_packets
@@ -279,7 +279,7 @@ def test_one_of_two_sensors_is_chosen(tmp_path: Path, capsys: pytest.CaptureFixt
         np.testing.assert_array_equal(result.returns.turns[0].ranges, turn.ranges)
         out = tmp_path / f"{name}.parquet"
         assert main(["capture", path, str(out), "--stream", stream]) == 0
-        assert len(read_returns(out)) == len(read_recording(tmp_path / f"{name}.pcap"))
+        assert len(read_return_table(out)) == len(read_recording(tmp_path / f"{name}.pcap"))
         assert main(["prepare", path, str(tmp_path / "c.ply"), "--stream", stream]) == 0
         ranges = read_firings(tmp_path / "c.parquet").turns[0].ranges
         np.testing.assert_array_equal(ranges, turn.ranges)

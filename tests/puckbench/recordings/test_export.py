@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from cloud_files.clouds import read_cloud
+from pointkit.column_tables import write_column_table
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import write_returns
 from pointkit.lidar.sensors import load_sensor
 from puck.recordings.packet_turns import returns_of_packets
 from puckbench.cli import main
@@ -236,7 +236,7 @@ def test_points_too_far_apart_for_las_are_refused(table: ScanTable, tmp_path: Pa
 
 def test_a_written_capture_table_is_told_from_a_scan(tmp_path: Path) -> None:
     table = read_recording(DATA / "single.pcap")
-    write_returns(tmp_path / "a.parquet", table)
+    write_column_table(tmp_path / "a.parquet", table)
     assert type(read_source(tmp_path / "a.parquet")) is type(table)
 
 

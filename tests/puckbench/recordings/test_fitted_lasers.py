@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensors import load_sensor
 from puckbench.cli import main
 from puckbench.recordings.reading import read_recording
@@ -54,7 +54,7 @@ def turn(seed: int, rings: Rows = RINGS) -> Rows:
     return rows
 
 
-def recorded(path: Path, turns: list[Rows]) -> RecordedReturns:
+def recorded(path: Path, turns: list[Rows]) -> ReturnTable:
     return read_recording(cloud_bag(path, {"/points": turns}))
 
 

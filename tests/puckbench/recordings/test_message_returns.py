@@ -10,7 +10,7 @@ import pytest
 
 from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import RecordedReturns, read_returns
+from pointkit.lidar.return_table import ReturnTable, read_return_table
 from pointkit.lidar.sensors import load_sensor
 from puckbench.cli import main
 from puckbench.recordings.reading import read_recording
@@ -51,7 +51,7 @@ def turn(driver: str, laser: str = "ring", number: int = 0) -> Rows:
     return rows
 
 
-def returns_of(path: Path, turns: list[Rows], **options: Any) -> RecordedReturns:
+def returns_of(path: Path, turns: list[Rows], **options: Any) -> ReturnTable:
     stamps = [STAMP_S + PERIOD_S * number for number in range(len(turns))]
     return read_recording(cloud_bag(path, {"/points": turns}, stamps), **options)
 
@@ -113,7 +113,7 @@ def test_what_is_lacking_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     path = cloud_bag(tmp_path / "a.bag", {"/points": turns, "/others": turns})
     out = str(tmp_path / "a.parquet")
     assert main(["capture", str(path), out, "--sensor", "vlp16", "--topic", "/others"]) == 0
-    assert len(read_returns(Path(out))) == COLUMNS * 16
+    assert len(read_return_table(Path(out))) == COLUMNS * 16
     faults = {
         ("--sensor", "vlp16"): "several topics of sensor_msgs/msg/PointCloud2: /others, /points",
         ("--sensor", "vlp16", "--topic", "/up"): "has no topic /up; it has /others, /points",

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensors import load_sensor
 from puckbench.recordings.reading import read_recording
 from tests.support.cloud_bags import Rows
@@ -32,9 +32,7 @@ TRUE_S = seconds(COUNT)
 STAMPS_S = np.repeat(TURN_S * np.arange(COUNT), len(SINCE_S))
 
 
-def read(
-    path: Path, clouds: Sequence[Rows], stamps_s: Any = None, **options: Any
-) -> RecordedReturns:
+def read(path: Path, clouds: Sequence[Rows], stamps_s: Any = None, **options: Any) -> ReturnTable:
     return read_recording(bag(path, clouds, stamps_s), load_sensor("vlp16"), **options)
 
 

@@ -13,7 +13,7 @@ import pytest
 import puckbench
 from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import read_returns
+from pointkit.lidar.return_table import read_return_table
 from puck.recordings.ouster import read_sensor
 from puckbench.cli import main
 from puckbench.datasets.recordings import Recordings
@@ -114,7 +114,7 @@ def test_a_recording_goes_through_every_command(
     recorded(tmp_path, DUAL, frames=2)
     monkeypatch.chdir(tmp_path)
     assert main(["capture", "drive.pcap", "returns.parquet"]) == 0
-    table = read_returns(Path("returns.parquet"))
+    table = read_return_table(Path("returns.parquet"))
     assert table.about["sensor"] == "OS-0-16"
     assert set(table["turn"]) == {0, 1}
     assert main(["prepare", "drive.pcap", "turn.ply", "--turns", "1-1"]) == 0

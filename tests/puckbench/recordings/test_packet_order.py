@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from puck.recordings.packet_turns import decode_packets
 from puck.recordings.packets import PACKET, PacketLog
 from puckbench.recordings.reading import read_recording, read_turns
@@ -45,7 +45,7 @@ def changed(change: Callable[[NDArray[Any]], None]) -> PacketLog:
     return replace(LOG, payloads=table.view(np.uint8).reshape(len(LOG), -1))
 
 
-def same(table: RecordedReturns, other: RecordedReturns) -> bool:
+def same(table: ReturnTable, other: ReturnTable) -> bool:
     return all(np.array_equal(table[name], other[name]) for name in table.columns)
 
 

@@ -14,13 +14,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from pointkit.column_tables import write_column_table
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import read_returns, write_returns
+from pointkit.lidar.return_table import read_return_table
 from puck.recordings.data_packets import packets_of_capture
 from puck.recordings.packet_turns import decode_packets
-from puck.recordings.packets import PACKET, PacketLog
+from puck.recordings.packets import MESSAGES, PACKET, SCAN, PacketLog
 from puck.recordings.pcap import read_datagrams, udp_datagram
-from puck.recordings.velodyne_messages import MESSAGES, SCAN
 from puckbench.recordings.reading import read_packets, read_recording
 from puckbench.recordings.writing import pcap_bytes
 from tests.support.capture_bytes import ethernet, ipv4, payload, pcap, udp
@@ -192,8 +192,8 @@ def test_an_interval_without_packets_is_named(tmp_path: Path) -> None:
 def test_an_interval_of_a_table_has_its_first_instant_and_not_its_last(tmp_path: Path) -> None:
     table = decode_packets(LOG.payloads)
     later = {**table.columns, "timestamp": table["timestamp"] + 5}
-    write_returns(tmp_path / "a.parquet", replace(table, columns=later))
-    table = read_returns(tmp_path / "a.parquet")
+    write_column_table(tmp_path / "a.parquet", replace(table, columns=later))
+    table = read_return_table(tmp_path / "a.parquet")
     instants = np.unique(table["timestamp"])
     start, end = instants[[3, 10]] - instants[0]
     result = read_recording(tmp_path / "a.parquet", start_s=start, end_s=end)

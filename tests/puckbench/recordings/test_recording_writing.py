@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import RecordedReturns
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensors import load_sensor
 from puck.recordings.packet_turns import decode_packets
 from puck.recordings.packets import PACKET
@@ -29,7 +29,7 @@ def table() -> ScanTable:
 
 
 @pytest.fixture
-def read(table: ScanTable, tmp_path: Path) -> RecordedReturns:
+def read(table: ScanTable, tmp_path: Path) -> ReturnTable:
     write_pcap(tmp_path / "a.pcap", table)
     return read_recording(tmp_path / "a.pcap")
 
@@ -41,7 +41,7 @@ def as_fired_clockwise(table: ScanTable) -> ScanTable:
     return table.select(np.lexsort((table["laser_id"], azimuth, turn)))
 
 
-def test_every_return_comes_back(table: ScanTable, read: RecordedReturns) -> None:
+def test_every_return_comes_back(table: ScanTable, read: ReturnTable) -> None:
     rows = as_fired_clockwise(table)
     assert read["laser_id"].tolist() == rows["laser_id"].tolist()
     # Half the unit of 2 mm.
@@ -63,7 +63,7 @@ def test_lasers_that_fire_one_after_another_come_back_at_their_own_azimuths() ->
     assert np.abs(np.degrees(turned)).max() < 0.0051
 
 
-def test_points_of_a_level_spin_come_back(table: ScanTable, read: RecordedReturns) -> None:
+def test_points_of_a_level_spin_come_back(table: ScanTable, read: ReturnTable) -> None:
     correction = np.asarray(load_sensor("vlp16").vertical_correction_mm) / 1000
     level = read.xyz
     level[:, 2] -= correction[read["laser_id"]]
@@ -71,7 +71,7 @@ def test_points_of_a_level_spin_come_back(table: ScanTable, read: RecordedReturn
     assert np.abs(level - expected).max() < 1.0e-3 + np.radians(0.0051) * 4
 
 
-def test_time_runs_on_by_the_turn(read: RecordedReturns) -> None:
+def test_time_runs_on_by_the_turn(read: ReturnTable) -> None:
     assert read["turn"].max() == 1
     ideal = (read["turn"] + read["azimuth"] / (2 * np.pi)) / 5
     # A column takes four of the real sensor's firing times, six columns share a packet's stamp.

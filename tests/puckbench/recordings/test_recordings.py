@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pointkit.column_tables import write_column_table
 from pointkit.errors import InputError
-from pointkit.lidar.recorded_returns import BOTH, LAST, STRONGEST, read_returns, write_returns
+from pointkit.lidar.return_table import BOTH, LAST, STRONGEST, read_return_table
 from pointkit.lidar.sensors import load_sensor
 from puck.recordings.packet_turns import decode_packets
 from puck.recordings.packets import PACKET
@@ -115,8 +116,8 @@ def test_blocks_left_out_do_not_bend_the_azimuth() -> None:
 
 def test_a_table_survives_its_file(tmp_path: Path) -> None:
     table = read_recording(DATA / "dual.pcap")
-    write_returns(tmp_path / "a.parquet", table)
-    again = read_returns(tmp_path / "a.parquet")
+    write_column_table(tmp_path / "a.parquet", table)
+    again = read_return_table(tmp_path / "a.parquet")
     assert again.about == table.about
     assert all(np.array_equal(again[name], column) for name, column in table.columns.items())
 
@@ -125,7 +126,7 @@ def test_kinds_of_return_have_the_numbers_that_the_file_names(tmp_path: Path) ->
     from pyarrow import parquet
 
     table = read_recording(DATA / "dual.pcap")
-    write_returns(tmp_path / "a.parquet", table)
+    write_column_table(tmp_path / "a.parquet", table)
     field = parquet.read_schema(tmp_path / "a.parquet").field("return_kind")
     output = b" ".join(field.metadata.values()).decode()
     assert f"{STRONGEST} strongest, {LAST} last, {BOTH} both" in output
@@ -137,7 +138,7 @@ def test_a_scan_table_is_no_capture_table(tmp_path: Path) -> None:
 
     parquet.write_table(pa.table({"distance": [1.0]}), tmp_path / "a.parquet")
     with pytest.raises(InputError, match="not a table of returns, it lacks timestamp"):
-        read_returns(tmp_path / "a.parquet")
+        read_return_table(tmp_path / "a.parquet")
 
 
 @pytest.mark.parametrize(
@@ -158,7 +159,7 @@ def test_values_that_no_column_of_a_table_can_have_are_refused(
     from pyarrow import parquet
 
     path = tmp_path / "a.parquet"
-    write_returns(path, read_recording(DATA / "single.pcap"))
+    write_column_table(path, read_recording(DATA / "single.pcap"))
     table = parquet.read_table(path)
     columns = {name: table.column(name).to_numpy() for name in table.column_names}
     columns[column] = np.full(len(columns[column]), value)
@@ -203,7 +204,7 @@ def test_an_interval_begins_with_its_start_and_ends_before_its_end(
     whole = read_recording(path)
     if form == "parquet":
         path = tmp_path / "a.parquet"
-        write_returns(path, whole)
+        write_column_table(path, whole)
     apart = 1327.104e-6
     some = read_recording(path, start_s=1.5 * apart, end_s=3.5 * apart)
     since = whole["timestamp"] - whole["timestamp"][0]

@@ -1,23 +1,16 @@
-"""Calibrations of an HDL-64E from packets and files: the same unit in all three forms."""
+"""Recordings of an HDL-64E read with its unit's calibration, and without."""
 
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pointkit.errors import InputError
-from pointkit.lidar.returns import Beams, Returns, read_firings, write_firings
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
-from pointkit.lidar.turns import Layout, Turn
-from pointkit.lidar.unit_calibration import calibration_in_packets
-from puck import decode_returns, encode_returns
-from puck.recordings.packet_turns import returns_of_packets
 from puckbench.recordings.reading import read_recording, read_turns
 from tests.support.spinning import HDL64E, pcap, rows, spin
 
@@ -109,13 +102,6 @@ def write(path: Path, ends: NDArray[np.uint8]) -> Path:
     return path
 
 
-def test_packets_repeat_the_calibration_of_their_unit() -> None:
-    ends = status(unit(), 2 * 4160, first=1234)
-    assert calibration_in_packets(ends) == {name: getattr(unit(), name) for name in FIELDS}
-    assert calibration_in_packets(ends[:4160]) is None
-    assert calibration_in_packets(np.delete(ends, 5003, axis=0)[: 2 * 4160 - 1234]) is None
-
-
 @pytest.mark.parametrize(("suffix", "text"), [(".xml", xml(unit())), (".yaml", ros(unit()))])
 def test_a_file_beside_a_recording_describes_its_unit(
     suffix: str, text: str, tmp_path: Path
@@ -143,32 +129,3 @@ def test_without_a_calibration_a_nominal_one_is_used_with_a_warning(
     older = read_turns(other).returns
     assert older.sensor == "HDL-64E S2"
     assert older.beams.delays[63] == pytest.approx(45.66 / 48)
-
-
-@pytest.mark.parametrize(("name", "text"), [("a.xml", "<px></px>"), ("a.yaml", "lasers: [{}]")])
-def test_other_files_are_no_calibration(name: str, text: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InputError, match=f"{name}: not the calibration of an HDL-64E"):
-        load_sensor(tmp_path / name)
-
-
-def test_near_corrections_are_those_of_the_manual_at_its_two_points() -> None:
-    """A return at the near point has the near correction of an axis, a far one that of both."""
-    beams = Beams((0.0,), (0.0,), (0.0,), range_mm=(1000.0,), near_right_mm=(1100.0,),
-                  near_forward_mm=(1300.0,))  # fmt: skip
-    layout = Layout((0,))
-    at = [(1400, 9000, (2.5, 0.0)), (930, 0, (0.0, 2.23)), (30000, 0, (0.0, 31.0))]
-    for count, azimuth, (right, forward) in at:
-        turn = Turn(np.full((1, 1, 1), count, np.uint16), np.array([azimuth], np.uint16))
-        points = replace(Returns(beams, layout, (), 0.001), turns=(turn,)).points()
-        np.testing.assert_allclose(points, [[right, forward, 0.0]], atol=1e-9)
-
-
-def test_beams_of_a_unit_survive_streams_and_tables(tmp_path: Path) -> None:
-    returns = returns_of_packets(spin(HDL64E, packets=9), unit())
-    decoded = decode_returns(encode_returns(returns))
-    np.testing.assert_array_equal(decoded.points(), returns.points())
-    write_firings(tmp_path / "a.parquet", returns)
-    again = read_firings(tmp_path / "a.parquet")
-    np.testing.assert_array_equal(again.points(), returns.points())
-    assert again.beams == returns.beams

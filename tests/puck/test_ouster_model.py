@@ -14,14 +14,10 @@ from hypothesis import strategies as st
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import Beams, Returns, read_firings, write_firings
-from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.turns import MAX_RANGE, Layout, Turn
 from puck.recordings.packet_turns import packet_kind, packets_of
 from puck.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
 from tests.support.returns import homemade, recorded, staggered
-from tests.support.sensor_scenes import box
-from virtual_lidar import ScanTable, open_error_model, open_sweep, scan
-from virtual_lidar.scan_returns import returns_of_scan
 
 
 def ouster_points(
@@ -199,26 +195,6 @@ def test_a_table_with_a_range_beyond_the_limit_is_refused(tmp_path: Path) -> Non
     write_firings(tmp_path / "returns.parquet", broken)
     with pytest.raises(InputError, match="exceed 16777215 quanta"):
         read_firings(tmp_path / "returns.parquet")
-
-
-def test_scans_of_sensors_with_a_small_quantum_have_32_bits() -> None:
-    sensor = Sensor(
-        name="Far", laser_elevation_deg=(0.0, 1.0), rotation_hz=10.0, azimuth_step_deg=1.0,
-        max_range_m=200.0, range_quantum_mm=1.0,
-    )  # fmt: skip
-    sweep = open_sweep(
-        {"frames_per_second": 10.0, "duration_s": 0.1, "pitch_start_deg": 0, "pitch_end_deg": 0}
-    )
-    mesh = box((-80, -90, -20), (160, 180, 40))
-    model, random = open_error_model("none"), np.random.default_rng(0)
-    table = scan(mesh, sensor, sweep, model, (0.0, 0.0, 0.0), random)
-    result = returns_of_scan(table).returns
-    assert result.turns[0].ranges.dtype == np.uint32
-    assert result.turns[0].ranges.max() == round(1000 * table["distance"].max()) > 0xFFFF
-    distance = table["distance_noisy"].copy()
-    distance[:2] = ((MAX_RANGE + 1) * 0.001, MAX_RANGE * 0.001)
-    changed = returns_of_scan(ScanTable({**table.columns, "distance_noisy": distance}, table.about))
-    assert len(changed.returns) == len(table) - 1
 
 
 def test_packets_do_not_hold_ranges_beyond_16_bits() -> None:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, UncheckedCloud
-
-Columns = dict[str, NDArray[Any]]
+from pointkit.isolated import Columns
 
 _XYZ = (
     ("x", "y", "z"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pointkit.geometry.missing_returns import missing_firings, missing_returns
+from cloud_files.missing_returns import missing_firings, missing_returns
 
 RNG = np.random.default_rng(4)
 

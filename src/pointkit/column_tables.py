@@ -1,6 +1,7 @@
-"""Tables of LiDAR returns, stored as Parquet files with units.
+"""Tables of named columns with units, such as LiDAR returns, in Parquet files.
 
-A subclass of `ReturnTable` declares its columns in a `TableSchema`.
+A subclass of `ColumnTable` declares its columns in a `TableSchema`: `ReturnTable` (a row for each
+return), `FiringTable` (a row for each firing of a laser), the table of a virtual scan.
 """
 
 from __future__ import annotations
@@ -15,26 +16,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from pointkit.files import object_of, written_whole
+from pointkit.files import object_of, refuse_special, written_whole
 from pointkit.geometry.cloud import Floats
-from pointkit.parquet_files import check_parquet_memory, parquet_metadata
+from pointkit.isolated import parser_limits
+
+_VALUE_BYTES = 8
 
 ColumnSpecs = dict[str, tuple[str, str, str]]
-"""NumPy type, unit and description of each column by its name, in the order of the file."""
+"""(NumPy type, unit, description) of each column, in the order of the file."""
 
 
 @dataclass(frozen=True)
 class TableSchema:
-    """What a kind of tables holds.
+    """What the files of one kind of table have in common.
 
     Parameters
     ----------
     name
-        What a file of this kind is, for messages ("scan").
+        Noun for the table in error messages.
     metadata_key
-        Entry of a Parquet file's metadata that has the description, by which the kind is told.
+        Key, in the metadata of a Parquet file, of the table's description as JSON; it tells the
+        kind of table.
     columns
-        NumPy type, unit and description of each column.
+        Type, unit and description of each column.
     """
 
     name: str
@@ -43,18 +47,17 @@ class TableSchema:
 
 
 @dataclass(frozen=True)
-class ReturnTable:
-    """A table with a row for each return of a LiDAR.
+class ColumnTable:
+    """Columns (n,) by name, and a description; subclasses have a `schema`, and a column distance.
 
-    A subclass says in ``schema`` which columns it has; among them are ``x``, ``y`` and ``z``, the
-    point in metres, and ``distance``.
+    ``table["distance"]`` is a column; ``len(table)`` is the number of rows.
 
     Parameters
     ----------
     columns
         Arrays (n,) by name.
     about
-        Description of the table: values that JSON can represent.
+        Description of the table, whose values JSON can represent.
     """
 
     schema: ClassVar[TableSchema]
@@ -70,7 +73,7 @@ class ReturnTable:
 
     @property
     def xyz(self) -> Floats:
-        """Points in metres, (n, 3)."""
+        """Points (n, 3), m, from the columns x, y and z."""
         return self.vectors("x", "y", "z")
 
     def vectors(self, *names: str) -> Floats:
@@ -78,29 +81,26 @@ class ReturnTable:
         return np.column_stack([self.columns[name] for name in names])
 
     def select(self, rows: NDArray[Any]) -> Self:
-        """Return the table with some rows: a mask (n,), or row numbers (m,)."""
+        """Return a table of the rows that a mask (n,) or indices select."""
         return replace(self, columns={name: part[rows] for name, part in self.columns.items()})
 
 
-T = TypeVar("T", bound=ReturnTable)
+T = TypeVar("T", bound=ColumnTable)
 
 
-def write_return_table(path: Path, table: ReturnTable) -> None:
-    """Write a table as a Parquet file, with the unit and description of each column.
-
-    The file appears only when it is complete.
-    """
+def write_column_table(path: Path, table: ColumnTable) -> None:
+    """Write a table as a Parquet file, with the unit and description of each column."""
     from pyarrow import parquet
 
     with written_whole(path) as temporary:
         parquet.write_table(_arrow_table(table), temporary, **_encoding(table.schema))
 
 
-def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
-    """Write a table that comes in portions as a Parquet file, and return its number of rows.
+def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
+    """Write tables of one kind as one Parquet file, and return its number of rows.
 
-    Each portion becomes a row group, and only one is in memory. The description is that of the
-    first portion. Raises ValueError if there is no portion.
+    Each table becomes a row group and is released before the next one is taken, so that memory
+    holds one table at a time. The file gets the first table's description.
     """
     from pyarrow import parquet
 
@@ -120,11 +120,14 @@ def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
     return count
 
 
-def read_return_table(path: Path, kind: type[T]) -> T:
-    """Read a table that `write_return_table` or `write_portions` wrote.
+def read_column_table(path: Path, kind: type[T]) -> T:
+    """Read a Parquet file as a table of the class `kind`.
 
-    `kind` is the class of the table. Raises InputError if the file is missing or damaged, takes too
-    much memory for its size, lacks a column, or has numbers that do not fit a column's type.
+    Raises
+    ------
+    InputError
+        The file is missing, no Parquet file, or too large when decoded; it lacks a column of
+        `kind`, or a column's values do not fit the column's type.
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -149,8 +152,38 @@ def read_return_table(path: Path, kind: type[T]) -> T:
     return kind(columns, about)
 
 
+def check_parquet_memory(path: Path) -> None:
+    """Raise InputError if a Parquet file's decoded columns exceed the limit of `parser_limits`.
+
+    Files of other formats, and missing ones, are accepted: their reader refuses them.
+    """
+    from pyarrow import ArrowException, parquet
+
+    refuse_special(path)
+    try:
+        metadata = parquet.read_metadata(path)
+    except (OSError, UnicodeDecodeError, ArrowException):
+        return
+    limit, _ = parser_limits(path.stat().st_size)
+    if metadata.num_rows * metadata.num_columns * _VALUE_BYTES > limit:
+        table = f"{metadata.num_rows} rows of {metadata.num_columns} columns"
+        fault = f"take more than {limit / 2**30:.3g} GiB, too much for a file of its size"
+        raise InputError(f"{path}: {table} {fault}")
+
+
+def parquet_metadata(path: Path) -> dict[bytes, bytes]:
+    """Return a Parquet file's schema metadata, or an empty dictionary for other formats."""
+    from pyarrow import ArrowException, parquet
+
+    refuse_special(path)
+    try:
+        metadata: dict[bytes, bytes] = parquet.read_schema(path).metadata or {}
+    except (OSError, UnicodeDecodeError, ArrowException):
+        return {}
+    return metadata
+
+
 def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[Any]:
-    """Return the values in a type; raise InputError if it changes integers."""
     if values.dtype.kind not in "fiu":
         raise InputError(f"{what} holds no numbers ({values.dtype})")
     with np.errstate(invalid="ignore"):
@@ -162,12 +195,12 @@ def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[An
     return converted
 
 
-def is_table_of(path: Path, kind: type[ReturnTable]) -> bool:
-    """Return whether a file is a table of this kind, by the metadata of the Parquet file."""
+def is_table_of(path: Path, kind: type[ColumnTable]) -> bool:
+    """Return whether a file is a Parquet table of this kind, by its metadata."""
     return kind.schema.metadata_key.encode() in parquet_metadata(path)
 
 
-def _arrow_table(table: ReturnTable, schema: Any = None) -> Any:
+def _arrow_table(table: ColumnTable, schema: Any = None) -> Any:
     import pyarrow as pa
 
     if schema is None:

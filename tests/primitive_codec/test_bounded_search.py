@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from pointkit.geometry.bounded_search import nearest_within
 from pointkit.geometry.box_tree import box_tree
+from primitive_codec.bounded_search import nearest_within
 
 RANDOM = np.random.default_rng(5)
 

@@ -1,3 +1,5 @@
+"""Tables with a row for each return of a spinning sensor."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -7,16 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.column_tables import ColumnSpecs, ColumnTable, TableSchema, read_column_table
 from pointkit.errors import InputError
 from pointkit.lidar.returns import HOUR_US, Returns
 from pointkit.lidar.turns import Turn, clock_steps
-from pointkit.return_tables import (
-    ColumnSpecs,
-    ReturnTable,
-    TableSchema,
-    read_return_table,
-    write_return_table,
-)
 
 STRONGEST, LAST, BOTH = 0, 1, 2
 """Kinds of return; in dual return mode, BOTH is a return that is strongest and last."""
@@ -39,15 +35,30 @@ RETURN_COLUMNS: ColumnSpecs = {
 
 
 @dataclass(frozen=True)
-class RecordedReturns(ReturnTable):
+class ReturnTable(ColumnTable):
+    """A row for each return, with its time, laser, angles, distance and point.
+
+    `RETURN_COLUMNS` tells the unit of each column. Firings without a return have no row.
+    """
+
     schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
 
 
-def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedReturns:
-    """Convert returns to a table with a row for each, in the order of `Returns.points`.
+def return_table_of(returns: Returns, sequence_us: float = 0.0) -> ReturnTable:
+    """Convert returns to a table, whose rows are in the order of `Returns.points`.
 
-    A packet's time is that of its first column; other columns follow every `sequence_us`
-    microseconds. Packets without a time have the time 0.
+    Parameters
+    ----------
+    returns
+        At least one revolution.
+    sequence_us
+        Time between the columns of a packet, microseconds: a packet's time is that of its first
+        column. Packets without a time have the time 0.
+
+    Returns
+    -------
+    ReturnTable
+        Its ``about`` holds the sensor's name.
     """
     parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
     counts = [len(part["laser_id"]) for part in parts]
@@ -58,7 +69,7 @@ def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedRetu
     columns |= dict(zip("xyz", returns.points().T, strict=True))
     kinds = RETURN_COLUMNS.items()
     table = {name: columns[name].astype(kind, copy=False) for name, (kind, *_) in kinds}
-    return RecordedReturns(table, {"sensor": returns.sensor})
+    return ReturnTable(table, {"sensor": returns.sensor})
 
 
 def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray[Any]]:
@@ -81,12 +92,15 @@ def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray
     }
 
 
-def write_returns(path: Path, table: RecordedReturns) -> None:
-    write_return_table(path, table)
+def read_return_table(path: Path) -> ReturnTable:
+    """Read the Parquet file of a `ReturnTable`.
 
-
-def read_returns(path: Path) -> RecordedReturns:
-    table = read_return_table(path, RecordedReturns)
+    Raises
+    ------
+    InputError
+        The file cannot be read as such a table, or holds a value that is not finite.
+    """
+    table = read_column_table(path, ReturnTable)
     for name, values in table.columns.items():
         if not np.isfinite(values).all():
             raise InputError(f"{path}: column {name} has a value that is not finite")

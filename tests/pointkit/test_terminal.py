@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from puckbench.core.progress import Progress
+from pointkit.terminal import Progress
 
 
 @pytest.fixture

@@ -15,7 +15,6 @@ from puck import CodingOptions, compress, decode_turns, decompress
 from puck.recording import RecordingSummary
 from puck.recordings.ouster import PROFILES, OusterSensor, ouster_turns, read_sensor
 from puck.recordings.ouster_packets import OusterKind
-from tests.support.bench import ROOT
 from tests.support.ouster import capture, metadata
 
 WHOLE = 1 << 16
@@ -189,7 +188,7 @@ def test_damaged_streams_end_in_one_error(tmp_path: Path) -> None:
         assert not (tmp_path / "out").exists()
 
 
-RECORDINGS = sorted((ROOT / "data" / "ouster_recordings").glob("*.pcap"))
+RECORDINGS = sorted((Path(__file__).parents[2] / "data" / "ouster_recordings").glob("*.pcap"))
 
 
 @pytest.mark.skipif(not RECORDINGS, reason="needs puckbench data ouster_recordings")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import lzma
 import sqlite3
 import sys
@@ -22,14 +21,12 @@ from puck import (
     encode_turns,
     packet_kinds,
     recording,
-    stream,
+    records,
 )
+from puck.__main__ import main
 from puck.gaps import compress_bytes
 from puck.recording import RecordingSummary
 from puck.recordings.packet_turns import find_packets, split_turns, turn_of
-from puckbench.cli import main
-from puckbench.datasets.recordings import decompressed
-from puckbench.recordings.reading import read_packets
 from tests.support.spinning import (
     DUAL,
     HDL32E,
@@ -192,19 +189,6 @@ def test_a_recording_is_not_compressed_with_loss(tmp_path: Path) -> None:
         compress(tmp_path / "a.pcap", tmp_path / "a.puck", CodingOptions(step=2))
 
 
-def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    data = pcap(recorded())
-    (tmp_path / "a.pcap").write_bytes(data)
-    names = [str(tmp_path / name) for name in ("a.pcap", "a.puck", "b.pcap")]
-    assert main(["compress", *names[:2], "--effort", "fast", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["packets"] == 50
-    assert answer["compressed_bytes"] == (tmp_path / "a.puck").stat().st_size
-    assert main(["decompress", *names[1:], "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == answer
-    assert (tmp_path / "b.pcap").read_bytes() == data
-
-
 def progress_lines(asked: list[str], capsys: pytest.CaptureFixture[str]) -> list[str]:
     """Lines of progress at a terminal, of which only the last is ended."""
     assert main(asked) == 0
@@ -261,7 +245,7 @@ def test_bad_input_is_one_line(
     for path in bad:
         assert main([command, str(path), str(tmp_path / "out")]) == 2
         line = capsys.readouterr().err
-        assert line.startswith("puckbench: ")
+        assert line.startswith("puck: ")
         assert str(path) in line
         assert line.count("\n") == 1
         assert not (tmp_path / "out").exists()
@@ -280,7 +264,7 @@ def tight_limits(
     monkeypatch.setattr(recording, "_MANY_BYTES", recording_bytes)
     monkeypatch.setattr(recording, "_BYTES_PER_BYTE", per_byte)
     for name, number in (("_FEW_RANGES", ranges), ("_RANGES_PER_BYTE", 4), ("_SMALL_BYTES", 0)):
-        monkeypatch.setattr(stream, name, number)
+        monkeypatch.setattr(records, name, number)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -296,7 +280,7 @@ def test_what_the_encoder_writes_the_decoder_takes(
     data = pcap([packet for part in chosen for packet in part])
     account = there_and_back(tmp_path, data)
     assert len(data) <= 9017 + few + per_byte * account.compressed
-    assert account.ranges <= stream.most_ranges(account.compressed)
+    assert account.ranges <= records.most_ranges(account.compressed)
 
 
 def test_pages_of_nothing_come_back_within_tight_limits(
@@ -362,26 +346,12 @@ def test_links_of_pages_stand_once(tmp_path: Path) -> None:
         decompress(tmp_path / "links.puck", tmp_path / "out")
 
 
-def test_a_compressed_recording_within_another_is_not_read(tmp_path: Path) -> None:
-    """Each layer would multiply what the file unpacks to."""
-    (tmp_path / "a.pcap").write_bytes(pcap(recorded()))
-    compress(tmp_path / "a.pcap", tmp_path / "b.puck")
-    with decompressed(tmp_path / "b.puck") as whole:
-        assert len(read_packets(whole)) == 50
-    compress(tmp_path / "b.puck", tmp_path / "c.puck")
-    with (
-        pytest.raises(InputError, match=r"c\.puck: a compressed recording within another"),
-        decompressed(tmp_path / "c.puck"),
-    ):
-        pass
-
-
 def test_turns_of_a_stream_are_refused_before_they_are_decoded(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     small = bomb(tmp_path, pcap(covered(400)), monkeypatch, "small.puck").read_bytes()
-    monkeypatch.setattr(stream, "_FEW_RANGES", 150 * 384 + 1024)
-    monkeypatch.setattr(stream, "_RANGES_PER_BYTE", 0)
+    monkeypatch.setattr(records, "_FEW_RANGES", 150 * 384 + 1024)
+    monkeypatch.setattr(records, "_RANGES_PER_BYTE", 0)
     assert len(decode_turns(small, 0, 1)) == 1
     with pytest.raises(InputError, match="ranges in"):
         decode_turns(small)
