@@ -91,7 +91,7 @@ def read_cloud(
     """Read a point cloud from a file of any format whose suffix is in `SUFFIXES`.
 
     Missing returns, which some sensors and programs store as points at the origin or without
-    coordinates, are left out (`pointkit.geometry.missing_returns` says how they are recognised).
+    coordinates, are left out (`cloud_files.missing_returns` says how they are recognised).
 
     Parameters
     ----------

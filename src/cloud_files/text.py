@@ -68,7 +68,7 @@ def read_text(path: Path) -> Columns:
 
     Values are separated by commas, semicolons, tabs or blanks, and may have a decimal comma. Names
     of the columns are those of a line or comment before the points; without one, columns are named
-    by their number and range (`pointkit.point_columns.default_columns`).
+    by their number and range (`cloud_files.point_columns.default_columns`).
 
     Returns arrays (n,) by name. Raises InputError if the file is not a table of numbers, or if it
     could be read in more than one way; warns of columns without numbers, which are left out.

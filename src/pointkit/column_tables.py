@@ -23,21 +23,22 @@ from pointkit.isolated import parser_limits
 _VALUE_BYTES = 8
 
 ColumnSpecs = dict[str, tuple[str, str, str]]
-"""NumPy type, unit and description of each column by its name, in the order of the file."""
+"""(NumPy type, unit, description) of each column, in the order of the file."""
 
 
 @dataclass(frozen=True)
 class TableSchema:
-    """What a kind of tables holds.
+    """What the files of one kind of table have in common.
 
     Parameters
     ----------
     name
-        What a file of this kind is, for messages ("scan").
+        Noun for the table in error messages.
     metadata_key
-        Entry of a Parquet file's metadata that has the description, by which the kind is told.
+        Key, in the metadata of a Parquet file, of the table's description as JSON; it tells the
+        kind of table.
     columns
-        NumPy type, unit and description of each column.
+        Type, unit and description of each column.
     """
 
     name: str
@@ -47,17 +48,16 @@ class TableSchema:
 
 @dataclass(frozen=True)
 class ColumnTable:
-    """A table with a row for each return of a LiDAR.
+    """Columns (n,) by name, and a description; subclasses have a `schema`, and a column distance.
 
-    A subclass says in ``schema`` which columns it has; among them are ``x``, ``y`` and ``z``, the
-    point in metres, and ``distance``.
+    ``table["distance"]`` is a column; ``len(table)`` is the number of rows.
 
     Parameters
     ----------
     columns
         Arrays (n,) by name.
     about
-        Description of the table: values that JSON can represent.
+        Description of the table, whose values JSON can represent.
     """
 
     schema: ClassVar[TableSchema]
@@ -81,7 +81,7 @@ class ColumnTable:
         return np.column_stack([self.columns[name] for name in names])
 
     def select(self, rows: NDArray[Any]) -> Self:
-        """Return the table with some rows: a mask (n,), or row numbers (m,)."""
+        """Return a table of the rows that a mask (n,) or indices select."""
         return replace(self, columns={name: part[rows] for name, part in self.columns.items()})
 
 
@@ -89,10 +89,7 @@ T = TypeVar("T", bound=ColumnTable)
 
 
 def write_column_table(path: Path, table: ColumnTable) -> None:
-    """Write a table as a Parquet file, with the unit and description of each column.
-
-    The file appears only when it is complete.
-    """
+    """Write a table as a Parquet file, with the unit and description of each column."""
     from pyarrow import parquet
 
     with written_whole(path) as temporary:
@@ -100,10 +97,10 @@ def write_column_table(path: Path, table: ColumnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
-    """Write a table that comes in portions as a Parquet file, and return its number of rows.
+    """Write tables of one kind as one Parquet file, and return its number of rows.
 
-    Each portion becomes a row group, and only one is in memory. The description is that of the
-    first portion. Raises ValueError if there is no portion.
+    Each table becomes a row group and is released before the next one is taken, so that memory
+    holds one table at a time. The file gets the first table's description.
     """
     from pyarrow import parquet
 
@@ -124,10 +121,13 @@ def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
 
 
 def read_column_table(path: Path, kind: type[T]) -> T:
-    """Read a table that `write_column_table` or `write_portions` wrote.
+    """Read a Parquet file as a table of the class `kind`.
 
-    `kind` is the class of the table. Raises InputError if the file is missing or damaged, takes too
-    much memory for its size, lacks a column, or has numbers that do not fit a column's type.
+    Raises
+    ------
+    InputError
+        The file is missing, no Parquet file, or too large when decoded; it lacks a column of
+        `kind`, or a column's values do not fit the column's type.
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -196,7 +196,7 @@ def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[An
 
 
 def is_table_of(path: Path, kind: type[ColumnTable]) -> bool:
-    """Return whether a file is a table of this kind, by the metadata of the Parquet file."""
+    """Return whether a file is a Parquet table of this kind, by its metadata."""
     return kind.schema.metadata_key.encode() in parquet_metadata(path)
 
 

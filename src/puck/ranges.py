@@ -98,7 +98,7 @@ _COMMON_FEATURES = 10
 def new_range_model(
     bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int, farthest: int
 ) -> RangeModel:
-    """Return an untrained model of ranges of at most `farthest` quanta, in steps of `step`."""
+    """Return a model without knowledge of ranges up to `farthest` quanta, in steps of `step`."""
     sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
     first_weights = [*_EXPERT_WEIGHTS[: size.experts], *_CONTEXT_WEIGHTS[: size.contexts]]

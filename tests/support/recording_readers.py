@@ -85,10 +85,10 @@ def _write_packed_mcap(path: Path) -> None:
 
 
 def _write_returns(path: Path) -> None:
-    from pointkit.lidar.return_table import write_returns
+    from pointkit.column_tables import write_column_table
     from puck.recordings.packet_turns import decode_packets
 
-    write_returns(path, decode_packets(box_capture(1).payloads))
+    write_column_table(path, decode_packets(box_capture(1).payloads))
 
 
 def _write_scan(path: Path) -> None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 _COLUMNS = (CD_PLANE, HD_PLANE)
 _THESIS: dict[str, Any] = {"linewidth": 4.5, "alpha": 0.35, "solid_capstyle": "round"}

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = (
+    "jenco2022.*",
+    "virtual_lidar.residual_table",
+    "virtual_lidar.sweep",
+    "virtual_lidar.trajectory",
+)
 
 _figure = partial(FIGURES.register, category="Sensor")
 _RAYS_DEG = (-15.0, -7.0, 1.0, 7.0, 15.0)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 _figure = partial(FIGURES.register, category="Sensor")
 _figure_at_5_m = partial(_figure, needs=(at(5),))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 
 @dataclass(frozen=True)

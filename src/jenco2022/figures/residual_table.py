@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 _STEP_M = 0.05
 _FEWEST_BINS, _MOST_BINS = 128, 4096

@@ -4,12 +4,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal
 
-from puckbench.core.code import SENSOR
 from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
 CODE = (
-    *(*SENSOR, "jenco2022.residuals", "puckbench.jobs.gathered_tables"),
+    *(
+        "virtual_lidar.errors",
+        "virtual_lidar.residual_table",
+        "jenco2022.residuals",
+        "puckbench.jobs.gathered_tables",
+    ),
     *("virtual_lidar.calibration.*", "virtual_lidar.errors.calibrated"),
 )
 

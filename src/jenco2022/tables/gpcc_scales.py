@@ -11,7 +11,7 @@ from puckbench.metrics.table_registry import TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 REFERENCE, AS_RUN = "gpcc", "gpcc_as_run"
 QUANTILES = {"q25": 0.25, "median": 0.5, "q75": 0.75}

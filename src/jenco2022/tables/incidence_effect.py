@@ -11,7 +11,7 @@ from puckbench.metrics.table_registry import SENSOR, TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 BINS = len(BIN_STDS_M)
 

@@ -14,7 +14,7 @@ from virtual_lidar.residual_table import REAL
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 
 _BIN_M, _REACH_M = 2e-4, 0.5

@@ -13,7 +13,7 @@ from puckbench.metrics.table_registry import SENSOR, TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"

@@ -14,7 +14,7 @@ from puckbench.metrics.table_registry import SENSOR, TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("jenco2022.*", "virtual_lidar")
+CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 NEAR, FAR = "std, walls and floors, 1 to 5 m", "std, walls and floors, 30 m"
 DISTANCE = "earth mover's distance to the real residuals, 1 to 5 m"

@@ -9,7 +9,10 @@ from puckbench.codecs.registry import CODECS
 from puckbench.codecs.storage.cloudini import MAGIC, decode_cloudini, encode_cloudini
 from puckbench.codecs.storage.steps import MOST_STEPS
 
-CODE = ("puckbench.codecs.storage", "puckbench.codecs.most_points")
+CODE = (
+    *("puckbench.codecs.storage.cloudini", "puckbench.codecs.storage.steps"),
+    "puckbench.codecs.most_points",
+)
 
 
 @CODECS.register("cloudini")

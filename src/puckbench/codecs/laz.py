@@ -15,10 +15,8 @@ from puckbench.codecs.storage.steps import MOST_STEPS
 from puckbench.geometry.attributes import REFLECTANCE, Attributes, cloud_with
 
 CODE = (
-    "cloud_files.las",
-    "cloud_files.las_header",
-    "cloud_files.las_units",
-    "puckbench.codecs.storage",
+    *("cloud_files.las", "cloud_files.las_header", "cloud_files.las_units"),
+    *("puckbench.codecs.storage.laz", "puckbench.codecs.storage.steps"),
     "puckbench.codecs.most_points",
 )
 

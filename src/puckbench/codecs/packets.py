@@ -17,11 +17,8 @@ from puckbench.codecs.returns_codec import ReturnsCodec
 from puckbench.codecs.storage.packets import check_whole_packets, decode_packets, encode_packets
 
 CODE = (
-    "puck",
-    "puck.recordings",
-    "pointkit.lidar.sensors",
-    "puckbench.codecs.returns_codec",
-    "puckbench.codecs.storage",
+    *("puck.returns_header", "puck.recordings", "pointkit.lidar.sensors"),
+    *("puckbench.codecs.returns_codec", "puckbench.codecs.storage.packets"),
 )
 
 _MEMORY_BYTES = 1 << 28

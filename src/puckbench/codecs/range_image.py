@@ -19,11 +19,8 @@ from puckbench.codecs.storage.range_images import (
 from puckbench.geometry.attributes import REFLECTANCE
 
 CODE = (
-    "puck",
-    "pointkit.lidar.sensors",
-    "puckbench.codecs.most_points",
-    "puckbench.codecs.returns_codec",
-    "puckbench.codecs.storage",
+    *("puck.returns_header", "pointkit.lidar.sensors", "puckbench.codecs.most_points"),
+    *("puckbench.codecs.returns_codec", "puckbench.codecs.storage.range_images"),
 )
 
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 CLOUD_FILES = (
     *("cloud_files.clouds", "cloud_files.content", "cloud_files.descriptions", "cloud_files.ply"),
-    "cloud_files.point_columns",
-    "puckbench.core.archives",
+    *("puckbench.core.archives", "cloud_files.missing_returns", "cloud_files.point_columns"),
 )
 """Clouds on disk, as the jobs of a run write and read them."""
 MESH_FILES = (*CLOUD_FILES, "cloud_files.meshes", "cloud_files.meshes.ply")
@@ -23,15 +22,19 @@ CODEC = ("puckbench.codecs.base", "puckbench.jobs.codec_jobs", "puckbench.jobs.c
 """Calls of a codec, and archives of its streams."""
 RECORDINGS = (
     *("puckbench.recordings", "puckbench.datasets.recordings", "puck.records"),
-    *("puck.recordings", "puckbench.codecs.registry"),
+    *("puck.recordings", "puckbench.codecs.registry", "cloud_files.missing_returns"),
+    "cloud_files.point_columns",
 )
 """Recordings of real sensors."""
+STATISTICS = (
+    *("puckbench.metrics.bjontegaard", "puckbench.metrics.coordinate_frames"),
+    *("puckbench.metrics.interpolation", "puckbench.metrics.lossless", "puckbench.metrics.peaks"),
+    *("puckbench.metrics.statistics", "puckbench.metrics.timing"),
+)
+"""Statistics of results."""
+FIGURES = (*(*STATISTICS, "puckbench.figures", "puckbench.codecs.facts", "virtual_lidar.errors"),)
+"""Figures, but for the one that is drawn."""
 TABLES = (
-    *("puckbench.metrics", "puckbench.metrics.tables", "puckbench.report", "puckbench.figures"),
-    *("puckbench.codecs.facts", "puckbench.jobs.table_files", "virtual_lidar.errors"),
+    *(*FIGURES, "puckbench.metrics.tables", "puckbench.report", "puckbench.jobs.table_files"),
 )
 """Tables, with their columns, and their formats."""
-FIGURES = (
-    *("puckbench.figures", "puckbench.metrics", "puckbench.codecs.facts", "virtual_lidar.errors"),
-)
-"""Figures, but for the one that is drawn."""

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from puckbench.core.code import MESH_FILES, RECORDINGS, SENSOR
+from puckbench.core.code import MESH_FILES, RECORDINGS
 from puckbench.datasets.recordings import decompressed
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
     from virtual_lidar.walls.residuals import RecordedPlanes, RecordingOptions
 
-CODE = (*RECORDINGS, *MESH_FILES, *SENSOR, "virtual_lidar.walls.*")
+CODE = (*RECORDINGS, *MESH_FILES, "virtual_lidar.residual_table", "virtual_lidar.walls.*")
 
 
 @JOBS.register("capture_residuals")

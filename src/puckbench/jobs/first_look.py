@@ -3,11 +3,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.code import CLOUD_FILES, FIGURES, TABLES
+from puckbench.core.code import CLOUD_FILES, TABLES
 from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
-CODE = (*CLOUD_FILES, *FIGURES, *TABLES, "puckbench.jobs.gathered_tables")
+CODE = (*CLOUD_FILES, *TABLES, "puckbench.jobs.gathered_tables")
 
 
 @JOBS.register("first_look")

@@ -19,7 +19,12 @@ from puckbench.jobs.registry import JOBS, Job
 if TYPE_CHECKING:
     from puckbench.jobs.preparation import MeasuredPoints
 
-CODE = (*CLOUD_FILES, "puckbench.geometry.extent", "puckbench.jobs.preparation", "virtual_lidar")
+CODE = (
+    *CLOUD_FILES,
+    "puckbench.geometry.extent",
+    "puckbench.jobs.preparation",
+    "virtual_lidar.scan_table",
+)
 
 Box = tuple[float, float, float, float, float, float]
 Corner = tuple[float, float, float]

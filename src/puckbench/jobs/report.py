@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from pointkit.files import write_bytes
-from puckbench.core.code import CLOUD_FILES, FIGURES, TABLES
+from puckbench.core.code import CLOUD_FILES, TABLES
 from puckbench.jobs.registry import JOBS, Job
 
-CODE = (*CLOUD_FILES, *FIGURES, *TABLES, "puckbench.jobs.cost")
+CODE = (*CLOUD_FILES, *TABLES, "puckbench.jobs.cost")
 
 
 @JOBS.register("report")

@@ -32,8 +32,8 @@ ALL_TRACED = {"table", "evaluate_curve", "encode_curve"}
 """Jobs of which all are traced, not one of each kind."""
 OF_EVERY_JOB = {
     *("puckbench/core/environment.py", "puckbench/core/introspection.py"),
-    *("puckbench/core/packages.py", "puckbench/core/progress.py"),
-    *("puckbench/jobs/cost.py", "puckbench/jobs/process.py", "puckbench/moved.py"),
+    *("puckbench/core/packages.py", "puckbench/moved.py"),
+    *("puckbench/jobs/cost.py", "puckbench/jobs/process.py"),
 }
 """Code that finds and starts jobs, or measures them: it changes no result."""
 IN_PARAMETERS = {
