@@ -4,10 +4,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pointkit.errors import InputError
-from puckbench.core.code import SENSOR
 from puckbench.jobs.registry import JOBS, Job
 
-CODE = (*SENSOR, "virtual_lidar.calibration.*", "virtual_lidar.errors.calibrated")
+CODE = (
+    *("virtual_lidar.calibration.*", "virtual_lidar.errors", "virtual_lidar.errors.calibrated"),
+    "virtual_lidar.residual_table",
+)
 
 
 @JOBS.register("calibrate")

@@ -190,57 +190,86 @@ RECORDED = {"scene turns", "scene one_turn", "drive real", "capture_residuals bo
 DRIVES = {"encode_drive puck", "measure_drive puck"}
 EVALUATED = {*_each("evaluate", *CODECS), "scan_error noisy", "scan_error spin", "train small"}
 NETWORKS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net")
-OCTREE = (*NETWORKS, "gpcc", "gpcc_angular", "gpcc_predictive", "primitives", "mine")
+OCTREE = (*NETWORKS, "gpcc", "gpcc_angular", "gpcc_predictive", "primitives")
 STUDY = {"residuals vlp16", "wall_points vlp16"}
-VIOLINS = (*(f"fig_5_{k}" for k in (10, 11, 12, 13, 14, 15, 18, 20)), "model_verdict")
+MINE = _curves("mine")
+"""Curves of a codec in a user's file, for which all engines count."""
+_CHAPTER_5 = (f"fig_5_{k}" for k in (*range(1, 9), *range(10, 19), 20, 21, 9))
+THESIS = {
+    *_each("figure", *_CHAPTER_5, "beside_thesis", "gpcc_grid", "model_verdict"),
+    *_each("table", "claims", "gpcc_scales", "incidence_effect", "model_distances"),
+    *_each("table", "residual_incidence", "residual_statistics", "table_4_1", "table_4_2"),
+    *_each("table", "table_5_1", "thesis_medians", "thesis_numbers"),
+}
+"""Figures and tables of `jenco2022`, which count as one."""
 
 CHANGED_BY: dict[str, set[str]] = {
-    "puck/ranges.py": _curves("puck") | DRIVES,
-    "gpcc/octree.py": _curves(*OCTREE) | {"recovery primitives", "train small"},
-    "primitives/region_merging.py": _curves("primitives") | {"recovery primitives"},
-    "learned/pcgcv1/inference.py": _curves("pcgcv1_plus"),
-    "learned/pcgcv2/inference.py": _curves("pcgcv2_plus") | {"train small"},
-    "learned/pcgcv2/training.py": {"train small"},
-    "learned/octree_net/mixing.py": _curves("sparse_octree_net"),
-    "coding/context_mixing.py": _curves("puck", *NETWORKS) | DRIVES | {"train small"},
-    "storage/laz.py": _curves("laz"),
-    "storage/range_images.py": _curves("jpegxl"),
-    "storage/packets.py": _curves("packets_xz"),
-    "codecs/draco.py": _curves("draco"),
-    "mine.py": _curves("mine"),
-    "datasets/mesh_files.py": {"scene meshes"},
-    "datasets/point_clouds.py": {"scene clouds"},
-    "datasets/recordings.py": RECORDED,
-    "scenes/rooms.py": {"scene rooms"},
-    "scenes/rooms.yaml": {"scene rooms"},
-    "scenes/furniture/seating.py": {"scene objects", "scene rooms"},
-    "io/las.py": RECORDED | _curves("laz") | _each("decode", *CODECS),
-    "io/text.py": {*RECORDED, "scene clouds"},
-    "io/meshes/off.py": {"scene meshes"},
-    "io/meshes/obj.py": set(),
-    "lidar/recordings/packet_turns.py": RECORDED | _curves("packets_xz"),
-    "lidar/errors/vlp16.py": {
+    # Engines, of which the curves of all their codecs and of users' codecs are coded again.
+    "puck/ranges.py": _curves("puck") | DRIVES | MINE,
+    "gpcc/octree.py": _curves(*OCTREE) | {"recovery primitives", "train small"} | MINE,
+    "primitive_codec/region_merging.py": _curves("primitives") | {"recovery primitives"} | MINE,
+    "pcc_networks/pcgcv1/inference.py": _curves("pcgcv1_plus") | MINE,
+    "pcc_networks/pcgcv2/inference.py": _curves("pcgcv2_plus") | {"train small"} | MINE,
+    "pcc_networks/octree_net/mixing.py": _curves("sparse_octree_net") | MINE,
+    "pcc_networks/weights_file.py": _curves(*NETWORKS) | {"train small"} | MINE,
+    "pcc_networks/training/loop.py": {"train small"} | MINE,
+    # The network's folder counts as a whole.
+    "pcc_networks/pcgcv2/training.py": _curves("pcgcv2_plus") | {"train small"} | MINE,
+    "puckbench/codecs/storage/laz.py": _curves("laz"),
+    "puckbench/codecs/storage/range_images.py": _curves("jpegxl"),
+    "puckbench/codecs/storage/packets.py": _curves("packets_xz"),
+    "puckbench/codecs/draco.py": _curves("draco"),
+    "puckbench/codecs/learned.py": _curves(*NETWORKS) | {"train small"},
+    "mine.py": MINE,
+    # Data sets and readers of files.
+    "puckbench/datasets/mesh_files.py": {"scene meshes"},
+    "puckbench/datasets/point_clouds.py": {"scene clouds"},
+    "puckbench/datasets/recordings.py": RECORDED,
+    "virtual_lidar/scenes/rooms.py": {"scene objects", "scene rooms"} | STUDY | MINE,
+    "virtual_lidar/scenes/rooms.yaml": {"scene objects", "scene rooms"} | STUDY | MINE,
+    "virtual_lidar/scenes/furniture/seating.py": {"scene objects", "scene rooms"} | STUDY | MINE,
+    "cloud_files/las.py": RECORDED | _curves("laz") | _each("decode", *CODECS) | MINE,
+    "cloud_files/text.py": {*RECORDED, "scene clouds"} | MINE,
+    "cloud_files/meshes/off.py": {"scene meshes"} | MINE,
+    "cloud_files/meshes/obj.py": MINE,
+    # The packets of puck's own recordings are code of its streams.
+    "puck/recordings/packet_turns.py": RECORDED | _curves("packets_xz", "puck") | DRIVES | MINE,
+    # The sensor.
+    "virtual_lidar/errors/vlp16.py": {
         *("scan noisy", "drive virtual", "table compared_residuals", "table table_5_1"),
         *STUDY,
+        *MINE,
     },
-    "lidar/errors/vlp16_divergence.py": {"scan noisy", "table compared_residuals"},
-    "lidar/raycast.py": {"scan noisy", "scan spin", "drive virtual", "drive real", *STUDY},
-    "metrics/geometry.py": EVALUATED,
-    "metrics/further_metrics/density.py": _each("evaluate", *CODECS),
-    "metrics/tasks/registration.py": {
+    "virtual_lidar/errors/vlp16_divergence.py": {
+        *("scan noisy", "table compared_residuals"),
+        *MINE,
+    },
+    "virtual_lidar/raycast.py": {
+        *("scan noisy", "scan spin", "drive virtual", "drive real"),
+        *STUDY,
+        *MINE,
+    },
+    "virtual_lidar/calibration/fitting.py": {
+        *("calibration", "table compared_residuals", "table residuals", "table scans"),
+        *MINE,
+    },
+    "virtual_lidar/walls/detection.py": {"capture_residuals box"} | MINE,
+    # Metrics, tasks, tables and figures.
+    "puckbench/metrics/geometry.py": EVALUATED,
+    "puckbench/metrics/further_metrics/density.py": _each("evaluate", *CODECS),
+    "puckbench/metrics/tasks/registration.py": {
         *("measure_drive puck", "measure_undecoded virtual", "measure_undecoded real"),
     },
-    "metrics/tables/nearest_truth.py": {"table nearest_truth", "table truth_bits"},
-    "thesis/claims/rate_distortion.py": {"table claims"},
-    "thesis/claims/catalogue.yaml": {"table claims"},
-    "thesis/published.yaml": {"table claims", "table thesis_medians"},
-    "thesis/figures/violins.py": _each("figure", *VIOLINS),
-    "figures/truth_rd.py": {
+    "puckbench/metrics/tables/nearest_truth.py": {"table nearest_truth", "table truth_bits"},
+    "puckbench/figures/truth_rd.py": {
         f"figure truth_{name}" for name in ("rd", "rd_point", "rd_hausdorff", "accuracy")
     },
-    "report/findings.py": {"report"},
-    "jobs/prepare_recording.py": set(),
-    "cli/scan.py": set(),
+    "jenco2022/claims/rate_distortion.py": THESIS,
+    "jenco2022/claims/catalogue.yaml": THESIS,
+    "jenco2022/published.yaml": THESIS,
+    "jenco2022/figures/residual_violins.py": THESIS,
+    "puckbench/jobs/prepare_recording.py": set(),
+    "puckbench/cli/scan.py": set(),
 }
 """Files of code and data, and the jobs that run again if one is edited, by kind and by what they
 code, make or read."""
@@ -250,6 +279,19 @@ def _named(job: str) -> str:
     """A job's kind, and its codec, if any, or what it makes."""
     kind, _, what = job.partition(" ")
     return f"{kind} {what.rpartition('/')[2]}".rstrip()
+
+
+def test_an_edit_of_pointkit_changes_the_code_of_all_jobs(jobs: dict[str, PlannedJob]) -> None:
+    assert all("pointkit/geometry/morton.py" in code_of(job) for job in jobs.values())
+
+
+@pytest.mark.parametrize("room", ["puckbench/figures/style.py", "puckbench/report/findings.py"])
+def test_an_edit_of_a_room_changes_no_code_before_tables_and_figures(
+    jobs: dict[str, PlannedJob], room: str
+) -> None:
+    changed = {name.partition(" ")[0] for name, job in jobs.items() if room in code_of(job)}
+    assert "table" in changed
+    assert changed <= {"table", "figure", "first_look", "report", "reference"}
 
 
 @pytest.mark.parametrize("file", CHANGED_BY)
@@ -262,11 +304,11 @@ def test_an_edit_of_a_file_changes_the_code_of_these_jobs_alone(
 
 
 REAL_EDITS: list[tuple[str, str, str, set[str]]] = [
-    ("puck/least_squares.py", "_RIDGE = 5000", "_RIDGE = 6000", _curves("puck") | DRIVES),
+    ("puck/least_squares.py", "_RIDGE = 5000", "_RIDGE = 6000", _curves("puck") | DRIVES | MINE),
     ("mine.py", "import numpy", "# A comment.\nimport numpy", set()),
     ("path.csv", "0.3,0.2", "0.3,0.1", {"drive virtual"}),
     (
-        "lidar/errors/calibrations/vlp16_measured.yaml",
+        "virtual_lidar/errors/calibrations/vlp16_measured.yaml",
         "  ray_sigma_m: 0.0065",
         "  ray_sigma_m: 0.0066",
         {"table compared_residuals"},
