@@ -21,17 +21,26 @@ LITTLE_OVERLAP = "overlap below half"
 TOO_FEW_POINTS = "too few points"
 
 MIN_POINTS = 4
-"""Fewest points of a curve, as in the common test conditions."""
+"""A curve needs at least this many points, as in the common test conditions."""
 MIN_OVERLAP = 0.5
-"""Minimum common range of two curves, as a fraction of the shorter curve's range."""
+"""The common range of two curves must be at least this fraction of the shorter curve's range."""
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class RateDistortionCurve:
-    """A rate-distortion curve: points (k,), strictly increasing in ln(rate) and quality (dB).
+    """A rate-distortion curve holds the points of one codec on one cloud, ready for interpolation.
 
-    `pooled` is by how much `rate_distortion_curve` reduced the number of points.
+    `rate_distortion_curve` makes it from measured rates and qualities.
+
+    Parameters
+    ----------
+    log_rate
+        Natural logarithms of the rates (k,), strictly increasing.
+    quality
+        Qualities (k,) in dB, strictly increasing.
+    pooled
+        Number of points that were removed by pooling (see `rate_distortion_curve`).
     """
 
     log_rate: Floats
@@ -40,10 +49,12 @@ class RateDistortionCurve:
 
     @cached_property
     def rate_interpolant(self) -> Any:
+        """The polynomial that gives ln(rate) at a quality."""
         return _interpolant(self.quality, self.log_rate)
 
     @cached_property
     def quality_interpolant(self) -> Any:
+        """The polynomial that gives the quality at an ln(rate)."""
         return _interpolant(self.log_rate, self.quality)
 
 
@@ -55,16 +66,19 @@ def _interpolant(x: Floats, y: Floats) -> Any:
 
 @dataclass(frozen=True)
 class BjontegaardDelta:
-    """Bjontegaard deltas of a curve against an anchor curve.
+    """The result of `bjontegaard_delta` tells how a tested curve differs from an anchor curve.
 
     Parameters
     ----------
     log_ratio
-        Mean of ln(rate / anchor rate) at equal quality.
+        Mean of ln(rate / anchor rate) at equal quality; None if it cannot be computed.
     quality_db
-        Mean difference in quality at equal rate.
+        Mean difference in quality (tested minus anchor) at equal rate, in dB; None if it cannot be
+        computed.
+    rate_status, quality_status
+        `COMPARED`, or the reason why `log_ratio` or `quality_db` is None.
     overlap
-        Common quality range of both curves, as a fraction of the shorter range.
+        Quality range that both curves share, as a fraction of the shorter range.
     """
 
     log_ratio: float | None
@@ -75,16 +89,32 @@ class BjontegaardDelta:
 
     @property
     def rate_percent(self) -> float | None:
-        """BD-rate in percent: negative if the tested codec needs fewer bits than the anchor."""
+        """The BD-rate in percent, which is negative if the tested codec needs fewer bits than the
+        anchor.
+
+        It is None if `log_ratio` is None.
+        """
         return None if self.log_ratio is None else 100 * float(np.expm1(self.log_ratio))
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve through points (k,); those with a missing value are left out.
+    """Build a rate-distortion curve from the measured points of a codec.
 
-    Points at which more bits give no better quality are pooled with the points before them: the
-    mean of their qualities and of their ln(rate) is one point of the curve (pool adjacent
-    violators). So a codec's bad rates count, and do not only its best ones.
+    A point at which more bits give no better quality is pooled with the point before it: both are
+    replaced by the mean of their qualities and the mean of their ln(rate) (pool adjacent
+    violators). In this way the bad rates of a codec also count.
+
+    Parameters
+    ----------
+    rates
+        Rates (k,) above 0, in any unit and order.
+    qualities
+        Qualities (k,) in dB. Points with an infinite or missing value are left out.
+
+    Returns
+    -------
+    RateDistortionCurve
+        The curve, which has no points if no point is finite.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     log_rates, qualities = np.log(rates[is_finite]), qualities[is_finite]
@@ -102,6 +132,23 @@ def _increases(before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
 
 
 def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) -> BjontegaardDelta:
+    """Compare two rate-distortion curves by their Bjontegaard deltas.
+
+    Both deltas are None if a curve has fewer than `MIN_POINTS` points. A single delta is None if
+    the curves have too little of its range in common (see `MIN_OVERLAP`).
+
+    Parameters
+    ----------
+    anchor
+        Curve of the codec to compare with.
+    tested
+        Curve of the codec under test.
+
+    Returns
+    -------
+    BjontegaardDelta
+        The mean differences of the tested curve to the anchor, and the reasons for missing ones.
+    """
     if min(len(anchor.quality), len(tested.quality)) < MIN_POINTS:
         return BjontegaardDelta(None, None, TOO_FEW_POINTS, TOO_FEW_POINTS)
     ratio, rate_status, overlap = _difference(anchor, tested, "quality", "rate_interpolant")

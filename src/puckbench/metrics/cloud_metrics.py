@@ -31,11 +31,26 @@ def geometry_metrics(
     decoded: Floats | DistinctPoints,
     peak: float | None = None,
 ) -> dict[str, float]:
-    """Return distances, in the cloud's units and in metres, and PSNRs of a decoded cloud.
+    """Return the geometric errors and PSNRs of a decoded cloud against its original.
 
-    If rounding explains all errors, they are set to 0, and the entry ``lossless`` is true. The peak
-    of the D1 and D2 PSNRs, in units, is by default `PointCloud.peak`. D2 needs the reference's
-    normals.
+    If rounding of coordinates explains all errors (see `puckbench.metrics.lossless`), the errors
+    are set to 0.
+
+    Parameters
+    ----------
+    reference
+        The original cloud. Without normals, there are no point-to-plane errors and no D2.
+    decoded
+        Decoded points (m, 3) in the coordinate frame of the original.
+    peak
+        Peak of the D1 and D2 PSNRs, in units of the cloud; by default that of the cloud's `peak`.
+
+    Returns
+    -------
+    dict
+        Values by name of the metric: the errors of `puckbench.metrics.geometry.distortion` in units
+        of the cloud, the same errors in metres (``..._m``), PSNRs in dB, and ``lossless`` (a bool).
+        For clouds in metres, ``d1_mm2`` and ``d2_mm2`` are added. Infinite PSNRs are left out.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding
@@ -57,7 +72,18 @@ def geometry_metrics(
 
 
 def picture_metrics(reference: PointCloud, decoded: PointCloud, pixels: int) -> dict[str, float]:
-    """Return metrics of rendered views, `pixels` wide and high; none if `pixels` is 0."""
+    """Return the PSNR and SSIM of rendered views of a decoded cloud against views of the original.
+
+    Parameters
+    ----------
+    pixels
+        Width and height of each view. With 0, nothing is rendered and the result is empty.
+
+    Returns
+    -------
+    dict
+        Finite values of `puckbench.metrics.views.view_metrics` by name.
+    """
     if not pixels:
         return {}
     from puckbench.metrics.views import view_metrics
@@ -68,10 +94,23 @@ def picture_metrics(reference: PointCloud, decoded: PointCloud, pixels: int) -> 
 def attribute_metrics(
     reference: PointCloud, decoded: PointCloud, geometry: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return metrics of colours and reflectances that both clouds have.
+    """Return the errors of colours and reflectances, as far as both clouds have them.
 
-    `geometry` comes from `geometry_metrics`. An attribute is lossless if both clouds have equal
-    values in any order and, if positions are lossless, at each point.
+    An attribute counts as lossless if both clouds have the same values in any order. If the
+    positions are lossless, the values must also be equal at each point.
+
+    Parameters
+    ----------
+    reference, decoded
+        The original and the decoded cloud, in one coordinate frame.
+    geometry
+        Result of `geometry_metrics` for the same clouds.
+
+    Returns
+    -------
+    dict
+        Values of `colour_distortion`, `joint_quality` and `reflectance_distortion` by name; empty
+        if the clouds have no common attribute.
     """
     values: dict[str, float] = {}
     pairs = attributes_of(reference), attributes_of(decoded)

@@ -20,24 +20,37 @@ _YUV = np.array(
 """Matrix from RGB to YUV: BT.709, full range, as in MPEG's pc_error."""
 _CHANNELS = ("y", "u", "v")
 GEOMETRY_WEIGHT = 0.6597
-"""Weight of geometry against luma in the joint metric (Viola et al. 2020)."""
+"""Weight of geometry in the joint metric; luma has the remaining weight (Viola et al. 2020)."""
 _BINS = 256
 
 
 def yuv(colours: np.ndarray) -> Floats:
-    """Convert uint8 RGB (n, 3) to YUV (n, 3): Y in [0, 1], U and V in [-0.5, 0.5]."""
+    """Convert RGB colours (n, 3) of type uint8 to YUV (n, 3) by the matrix of BT.709.
+
+    Y is in [0, 1]; U and V are in [-0.5, 0.5].
+    """
     return np.asarray(np.asarray(colours, dtype=np.float64) @ _YUV.T / 255)
 
 
 def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Return the colour errors between nearest neighbours (see `paired_values`).
+    """Return the errors of the decoded colours.
+
+    A point's colour is compared with that of the nearest point in the other cloud, in both
+    directions (see `paired_values`). The larger error of both directions is returned.
 
     Returns
     -------
     dict
-        ``y_mse``, ``u_mse``, ``v_mse``; ``y_psnr``, ``u_psnr``, ``v_psnr`` (dB, peak 1);
-        ``colour_max_error``, the largest difference of an RGB component (0 to 255);
-        ``colour_lossless``; ``luminance_l2`` (see `luminance_distance`).
+        * ``y_mse``, ``u_mse``, ``v_mse``: mean squared errors, of values from 0 to 1 (Y).
+        * ``y_psnr``, ``u_psnr``, ``v_psnr``: PSNRs in dB, with peak 1.
+        * ``colour_max_error``: largest difference of an RGB component (0 to 255).
+        * ``colour_lossless``: whether both clouds have the same colours.
+        * ``luminance_l2``: difference of the luma histograms (see `luminance_distance`).
+
+    Raises
+    ------
+    InputError
+        A cloud has no colours or no points.
     """
     a_colours, b_colours = (
         _colours(reference, "reference cloud"),
@@ -54,15 +67,38 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
 
 
 def luminance_distance(a: Floats, b: Floats) -> float:
-    """Return the Euclidean distance of normalised 256-bin histograms of lumas (n,) and (m,)."""
+    """Return how much the luma histograms of two clouds differ.
+
+    Parameters
+    ----------
+    a, b
+        Lumas (n,) and (m,) from 0 to 1.
+
+    Returns
+    -------
+    float
+        Euclidean distance of both histograms, each with 256 bins and the sum 1.
+    """
     shares = [np.histogram(y, _BINS, (0.0, 1.0))[0] / len(y) for y in (a, b)]
     return float(np.linalg.norm(shares[0] - shares[1]))
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Return PCC Arena's joint metric of geometry (``cd_plane``) and colour (``luminance_l2``).
+    """Return PCC Arena's joint error of geometry and colour, where lower is better.
 
-    Lower is better (Viola, Subramanyam and Cesar 2020).
+    It is the weighted sum of ``cd_plane`` and ``luminance_l2`` (Viola, Subramanyam and Cesar 2020).
+
+    Parameters
+    ----------
+    distortion
+        Result of `puckbench.metrics.geometry.distortion`.
+    colour
+        Result of `colour_distortion`.
+
+    Returns
+    -------
+    float
+        The joint error, or nan if `distortion` lacks ``cd_plane`` (the original has no normals).
     """
     if "cd_plane" not in distortion:
         return math.nan

@@ -13,19 +13,28 @@ OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Return spacing, density and outliers of points (n, 3) from k = 16 nearest neighbours.
+    """Measure the spacing, density and outliers of a cloud from distances to nearest neighbours.
 
-    At most 100,000 random distinct points are queried.
+    Duplicate points are removed first. Of the others, at most 100,000 random ones are measured,
+    each by its k = 16 nearest neighbours.
+
+    Parameters
+    ----------
+    points
+        Points (n, 3), n >= 1.
 
     Returns
     -------
     dict
-        * ``duplicates``: share of points that repeat an earlier position.
-        * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest neighbour.
-        * ``density_median``, ``density_q05``, ``density_q95``: k / (pi r^2), with the distance r to
-          the k-th neighbour.
-        * ``outliers``: share of points whose mean distance to k neighbours exceeds the average by
-          two standard deviations (Rusu et al. 2008).
+        * ``duplicates``: fraction of points that repeat an earlier position.
+        * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: median, 5 % and 95 % quantile of the
+          distance to the nearest neighbour, in units of the cloud.
+        * ``density_median``, ``density_q05``, ``density_q95``: the same of k / (pi r^2), where r is
+          the distance to the k-th neighbour; in points per squared unit.
+        * ``outliers``: fraction of points whose mean distance to k neighbours exceeds the average
+          by two standard deviations (Rusu et al. 2008).
+
+        If all points are equal, there is only ``duplicates``.
     """
     check_points(points, "density")
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -63,9 +72,19 @@ def _shares(name: str, values: Floats) -> dict[str, float]:
 
 
 def density_in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
-    """Convert results of `density`, with `scale` units per metre.
+    """Convert the results of `density` from units of the cloud to metres.
 
-    Spacings get the suffix ``_m``, densities ``_m2``.
+    Parameters
+    ----------
+    values
+        Result of `density`.
+    scale
+        Units of the cloud per metre.
+
+    Returns
+    -------
+    dict
+        The converted values. Names of spacings get the suffix ``_m``, names of densities ``_m2``.
     """
     converted = {}
     for name, value in values.items():

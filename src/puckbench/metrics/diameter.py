@@ -25,7 +25,9 @@ def diameter(points: Floats) -> float:
 
 
 def _boxes(points: Floats) -> tuple[Floats, Floats]:
-    """Return the bounding boxes (b, 2, 3) of blocks of points, and the lengths of diagonals."""
+    """Return the bounding boxes (b, 2, 3) of blocks of points and the lengths (b,) of their
+    diagonals.
+    """
     starts = np.arange(0, len(points), BLOCK)
     low, high = (each.reduceat(points, starts, axis=0) for each in (np.minimum, np.maximum))
     return np.stack([low, high], axis=1), np.linalg.norm(high - low, axis=1)
@@ -37,7 +39,8 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Return centre and length of a segment between two points, each farthest from the other."""
+    """Return the centre (3,) and the length of the segment between two points that are far apart.
+    """
     point, centre, length = points[0], points[0], -1.0
     while True:
         distances = _distances(points, point)
@@ -71,7 +74,7 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 @compiled
 def _cap_squared(points: Floats, boxes: Floats, across: float, i: int, j: int) -> float:
-    """Return an upper bound of the squared distance between points of boxes i and j.
+    """Return an upper bound of the squared distance between a point of box i and a point of box j.
 
     The bound uses the points' extents along the line between the boxes' centres.
     """

@@ -6,15 +6,27 @@ from pointkit.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Return the ratio of shortest to longest side of the bounding box; 0 for a single point."""
+    """Return how elongated a cloud is: the shortest side of its bounding box over the longest side.
+
+    Parameters
+    ----------
+    points
+        Points (n, 3), n >= 1.
+
+    Returns
+    -------
+    float
+        Ratio from 0 (flat, or a single point) to 1 (a cube).
+    """
     check_points(points, "elongation")
     return _ratio(np.ptp(points, axis=0))
 
 
 def oriented_elongation(points: Floats) -> float:
-    """Return the `elongation` of Open3D's oriented bounding box, as in the thesis.
+    """Return the same ratio as `elongation` for an oriented bounding box, as in the thesis.
 
-    The box's axes are the principal axes of the convex hull's vertices.
+    As in Open3D, the box's axes are the principal axes of the convex hull's vertices. The result is
+    0 if the points (n, 3) enclose no volume.
     """
     from scipy.spatial import ConvexHull, QhullError
 

@@ -1,6 +1,7 @@
-"""D1 and D2, Chamfer and Hausdorff distances (thesis section 2.4, equations 2.3 to 2.6).
+"""Geometric errors of a decoded cloud: D1 and D2, Chamfer and Hausdorff distances.
 
-Duplicate points, missing normals and equidistant neighbours are treated as in MPEG's pc_error.
+Section 2.4 of the thesis defines them (equations 2.3 to 2.6). Duplicate points, missing normals and
+equidistant neighbours are treated as in MPEG's program pc_error.
 """
 
 from __future__ import annotations
@@ -31,10 +32,18 @@ _QUANTILE = 0.99
 
 @dataclass(frozen=True)
 class SquaredErrors:
-    """Squared point-to-point and point-to-plane errors between two clouds.
+    """The squared distances between a reference cloud A and a decoded cloud B, point by point.
 
-    ``ab_...`` (n,) are from the distinct points of the reference A to the decoded cloud B,
-    ``ba_...`` (m,) from the distinct points of B, `decoded` (m, 3), to A.
+    Duplicate points of both clouds are removed before.
+
+    Parameters
+    ----------
+    decoded
+        Distinct points (m, 3) of B.
+    ab_point, ba_point
+        Squared distances (n,) of the points of A to their nearest points of B, and (m,) of B to A.
+    ab_plane, ba_plane
+        The same distances along the normals of the nearest points; None without normals.
     """
 
     decoded: Floats
@@ -45,7 +54,10 @@ class SquaredErrors:
 
 
 class DistinctPoints:
-    """The distinct points of a cloud (n, 3) with a reusable search index."""
+    """The distinct points of a cloud, with a search index that several comparisons can share.
+
+    `xyz` (n, 3) are the points, `rows` (n,) their indices in the cloud, and `search` is the index.
+    """
 
     def __init__(self, points: Floats, what: str = "decoded cloud") -> None:
         check_points(points, what)
@@ -54,11 +66,18 @@ class DistinctPoints:
 
     @classmethod
     def of(cls, decoded: Floats | DistinctPoints) -> DistinctPoints:
+        """Return `decoded` with a search index: unchanged if it has one, else made from points (m,
+        3).
+        """
         return decoded if isinstance(decoded, cls) else cls(cast(Floats, decoded))
 
 
 class ReferenceCloud:
-    """A reference cloud with reusable search index and checked normals."""
+    """A reference cloud, prepared so that many decoded clouds can be compared with it.
+
+    It holds the search index of the distinct points and the checked normals. InputError is raised
+    if the cloud is empty or a normal is not finite.
+    """
 
     def __init__(self, cloud: PointCloud) -> None:
         self.cloud = cloud
@@ -69,43 +88,53 @@ class ReferenceCloud:
 
     @classmethod
     def of(cls, reference: PointCloud | ReferenceCloud) -> ReferenceCloud:
+        """Return `reference` unchanged if it is prepared already, else prepare it."""
         return reference if isinstance(reference, cls) else cls(cast(PointCloud, reference))
 
     @cached_property
     def diameter(self) -> float:
-        """The largest distance between points, from the cloud's description or computed."""
+        """The largest distance between two points: the cloud's ``about["diameter"]``, else
+        computed.
+        """
         return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
 
     @cached_property
     def rounding(self) -> float:
+        """The largest error, in units of the cloud, that rounding can cause (see
+        `lossless.rounding`).
+        """
         return rounding(self.cloud)
 
 
 def distortion(
     reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> dict[str, float]:
-    """Return D1, D2, Chamfer and Hausdorff distances, as in MPEG's pc_error.
+    """Return the D1, D2, Chamfer and Hausdorff distances of a decoded cloud, as pc_error computes
+    them.
 
-    Duplicate points count once, with the normal of the first. Decoded points get normals by
-    `transfer_normals`. Point-to-plane errors are projected onto the nearest neighbour's normal;
-    squared errors are averaged over equidistant neighbours.
+    Duplicate points count once, with the normal of the first. Decoded points get normals from the
+    reference by `transfer_normals`. A point-to-plane error is the offset to the nearest neighbour,
+    projected onto the neighbour's normal. Squared errors are averaged over equidistant neighbours.
 
     Parameters
     ----------
     reference
         The original cloud (A).
     decoded
-        The decoded cloud (B), (m, 3), in the coordinate frame of A.
+        Points (m, 3) of the decoded cloud (B), in the coordinate frame of A.
 
     Returns
     -------
     dict
-        In squared units of the clouds, except ``hausdorff_...`` and ``q99_...`` (units):
+        Values are in squared units of the clouds, except ``hausdorff_...`` and ``q99_...`` (units):
 
-        * ``acd_ab_point``, ``acd_ba_point``: asymmetric Chamfer distances (eq. 2.3); ``cd_point``:
-          their mean (eq. 2.4); ``d1_mse``: their maximum (pc_error's mseF).
-        * ``hausdorff_point``: Hausdorff distance (eq. 2.5); ``hausdorff_sq_point``: its square
-          (pc_error's "h."). ``q99_point``: the larger of both directions' 99 % quantiles.
+        * ``acd_ab_point``, ``acd_ba_point``: asymmetric Chamfer distances from A to B and from B to
+          A (eq. 2.3).
+        * ``cd_point``: mean of both Chamfer distances (eq. 2.4).
+        * ``d1_mse``: maximum of both Chamfer distances (pc_error's mseF).
+        * ``hausdorff_point``: Hausdorff distance (eq. 2.5).
+        * ``hausdorff_sq_point``: squared Hausdorff distance (pc_error's "h.").
+        * ``q99_point``: 99 % quantile of the distances, the larger of both directions.
         * ``..._plane`` and ``d2_mse``: the point-to-plane versions (eq. 2.6), if the reference has
           normals.
         * ``points_a``, ``points_b``: numbers of distinct points.
@@ -116,7 +145,16 @@ def distortion(
 def squared_errors(
     reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> SquaredErrors:
-    """Return the squared errors that `distortion` summarises."""
+    """Return the squared error of every distinct point, from which `summarise_errors` makes
+    metrics.
+
+    Parameters
+    ----------
+    reference
+        The original cloud (A).
+    decoded
+        Points (m, 3) of the decoded cloud (B), in the coordinate frame of A.
+    """
     reference = ReferenceCloud.of(reference)
     from_a, from_b = reference.points, DistinctPoints.of(decoded)
     a, b = from_a.xyz, from_b.xyz
@@ -135,6 +173,7 @@ def squared_errors(
 
 
 def summarise_errors(errors: SquaredErrors) -> dict[str, float]:
+    """Return the metrics that `distortion` describes, computed from point-wise squared errors."""
     values = _summary(errors.ab_point, errors.ba_point, "point", "d1_mse")
     if errors.ab_plane is not None and errors.ba_plane is not None:
         values |= _summary(errors.ab_plane, errors.ba_plane, "plane", "d2_mse")
@@ -156,7 +195,7 @@ def _summary(ab: Floats, ba: Floats, kind: str, largest_mse: str) -> dict[str, f
 
 
 def _quantile(squared: Floats) -> float:
-    """Return the smallest value (n,) that at least 99 % of the values do not exceed."""
+    """Return the smallest of the values (n,) that at least 99 % of them do not exceed."""
     rank = math.ceil(_QUANTILE * len(squared)) - 1
     return float(np.partition(squared, rank)[rank])
 
@@ -173,11 +212,22 @@ def _checked_normals(reference: PointCloud) -> Floats:
 
 
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
-    """Return normals (size, 3) of the decoded cloud B from those of the reference A (n, 3).
+    """Return normals (size, 3) for the points of a decoded cloud B, taken from a reference A.
 
-    As in pc_error, the normal of a point b in B is the mean, not normalised, over all points of A
-    whose nearest neighbour is b or, without such points, over b's nearest neighbours in A. `ab` are
-    the neighbours in B of points of A; `ba` are those in A of points of B.
+    As in pc_error, the normal of a point b is the mean of the normals of all points of A whose
+    nearest neighbour is b. If there are none, it is the mean over the nearest neighbours of b in A.
+    The mean is not normalised.
+
+    Parameters
+    ----------
+    normals
+        Normals (n, 3) of the points of A.
+    size
+        Number of points of B.
+    ab
+        The nearest neighbours in B of the points of A.
+    ba
+        The nearest neighbours in A of the points of B.
     """
     takers, sources = _exact_pairs(ab)
     to_b = np.bincount(sources, minlength=size) == 0
@@ -190,7 +240,9 @@ def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours)
 
 
 def _exact_pairs(neighbours: Neighbours) -> tuple[Rows, Rows]:
-    """Return query and nearest neighbour of all pairs at exactly the least distance."""
+    """Return the indices (k,) of queries and of neighbours of all pairs at exactly the least
+    distance.
+    """
     first = neighbours.starts[:-1]
     queries = np.repeat(np.arange(len(first)), np.diff(neighbours.starts))
     is_exact = np.arange(len(queries)) - first[queries] < neighbours.exact[queries]

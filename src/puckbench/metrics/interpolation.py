@@ -1,4 +1,4 @@
-"""Bits of a rate-distortion curve at a given error."""
+"""Interpolation of a codec's rate-distortion curve: the bits that a given error needs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,24 @@ from pointkit.geometry.cloud import Floats
 
 
 def bits_at_error(bits: Iterable[float], errors: Iterable[float], error: float) -> float:
-    """Return the fewest bits at an error, or nan outside the range of the errors above 0.
+    """Return the fewest bits with which a codec reaches an error, interpolated between lossy rates.
 
-    `bits` and `errors` (n,) are of a curve's rates; see `bits_to_reach`.
+    Rates without error are left out, and nothing is extrapolated.
+
+    Parameters
+    ----------
+    bits
+        Bits (n,) of a codec's rates, in any order.
+    errors
+        Errors (n,) at these rates.
+    error
+        The error to reach, in the unit of `errors`.
+
+    Returns
+    -------
+    float
+        The bits, interpolated as by `bits_to_reach`. It is nan if fewer than two rates are lossy,
+        or if `error` is below the smallest or above the largest of their errors.
     """
     rate, distance = (np.asarray(list(values), np.float64) for values in (bits, errors))
     lossy = distance > 0
@@ -24,11 +39,25 @@ def bits_at_error(bits: Iterable[float], errors: Iterable[float], error: float) 
 
 
 def bits_to_reach(bits: Floats, errors: Floats, goal: float) -> float:
-    """Return the fewest bits at which a curve's error is at most `goal`, or nan.
+    """Return the fewest bits with which a codec's error is at most `goal`.
 
-    `bits` (n,) ascend; rates whose error is nan are left out. The first rate that is near enough
-    counts, or, if the rate before it has fewer bits, the point between both at which the error is
-    `goal`, linear in log bits and log error. Next to a rate without error nothing is interpolated.
+    The first rate with such an error counts. If a rate with fewer bits precedes it, the bits at
+    which the error equals `goal` are interpolated between both, linearly in log bits and log error.
+    There is no interpolation if the first rate has no error at all.
+
+    Parameters
+    ----------
+    bits
+        Bits (n,) of a codec's rates, ascending.
+    errors
+        Errors (n,) at these rates; rates with nan are left out.
+    goal
+        Largest allowed error, in the unit of `errors`.
+
+    Returns
+    -------
+    float
+        The bits, or nan if no rate reaches the goal.
     """
     known = ~np.isnan(errors)
     bits, errors = bits[known], errors[known]

@@ -1,4 +1,4 @@
-"""Detection of losslessly coded clouds, whose errors come only from rounding."""
+"""Detection of losslessly coded clouds: all their errors come from rounding of coordinates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LOSSLESS = "lossless"
-"""Column of results: whether all errors are rounding errors."""
+"""Column of results that tells whether all errors are rounding errors."""
 _ROUNDING = 2.0**-21
 """Relative tolerance of four units in the last place of single precision, for roundings at reading,
 in two operations of a decoder and at writing, along three axes."""
@@ -28,20 +28,37 @@ _COUNTS = ("points_a", "points_b")
 
 
 def rounding(cloud: PointCloud) -> float:
-    """Return the largest error that rounding of coordinates can cause, in the cloud's unit."""
+    """Return the largest error, in units of the cloud, that rounding of coordinates can cause."""
     limit = _ROUNDING * float(np.abs(bounds(cloud.xyz)).max())
     return limit if cloud.frame == "scaled" else min(limit, _MOST)
 
 
 def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, float]:
-    """Set errors from `distortion` to 0 if none exceeds `limit`, and add the entry `LOSSLESS`."""
+    """Return the errors of a decoded cloud, set to 0 if rounding explains all of them.
+
+    Parameters
+    ----------
+    errors
+        Result of `puckbench.metrics.geometry.distortion`.
+    limit
+        Largest error that rounding can cause, from `rounding`.
+
+    Returns
+    -------
+    dict
+        The errors, and the entry `LOSSLESS`, which is true if they were set to 0. Numbers of points
+        are kept.
+    """
     is_lossless = errors["hausdorff_point"] <= limit
     kept = {k: 0.0 if is_lossless and k not in _COUNTS else v for k, v in errors.items()}
     return {**kept, LOSSLESS: is_lossless}
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return a mask (n,) of lossless rows, from column `LOSSLESS` or, if missing, from errors."""
+    """Return a mask (n,) of the rows of a results table that are lossless.
+
+    It is taken from the column `LOSSLESS`. Where the column has no value, the errors decide.
+    """
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)
     if {"hausdorff_point", "diameter"} <= set(metrics):
@@ -54,20 +71,24 @@ def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Set PSNRs of lossless rows to a finite value above all others, so that quantiles exist."""
+    """Return the table with PSNRs of lossless rows set to a finite value above all other PSNRs.
+
+    Without this, quantiles of PSNRs could not be computed. `without_lossless` is the counterpart.
+    """
     psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_shape_metric(name)]
     rows = lossless_rows(metrics)
     return metrics.assign(**{name: metrics[name].mask(rows, _BEST_DB) for name in psnrs})
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
-    """Set quantiles of PSNRs to nan where lossless rows determine them.
+    """Return a table of quantiles in which the PSNRs that stem from lossless rows are nan.
 
-    They exceed all lossy PSNRs, since `with_lossless_best` replaced infinity by a large value.
+    They are recognised by their size, since `with_lossless_best` set them above all lossy PSNRs.
     """
     psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 
 
 def is_shape_metric(column: str) -> bool:
+    """Return whether a column of results compares the geometry of decoded cloud and original."""
     return column.startswith(_OF_THE_SHAPE)

@@ -37,7 +37,7 @@ METRICS: Registry[Metric] = Registry("metric", "further_metrics", make=_register
 
 
 def metric_columns() -> dict[str, str]:
-    """Return the meanings of the columns of optional metrics."""
+    """Return what the columns of all optional metrics mean, by name of the column."""
     METRICS.names()
     return dict(_meanings)
 
@@ -45,10 +45,26 @@ def metric_columns() -> dict[str, str]:
 def further_metrics(
     names: Iterable[str], reference: PointCloud, decoded: PointCloud, columns: Collection[str]
 ) -> dict[str, float]:
-    """Return the values of optional metrics of a decoded cloud.
+    """Compute optional metrics of a decoded cloud.
 
-    `names` are registered metrics or ``path/to/file.py:function``. Raises InputError if a result's
-    name is in `columns` or occurs twice.
+    Parameters
+    ----------
+    names
+        Names of registered metrics, or ``path/to/file.py:function``.
+    reference, decoded
+        The original and the decoded cloud, in one coordinate frame.
+    columns
+        Names of results that exist already.
+
+    Returns
+    -------
+    dict
+        The values of all metrics by name of their column.
+
+    Raises
+    ------
+    InputError
+        A metric is unknown, or the name of a value is in `columns` or occurs twice.
     """
     results: dict[str, float] = {}
     for name in names:

@@ -15,14 +15,24 @@ from puckbench.geometry.neighbours import Neighbours, SearchablePoints
 
 
 class DistinctValues(NamedTuple):
-    """Distinct points (m, 3) and their mean values (m, components)."""
+    """The distinct points (m, 3) of a cloud, and the mean values (m, components) at each point."""
 
     points: Floats
     values: Floats
 
 
 def distinct_values(points: Floats, values: Floats, source: str) -> DistinctValues:
-    """Merge points (n, 3) with equal coordinates, and average their values (n, components)."""
+    """Merge points with equal coordinates, and average their values.
+
+    Parameters
+    ----------
+    points
+        Points (n, 3).
+    values
+        Values of the points (n, components), such as colours.
+    source
+        Name of the cloud with which the message of an InputError begins.
+    """
     check_points(points, source)
     merged, inverse, counts = np.unique(points, axis=0, return_inverse=True, return_counts=True)
     sums = [np.bincount(inverse.ravel(), column) for column in values.T]
@@ -30,7 +40,14 @@ def distinct_values(points: Floats, values: Floats, source: str) -> DistinctValu
 
 
 def pair_errors(a: DistinctValues, b: DistinctValues) -> tuple[Floats, Floats]:
-    """Return mean squared and largest differences (components,), the larger of both directions."""
+    """Compare the values of two clouds between nearest neighbours, in both directions.
+
+    Returns
+    -------
+    tuple
+        The mean squared differences (components,) and the largest absolute differences
+        (components,). Each is the larger one of both directions.
+    """
     a_points, b_points = SearchablePoints(a.points), SearchablePoints(b.points)
     ab = np.abs(a.values - _means(b.values, b_points.nearest(a_points)))
     ba = np.abs(b.values - _means(a.values, a_points.nearest(b_points)))
@@ -39,7 +56,7 @@ def pair_errors(a: DistinctValues, b: DistinctValues) -> tuple[Floats, Floats]:
 
 
 def same_values(a: NDArray[Any], b: NDArray[Any]) -> bool:
-    """Return whether two arrays have the same rows, equally often, in any order."""
+    """Return whether two arrays contain the same rows, each equally often, in any order."""
     if a.shape != b.shape:
         return False
     first, second = (each.reshape(len(each), -1) for each in (a, b))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PEAK = "peak"
-"""Column of result rows: peak of ``d1_psnr`` and ``d2_psnr`` in the cloud's units."""
+"""Column of results: the peak of ``d1_psnr`` and ``d2_psnr``, in the unit of the cloud."""
 WITH_PEAK = ("d1_psnr", "d2_psnr")
 _DIGITS = 4
 """Significant digits of a peak derived from rounded errors and PSNRs."""
@@ -22,7 +22,11 @@ _ALIKE = 1.001
 
 
 def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Add the column `PEAK` to older results, computed from their errors and PSNRs."""
+    """Return a results table with the column `PEAK`.
+
+    If an older table lacks the column, the peaks are computed from ``d1_mse`` and ``d1_psnr``. If
+    it lacks these too, it is returned unchanged.
+    """
     if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
         return metrics
     peaks = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
@@ -31,7 +35,16 @@ def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Raise InputError if the PSNRs of a cloud, in `columns`, have several peaks."""
+    """Raise InputError if PSNRs of one cloud were computed with different peaks.
+
+    Parameters
+    ----------
+    metrics
+        Table of results.
+    columns
+        Names of the columns to be compared. Nothing is checked if no PSNR with a peak is among
+        them.
+    """
     if PEAK not in metrics or not set(WITH_PEAK) & set(columns):
         return
     for (dataset, cloud), part in metrics.groupby(["dataset", "cloud"])[PEAK]:
@@ -43,7 +56,10 @@ def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
 
 
 def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Remove, with a warning, the PSNRs of data sets whose results differ in the peak."""
+    """Return the table without the PSNRs of data sets whose results have different peaks.
+
+    A warning names these data sets. Their PSNRs are set to nan.
+    """
     if PEAK not in metrics:
         return metrics
     of_sets = metrics.groupby("dataset")[PEAK]
@@ -59,7 +75,7 @@ def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
-    """Return each data set's PSNR peak as text, such as "30 m"."""
+    """Return the PSNR peaks of each data set as text, such as "30 m", by name of the data set."""
     table = with_peaks(metrics)
     if PEAK not in table:
         return {}
@@ -71,6 +87,6 @@ def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
 
 
 def peak_phrase(metrics: pd.DataFrame) -> str:
-    """Return all peaks of the PSNRs as text, such as "peak 1023 or 30 m"."""
+    """Return all peaks of the PSNRs as text, such as "peak 1023 or 30 m"; empty without a peak."""
     several = dict.fromkeys(peaks_of_datasets(metrics).values())
     return f"peak {' or '.join(several)}" if several else ""

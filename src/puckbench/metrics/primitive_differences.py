@@ -12,18 +12,43 @@ Parameters = dict[str, Any]
 
 
 def distances_to_primitive(primitive: Primitive, points: Floats) -> Floats:
-    """Return distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
+    """Return the distances of points to the surface of a geometric primitive.
+
+    Parameters
+    ----------
+    primitive
+        Plane, cylinder, sphere or cone, which is taken as unbounded.
+    points
+        Points (n, 3) in the coordinates of the primitive.
+
+    Returns
+    -------
+    numpy.ndarray
+        Distances (n,) >= 0.
+    """
     return np.abs(_DISTANCES[primitive.kind](primitive.parameters, points))
 
 
 def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -> dict[str, float]:
-    """Return parameter differences of two primitives of one kind.
+    """Return how much the parameters of a decoded primitive differ from the true ones.
+
+    Parameters
+    ----------
+    true, decoded
+        Two primitives of the same kind, in metres.
+    centre
+        Point (3,) near which the positions of planes and cylinder axes are compared.
 
     Returns
     -------
     dict
-        ``angle_deg`` between normals or axes; ``position_m``, distance between planes or axes near
-        `centre` (3,), or between sphere centres or cone apexes; ``radius_m``; ``half_angle_deg``.
+        As far as the kind has them:
+
+        * ``angle_deg``: angle between the normals or axes.
+        * ``position_m``: distance between the planes or axes near `centre`, or between the centres
+          of spheres or apexes of cones.
+        * ``radius_m``: difference of the radii.
+        * ``half_angle_deg``: difference of the cones' half angles.
     """
     a, b, kind = true.parameters, decoded.parameters, true.kind
     direction = "normal" if kind == "plane" else "axis"
@@ -59,7 +84,9 @@ def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
 
 
 def _to_cone(cone: Parameters, points: Floats) -> Floats:
-    """Return signed distances to a cone's surface; behind the apex, distances to the apex."""
+    """Return the signed distances (n,) to a cone's surface; behind the apex, the distances to the
+    apex.
+    """
     along, across = _along_and_across(cone["apex"], cone["axis"], points)
     cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
     past = along * cosine + across * sine < 0

@@ -19,30 +19,49 @@ from puckbench.metrics.primitive_differences import (
 Ints = NDArray[np.int64]
 
 MIN_SHARE = 0.001
-"""Minimum share of all points for a primitive to count."""
+"""A primitive counts if it has at least this fraction of all points."""
 MIN_OVERLAP = 0.5
-"""Intersection over union above which two primitives match."""
+"""Two primitives match if the intersection of their points exceeds this fraction of the union."""
 FREEFORM = "freeform"
-"""Kind of surfaces that are not primitives."""
+"""Kind of a surface that is not a primitive."""
 ALL = "all"
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """A partition of n points into primitives; `numbers` (n,) are indices into `primitives`."""
+    """The assignment of n points to geometric primitives.
+
+    Parameters
+    ----------
+    numbers
+        Index (n,) into `primitives` for each point.
+    primitives
+        The primitives, of kinds such as "plane", "cylinder" or "freeform".
+    """
 
     numbers: Ints
     primitives: Sequence[Primitive]
 
     @property
     def kinds(self) -> NDArray[np.object_]:
+        """The kind of each primitive, as an array (len(primitives),) of strings."""
         return np.array([primitive.kind for primitive in self.primitives], dtype=object)
 
 
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
-    """Assign points on the true surface to primitives of a decoded surface.
+    """Assign points of the true surface to the primitives of a decoded surface.
 
-    `surface` and `cloud` are in the same coordinates; the result is in metres.
+    Parameters
+    ----------
+    surface
+        Decoded mesh with labels, in the coordinates of `cloud`.
+    cloud
+        Points on the true surface.
+
+    Returns
+    -------
+    Segmentation
+        The primitive of each point of `cloud`, with parameters in metres.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -51,7 +70,18 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
-    """Assign each of `points` (n, 3) to the largest primitive of the closest object in `mesh`."""
+    """Assign points to the primitives of a labelled mesh.
+
+    Each point belongs to the object with the closest triangle, and is assigned to this object's
+    largest primitive.
+
+    Parameters
+    ----------
+    mesh, labels
+        Decoded mesh, and the primitive and object of each triangle.
+    points
+        Points (n, 3) in the coordinates of the mesh.
+    """
     triangles = closest_surface_points(mesh, points).triangles
     primitive_ids = _largest_primitives(mesh.areas(), labels)
     primitives = [labels.primitives[number] for number in primitive_ids]
@@ -68,20 +98,31 @@ def _largest_primitives(areas: Floats, labels: Labels) -> Ints:
 
 
 def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[dict[str, Any]]:
-    """Compare decoded with true primitives of `points` (n, 3), in metres.
+    """Measure how well a codec recovered the geometric primitives of a scene.
 
     Two primitives of one kind match if the intersection of their point sets exceeds half of the
-    union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces, and decoded
-    primitives mostly on freeform surfaces do not count.
+    union. These primitives do not count: those with fewer than `MIN_SHARE` of the points, freeform
+    surfaces, and decoded primitives that lie mostly on freeform surfaces.
+
+    Parameters
+    ----------
+    true, decoded
+        Assignments of the same points to true and to decoded primitives.
+    points
+        The points (n, 3), in metres.
 
     Returns
     -------
     list of dict
-        For all kinds ("all") and for each ``kind``: ``true``, ``found``, ``matched``, numbers of
-        true, decoded and matched primitives; ``precision``; ``recall``; ``label_accuracy``,
-        fraction of points on true primitives that lie on the match. Medians over matches:
-        ``residual_m``, RMS distance of a true primitive's points to the match, and
-        `parameter_differences`.
+        One entry for all kinds together ("all") and one for each ``kind``:
+
+        * ``true``, ``found``, ``matched``: numbers of true, decoded and matched primitives.
+        * ``precision``, ``recall``: matched over decoded, and matched over true primitives.
+        * ``label_accuracy``: fraction of the points on true primitives that lie on the matching
+          decoded primitive.
+        * ``residual_m``: RMS distance of a true primitive's points to the match, median over
+          matches.
+        * the values of `parameter_differences`, medians over matches.
     """
     overlaps = np.zeros((len(true.primitives), len(decoded.primitives)), np.int64)
     np.add.at(overlaps, (true.numbers, decoded.numbers), 1)

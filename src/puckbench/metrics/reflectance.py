@@ -14,19 +14,27 @@ Reflectances = tuple[Floats, Floats]
 def reflectance_distortion(
     reference: Reflectances, decoded: Reflectances, peak: float | None = None
 ) -> dict[str, float]:
-    """Return the errors of reflectances between nearest neighbours (see `paired_values`).
+    """Return the errors of the decoded reflectances.
+
+    A point's reflectance is compared with that of the nearest point in the other cloud, in both
+    directions (see `paired_values`). The larger error of both directions is returned.
 
     Parameters
     ----------
+    reference, decoded
+        Points (n, 3) and their reflectances (n,), of the original and of the decoded cloud.
     peak
-        Peak of the PSNR, by default 255, or 65535 if a reference value exceeds 255. MPEG's pc_error
-        uses 65535 for all clouds, which adds 48.2 dB.
+        Peak of the PSNR. By default it is 255, or 65535 if a value of the original exceeds 255.
+        MPEG's pc_error uses 65535 for all clouds, which adds 48.2 dB.
 
     Returns
     -------
     dict
-        ``reflectance_mse``, ``reflectance_psnr`` (dB), ``reflectance_peak``;
-        ``reflectance_max_error``; ``reflectance_lossless``.
+        * ``reflectance_mse``: mean squared error.
+        * ``reflectance_psnr``: PSNR in dB.
+        * ``reflectance_peak``: the peak of the PSNR.
+        * ``reflectance_max_error``: largest difference.
+        * ``reflectance_lossless``: whether both clouds have the same reflectances.
 
     Raises
     ------

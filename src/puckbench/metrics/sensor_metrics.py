@@ -17,9 +17,27 @@ _OCTILES = 8
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Return range errors (mm) and numbers of lost and added returns of a decoded scan.
+    """Compare the ranges of a decoded scan with the original, firing by firing.
 
-    Errors are those of firings with returns in both scans. Raises InputError if firings differ.
+    Range errors are measured where a firing has a return in both scans.
+
+    Parameters
+    ----------
+    original, decoded
+        Returns of a spinning sensor with the same turns (revolutions), columns and lasers.
+
+    Returns
+    -------
+    dict
+        * ``range_rms_mm``, ``range_max_mm``: RMS and largest range error, in mm; missing if the
+          scans have no return in common.
+        * ``returns_lost``: number of returns that only the original has.
+        * ``returns_added``: number of returns that only the decoded scan has.
+
+    Raises
+    ------
+    InputError
+        The scans differ in the number of turns, columns or lasers.
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
@@ -47,10 +65,24 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 def decoded_range_errors(
     original: Floats, returns: Returns, decoded: PointCloud
 ) -> dict[str, float]:
-    """Return the range errors of a decoded cloud, in mm, and the lost and added returns.
+    """Return the range errors of a decoded cloud, and the numbers of lost and added returns.
 
-    `original` (n, 3) and `returns` are the encoded scan. A codec that moves the points of the
-    decoded returns has the errors of its points.
+    If the cloud has returns, they are compared with `range_errors`. If the codec moved its points
+    away from the returns, or if there are no returns, the errors are those of the points.
+
+    Parameters
+    ----------
+    original
+        Points (n, 3) of the encoded scan, in m, in sensor coordinates.
+    returns
+        Returns of the encoded scan.
+    decoded
+        The decoded cloud.
+
+    Returns
+    -------
+    dict
+        The values that `range_errors` describes.
     """
     if decoded.returns is None:
         return range_errors_of_points(original, decoded.xyz)
@@ -62,10 +94,22 @@ def decoded_range_errors(
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Return the metrics of `range_errors` for points (n, 3) and (m, 3) in sensor coordinates, m.
+    """Return the range errors of decoded points, for a codec that does not keep the sensor's
+    returns.
 
-    A range error is the offset, along the ray, of the nearest decoded point. If k returns have the
-    same nearest point, which was decoded j times, k - j returns are lost, or j - k added.
+    A range error is the offset, along the ray, of the decoded point that is nearest to the original
+    point. Suppose that k original points have the same nearest point, and that this point was
+    decoded j times. Then k - j returns are lost or, if j is larger, j - k are added.
+
+    Parameters
+    ----------
+    original, decoded
+        Points (n, 3) and (m, 3) in m, in sensor coordinates.
+
+    Returns
+    -------
+    dict
+        The values that `range_errors` describes.
     """
     from pykdtree.kdtree import KDTree
 
@@ -86,11 +130,27 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
 def entropy_bits(
     noise: Floats, groups: NDArray[np.integer], step: float, conditions: Sequence[Floats] = ()
 ) -> float:
-    """Return the entropy, bits per value, of noise (n,) in units of `step`: the lossless bound.
+    """Return the entropy of range noise, which is the least number of bits for lossless coding.
 
-    Miller's bias correction (1955) is added. The mean noise of each of the `groups` (n,), a laser
-    in a turn, is subtracted, because a codec can learn means. The entropy is conditional on octiles
-    of the `conditions` (n,), from which a decoder can infer the noise's standard deviation.
+    The mean noise of each group is subtracted first, because a codec can learn it. Miller's bias
+    correction (1955) is added.
+
+    Parameters
+    ----------
+    noise
+        Range errors (n,), in the unit of `step`.
+    groups
+        Number (n,) of each value's group: one laser in one turn of the sensor.
+    step
+        Range resolution of the sensor.
+    conditions
+        Arrays (n,) from which a decoder can infer the standard deviation of the noise. The entropy
+        is conditional on their octiles.
+
+    Returns
+    -------
+    float
+        Entropy in bits per value.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     levels = np.rint((noise - means[groups]) / step)
@@ -112,9 +172,22 @@ def _entropy_bits(levels: Floats) -> float:
 
 
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the bitrate at the sensor's speed, and coding speeds relative to the sensor.
+    """Return a stream's bitrate at the sensor's speed, and how fast coding is relative to the
+    sensor.
 
-    The result is empty if the cloud's description `about` lacks ``turns`` or ``seconds``.
+    Parameters
+    ----------
+    about
+        Description of the cloud, with the number of ``turns`` (revolutions) and their ``seconds``.
+    row
+        Results with ``bytes``, ``encode_s`` and ``decode_s``, as far as they were measured.
+
+    Returns
+    -------
+    dict
+        ``mbit_per_s``; ``encode_ms_per_turn`` and ``decode_ms_per_turn``; ``encode_real_time`` and
+        ``decode_real_time``, which are 2 if coding is twice as fast as the sensor. It is empty if
+        `about` lacks ``turns`` or ``seconds``.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

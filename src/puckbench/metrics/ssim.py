@@ -11,9 +11,24 @@ _K1, _K2 = 0.01, 0.03
 
 
 def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
-    """Return the mean structural similarity of two images (h, w), without downsampling.
+    """Return the mean structural similarity of two images, without downsampling (Wang et al. 2004).
 
-    Reference: Wang et al. 2004.
+    Parameters
+    ----------
+    a, b
+        Grey images (h, w).
+    peak
+        Largest grey value.
+
+    Returns
+    -------
+    float
+        Similarity, which is 1 for equal images.
+
+    Raises
+    ------
+    InputError
+        The images differ in size, or are smaller than the window.
     """
     if a.shape != b.shape or min(a.shape) < WINDOW:
         raise InputError(

@@ -1,7 +1,7 @@
-"""Intervals and verdicts over independent scenes.
+"""Means over independent scenes, with intervals and verdicts.
 
-Clouds of one scene (other seeds of noise, other turns) are no independent samples: they are
-averaged first (`means_over_seeds`), and a scene counts once.
+Clouds of one scene, such as scans with other random noise, are no independent samples.
+`means_over_seeds` averages them first, so that each scene counts as one sample.
 """
 
 from __future__ import annotations
@@ -21,20 +21,28 @@ if TYPE_CHECKING:
 
 SCENE = "scene"
 MIN_SCENES = 6
-"""Fewest scenes for an interval or a verdict; with fewer, the values themselves are shown."""
+"""An interval or a verdict needs at least this many scenes."""
 CONFIDENCE = 0.95
 
 BETTER, NOT_WORSE, WORSE, UNDECIDED = "better", "not worse", "worse", "undecided"
 NO_VERDICT = "no verdict"
-"""Verdict for fewer than `MIN_SCENES` scenes."""
+"""The verdict for fewer than `MIN_SCENES` scenes."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean over `scenes` independent scenes, with a 95 % interval by Student's t.
+    """A mean over independent scenes, with a 95 % confidence interval by Student's t.
 
-    `low` and `high` are nan for fewer than `MIN_SCENES` scenes; `mean` is nan for none. `least` and
-    `most` are the extreme values.
+    Parameters
+    ----------
+    mean
+        Mean over the scenes; nan if there are none.
+    low, high
+        Ends of the interval; nan for fewer than `MIN_SCENES` scenes.
+    least, most
+        Smallest and largest value of a scene.
+    scenes
+        Number of scenes.
     """
 
     mean: float
@@ -46,7 +54,10 @@ class Estimate:
 
     @classmethod
     def of(cls, values: Floats | Iterable[float]) -> Estimate:
-        """Return the estimate of the mean of `values` (n,), one per scene; nan are left out."""
+        """Return the arithmetic mean of `values` (n,), one per scene, and its interval.
+
+        Scenes with the value nan are left out.
+        """
         numbers = np.asarray(list(values), np.float64)
         numbers = numbers[~np.isnan(numbers)]
         count = len(numbers)
@@ -69,12 +80,23 @@ class Estimate:
         return cls(mean, low, high, least, most, logs.scenes)
 
     def verdict(self, margin: float) -> str:
-        """Return what the interval of differences says, where negative differences are better.
+        """Return the verdict on a mean difference, where negative differences are better.
 
-        `margin` >= 0 is the largest difference that counts as none, fixed before the measurement:
-        `BETTER` if the whole interval is below 0, else `NOT_WORSE` if it is below `margin`, `WORSE`
-        if it is above 0 (and not all below `margin`), otherwise `UNDECIDED`. Fewer than
-        `MIN_SCENES` scenes allow `NO_VERDICT`.
+        Parameters
+        ----------
+        margin
+            Largest difference, >= 0, that counts as none. It must be fixed before the measurement.
+
+        Returns
+        -------
+        str
+            The first of these that applies:
+
+            * `NO_VERDICT`: there are fewer than `MIN_SCENES` scenes.
+            * `BETTER`: the whole interval is below 0.
+            * `NOT_WORSE`: the whole interval is below `margin`.
+            * `WORSE`: the whole interval is above 0.
+            * `UNDECIDED`: in all other cases.
         """
         if self.scenes < MIN_SCENES:
             return NO_VERDICT
@@ -93,7 +115,7 @@ def _t_quantile(freedom: int) -> float:
 
 
 def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
-    """Add the column ``scene``, by default the cloud's name."""
+    """Return the table with the column ``scene``; rows without a scene get the cloud's name."""
     scenes = table.get(SCENE, table["cloud"]).astype(object).fillna(table["cloud"])
     return table.assign(**{SCENE: scenes})
 
@@ -101,7 +123,22 @@ def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
 def means_over_seeds(
     table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str]
 ) -> pd.DataFrame:
-    """Return means of `columns` over the clouds of each scene, by `keys` and ``scene``."""
+    """Return the means of columns over the clouds of each scene.
+
+    Parameters
+    ----------
+    table
+        Rows of clouds, with the columns `keys`, ``cloud`` and, if clouds share scenes, ``scene``.
+    keys
+        Columns whose values are kept apart, such as "codec" and "rate".
+    columns
+        Numeric columns to average.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each combination of `keys` and ``scene``.
+    """
     groups = with_scenes(table).groupby([*keys, SCENE], sort=False)
     means: pd.DataFrame = groups[list(columns)].mean()
     return means.reset_index()

@@ -47,16 +47,22 @@ UNDECODED = "undecoded"
 
 @dataclass(frozen=True)
 class TableEntry:
-    """A registered table.
+    """A registered table, made by a function from the results of a run.
 
     Parameters
     ----------
+    name
+        Name under which the table is registered.
     make
         Function that returns a DataFrame from inputs and options, passed by keyword.
+    title
+        Title in the report.
+    category
+        Heading under which the report lists the table.
     number
         Number of the table in a publication, or empty.
     needs
-        Requirements on a plan besides the inputs (`puckbench.planning.needs`).
+        What a run must contain besides the inputs (`puckbench.planning.needs`).
     gathered
         Whether the workflow collects the table from files of many jobs.
     error_models
@@ -74,17 +80,20 @@ class TableEntry:
 
     @property
     def inputs(self) -> tuple[str, ...]:
+        """The names of the input tables that the function requires."""
         return tuple(
             name for name in typed_parameters(self.make, "DataFrame") if name not in self.optional
         )
 
     @property
     def optional(self) -> tuple[str, ...]:
+        """The names of the input tables that the function uses if they exist."""
         may_lack = optional_parameters(self.make)
         return tuple(name for name in typed_parameters(self.make, "DataFrame") if name in may_lack)
 
     @property
     def caption(self) -> str:
+        """The text of the function's docstring before its first section."""
         return caption_of(self.make)
 
 
@@ -92,9 +101,21 @@ TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
 
 
 def table_entry(name: str) -> TableEntry:
-    """Return a table by name or ``path/to/file.py:function``, or raise InputError."""
+    """Return a registered table.
+
+    Parameters
+    ----------
+    name
+        Name of a table, or ``path/to/file.py:function``.
+
+    Raises
+    ------
+    InputError
+        There is no such table.
+    """
     return TABLES.get(name)
 
 
 def table_entries() -> dict[str, TableEntry]:
+    """Return all registered tables by name."""
     return {name: TABLES.get(name) for name in TABLES.names()}

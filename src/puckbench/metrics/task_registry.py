@@ -27,13 +27,25 @@ from puckbench.recordings.drives import Drive
 
 @dataclass(frozen=True)
 class Task:
+    """A registered task: a function that measures how useful decoded turns of a drive are.
+
+    Parameters
+    ----------
+    name
+        Name under which the task is registered.
+    measure
+        Function that returns results by column name from a drive, its decoded turns, and options.
+    needs
+        Names of Python modules that the task requires.
+    """
+
     name: str
     measure: Callable[..., Mapping[str, Any]]
     needs: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of required modules that are not installed."""
+        """The names of required modules that are not installed."""
         return tuple(name for name in self.needs if find_spec(name) is None)
 
 
@@ -46,9 +58,28 @@ def task_results(
     decoded: Sequence[PointCloud],
     columns: Collection[str],
 ) -> dict[str, Any]:
-    """Return the results of tasks on a drive's decoded turns; `tasks` maps names to options.
+    """Run tasks on a decoded drive, and return their results.
 
-    Raises InputError if a result's name is in `columns` or occurs twice.
+    Parameters
+    ----------
+    tasks
+        Options of each task, by name of the task.
+    drive
+        The drive: a sequence of turns (revolutions of the sensor) with true poses.
+    decoded
+        The decoded cloud of each turn.
+    columns
+        Names of results that exist already.
+
+    Returns
+    -------
+    dict
+        The results of all tasks by name of their column.
+
+    Raises
+    ------
+    InputError
+        A task or option is unknown, or the name of a result is in `columns` or occurs twice.
     """
     results: dict[str, Any] = {}
     for name, options in tasks.items():
@@ -60,7 +91,10 @@ def task_results(
 
 
 def checked_task(name: str, options: Mapping[str, Any]) -> Task:
-    """Return a task; raise InputError if it is unknown, or an option is missing or unknown."""
+    """Return a registered task after a check of its options.
+
+    Raises InputError if the task is unknown, or an option is missing or unknown.
+    """
     task = TASKS.get(name)
     try:
         signature(task.measure).bind(None, (), **options)

@@ -22,11 +22,20 @@ CODE = ("puckbench.geometry.closest", "puckbench.metrics.coordinate_frames")
 
 
 class Truth:
-    """The true surface of a cloud, with search indices.
+    """The true surface of a scene, prepared so that many decoded clouds can be compared with it.
 
-    `surface` is a mesh in metres, or points in the reference's coordinates. Visible points are
-    `clean` (noise-free points of the scan's rays) if given, else `seen`, else `surface`, sampled if
-    it is a mesh.
+    Parameters
+    ----------
+    reference
+        The original cloud, which defines the coordinates of decoded points.
+    surface
+        The true surface: a mesh in metres, or points in the coordinates of `reference`.
+    seen
+        Points of the surface that the sensor saw.
+    clean
+        The scan without noise: the exact intersections of its rays with the surface. Distances
+        start at these points if given, else at `seen`, else at `surface` (of a mesh, at random
+        samples).
     """
 
     def __init__(
@@ -49,7 +58,18 @@ class Truth:
         self._visible = ReferenceCloud(visible or _sampled(mesh, len(reference)))
 
     def metrics(self, decoded: Floats | DistinctPoints) -> dict[str, float]:
-        """Return the distortion of decoded points (m, 3), in the reference's unit and in metres."""
+        """Return the errors of decoded points against the true surface.
+
+        Parameters
+        ----------
+        decoded
+            Points (m, 3) in the coordinates of the reference.
+
+        Returns
+        -------
+        dict
+            Values of `truth_distortion` in units of the reference, and the same values in metres.
+        """
         distances = truth_distortion(self._visible, self._surface, decoded, self._is_scan)
         return {**distances, **distortion_in_metres(distances, self._scale)}
 
@@ -65,14 +85,28 @@ def truth_distortion(
     decoded: Floats | DistinctPoints,
     is_scan: bool = False,
 ) -> dict[str, float]:
-    """Return the `distortion` between true surface (A) and decoded cloud (B), as ``truth_...``.
+    """Return the errors between the true surface (A) and a decoded cloud (B).
 
-    * A to B: from `visible`, points with true normals on the part that the sensor saw.
-    * B to A: to the closest point of the mesh (point-to-plane: along the mesh's normal there) or,
-      without a mesh, to the visible points.
+    From A to B, distances start at the visible points. From B to A, they end at the closest point
+    of the mesh or, without a mesh, at the nearest visible point. Point-to-plane errors to a mesh
+    are those along the mesh's normal at the closest point.
 
-    With `is_scan`, the visible points are the clean scan, the intersections of rays and surface;
-    the distortion from them is added as ``clean_...``.
+    Parameters
+    ----------
+    visible
+        Points with true normals, on the part of the surface that the sensor saw.
+    mesh
+        The true surface in the coordinates of `decoded`, if it is known as a mesh.
+    decoded
+        Points (m, 3) of the decoded cloud.
+    is_scan
+        Whether `visible` is the scan without noise: the exact intersections of rays and surface.
+
+    Returns
+    -------
+    dict
+        The values of `puckbench.metrics.geometry.distortion`, with the prefix ``truth_``. If
+        `is_scan`, the distortion between both clouds of points is added with the prefix ``clean_``.
     """
     errors = squared_errors(visible, decoded)
     measured = errors if mesh is None else _to_mesh(errors, mesh)

@@ -7,10 +7,20 @@ _DISTANCES = ("hausdorff_point", "hausdorff_plane", "q99_point", "q99_plane")
 
 
 def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
-    """Return RMS errors, 99 % quantiles and Hausdorff distances in metres.
+    """Convert geometric errors from units of a cloud to metres.
 
-    `values` are results of `distortion`, with `scale` units per metre; ``d1_mse`` becomes
-    ``d1_rms_m``.
+    Parameters
+    ----------
+    values
+        Result of `puckbench.metrics.geometry.distortion`.
+    scale
+        Units of the cloud per metre.
+
+    Returns
+    -------
+    dict
+        RMS errors, 99 % quantiles and Hausdorff distances in metres. The name ``d1_mse`` becomes
+        ``d1_rms_m``; other names get the suffix ``_m``.
     """
     roots = {
         name.removesuffix("_mse") + "_rms_m": math.sqrt(value) / scale
@@ -24,7 +34,9 @@ def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str,
 
 
 def in_square_millimetres(values: Mapping[str, float]) -> dict[str, float]:
-    """Return ``d1_mm2`` and ``d2_mm2``, from ``d1_mse`` and ``d2_mse`` of a cloud in metres."""
+    """Return ``d1_mm2`` and ``d2_mm2`` in mm^2, from ``d1_mse`` and ``d2_mse`` of a cloud in
+    metres.
+    """
     return {
         name.removesuffix("_mse") + "_mm2": 1e6 * value
         for name, value in values.items()

@@ -24,11 +24,30 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722])
 def view_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
 ) -> dict[str, float]:
-    """Return PSNR (dB) and SSIM of six views of a decoded cloud against views of the reference.
+    """Compare six rendered views of a decoded cloud with those of the original.
 
-    Points are discs of `radius` pixels, by default `closing_radius`. Views show luma (BT.709) if
-    both clouds have colours, else depth from the near side of the reference's bounding box. As the
-    background counts, compare only codecs on one cloud.
+    Views show luma (BT.709) if both clouds have colours, else the depth from the near side of the
+    original's bounding box. The background counts too, so only values for the same cloud are
+    comparable.
+
+    Parameters
+    ----------
+    reference, decoded
+        The original and the decoded cloud, in one coordinate frame.
+    pixels
+        Width and height of each view.
+    radius
+        Radius in pixels of the disc that is drawn for a point; by default `closing_radius`.
+
+    Returns
+    -------
+    dict
+        PSNR in dB and mean SSIM of the six views.
+
+    Raises
+    ------
+    InputError
+        The decoded cloud is empty, or the views are smaller than SSIM's window.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
@@ -52,10 +71,21 @@ def view_metrics(
 def view(
     cloud: PointCloud, axis: int, bounds: Floats, pixels: int, radius: int, coloured: bool
 ) -> Image:
-    """Render a grey image (pixels, pixels) of a cloud along an axis.
+    """Render a grey image (pixels, pixels) of a cloud along a coordinate axis.
 
-    `axis` 0 to 5 is a view from +x, -x, +y, -y, +z or -z. The longest side of `bounds` (2, 3) fills
-    the image except for 2 % margins.
+    Parameters
+    ----------
+    axis
+        Direction from which the cloud is seen: 0 to 5 for +x, -x, +y, -y, +z and -z.
+    bounds
+        Lowest and highest corner (2, 3) of a box. Its longest side fills the image, except for
+        margins of 2 %.
+    pixels
+        Width and height of the image.
+    radius
+        Radius of the disc of a point, in pixels.
+    coloured
+        Whether the image shows the luma of the points' colours; otherwise it shows their depth.
     """
     direction = np.array(_AXES[axis], dtype=np.float64)
     centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
@@ -70,9 +100,9 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return the disc radius, in pixels, that closes most gaps between points.
+    """Return the disc radius in pixels with which rendered points (n, 3) leave few gaps.
 
-    The radius is twice the median distance to the nearest neighbour, at least 1.
+    The radius is twice the median distance to the nearest neighbour, and at least 1.
     """
     from puckbench.metrics.density import density
 

@@ -8,7 +8,10 @@ CODE = ("puckbench.metrics.density",)
 
 @METRICS.register("density")
 def decoded_density(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Return the metrics of `puckbench.metrics.density.density` for a decoded cloud, in metres."""
+    """Return the spacing, density and outliers of a decoded cloud, in metres.
+
+    They are the values of `puckbench.metrics.density.density`, with the prefix ``decoded_``.
+    """
     from puckbench.metrics.density import density, density_in_metres
 
     values = density_in_metres(density(decoded.xyz), reference.about.get("scale", 1.0))

@@ -1,9 +1,9 @@
-"""Odometry on decoded turns, and errors against the sensor's true poses.
+"""Odometry on decoded turns (revolutions of the sensor), and its errors against the true poses.
 
-Two programs estimate the poses: KISS-ICP, which matches points to points, and scan-to-map GICP with
-small_gicp, as in that project's example `kitti_odometry.py`, which matches distributions. Both
-assume that the sensor moves during a turn as it did during the last one; so they need some turns
-to settle if the first turn is already in motion.
+Two programs estimate the poses. KISS-ICP matches points to points. Scan-to-map GICP, as in the
+example `kitti_odometry.py` of small_gicp, matches distributions of points. Both assume that the
+sensor moves during a turn as it did during the turn before. If the first turn is already in motion,
+they need some turns to settle.
 
 References
 ----------
@@ -33,11 +33,11 @@ CODE = (*CLOUD_FILES, "cloud_files.poses", "puckbench.recordings")
 LENGTHS_M = (10, 20, 50)
 KITTI_LENGTHS_M = tuple(range(100, 900, 100))
 GICP = "gicp_"
-"""Prefix of the columns of GICP; those of KISS-ICP have none."""
+"""Prefix of the columns of GICP. Columns of KISS-ICP have no prefix."""
 _LOST_SHARE = 0.5
 _LOST_M, _LOST_DEG = (0.05, 0.5), (1.0, 5.0)
-"""A turn is lost if its estimated motion is wrong by more than half of the true motion, by at least
-the first and at any rate by the second value."""
+"""Bounds, in m and degrees, of the error above which a turn is lost. Between them, the limit is
+half of the true motion."""
 _LENGTHS_IN_A_PATH = 2
 """Fewest times that a length must fit into the path for a drift over it."""
 _TOLERANCE = 0.1
@@ -58,12 +58,34 @@ def odometry(
     voxel_m: float | None = None,
     skip: int = _SKIP,
 ) -> dict[str, Any]:
-    """Return KISS-ICP's drift, absolute error and number of lost turns.
+    """Run KISS-ICP on decoded turns, and return its errors against the true poses.
 
-    Turns whose points have times are corrected for the sensor's motion, to the end of the turn.
-    Others are not corrected; their poses are those at the middle of the turn. `voxel_m` is by
-    default a hundredth of `max_range_m`, as in KISS-ICP. The first `skip` turns, while KISS-ICP
-    settles, do not count.
+    If the points of all turns have times, points are corrected for the sensor's motion and poses
+    hold at the end of a turn. Otherwise poses are compared with the true ones at the middle of a
+    turn.
+
+    Parameters
+    ----------
+    drive
+        The drive that was encoded, with the true poses.
+    decoded
+        The decoded cloud of each turn, in sensor coordinates, in m.
+    max_range_m
+        Largest distance, in m, of points that are used.
+    voxel_m
+        Side of the voxels of KISS-ICP's map, in m; by default a hundredth of `max_range_m`.
+    skip
+        Number of turns at the start that do not count, since KISS-ICP has to settle.
+
+    Returns
+    -------
+    dict
+        The values of `pose_errors`, the settings (``odometry_...``), and the version of KISS-ICP.
+
+    Raises
+    ------
+    InputError
+        There are too few turns, or a required package is not installed.
     """
     _check_turns("odometry", decoded, skip)
     max_range_m, voxel_m = settings_of(max_range_m, voxel_m)
@@ -87,11 +109,11 @@ def gicp_odometry(
     voxel_m: float | None = None,
     skip: int = _SKIP,
 ) -> dict[str, Any]:
-    """Return the drift, absolute error and number of lost turns of scan-to-map GICP.
+    """Run scan-to-map GICP on decoded turns, and return its errors against the true poses.
 
-    Columns and options are those of the task ``odometry``, with the prefix ``gicp_``. `voxel_m` is
-    the size of the map's voxels, in which GICP keeps a normal distribution; those of a turn are a
-    fourth as large, and points are matched at most `voxel_m` apart.
+    Parameters and results are those of `odometry`, but the names of results begin with ``gicp_``.
+    GICP keeps a normal distribution of points in each voxel of the map. The voxels of a single turn
+    are a fourth as large, and points are matched at most `voxel_m` apart.
     """
     _check_turns("gicp_odometry", decoded, skip)
     max_range_m, voxel_m = settings_of(max_range_m, voxel_m)
@@ -107,21 +129,37 @@ def gicp_odometry(
 def settings_of(
     max_range_m: float = 100.0, voxel_m: float | None = None, skip: int = _SKIP
 ) -> tuple[float, float]:
-    """Return the range and the voxel size, m, of an odometry with a task's options."""
+    """Return the largest range and the voxel size, both in m, that a task's options select."""
     return max_range_m, max_range_m / 100 if voxel_m is None else voxel_m
 
 
 def moment_of(turns: Sequence[PointCloud]) -> float:
-    """Return the time, as a fraction of a turn, at which estimated poses hold."""
+    """Return when in a turn the estimated poses hold: 1 at the end of the turn, 0.5 in the middle.
+
+    It is the end if the points of all turns have times.
+    """
     return 1.0 if all(shares_of(turn) is not None for turn in turns) else 0.5
 
 
 def estimated_poses(
     turns: Sequence[PointCloud], is_moving: bool, max_range_m: float, voxel_m: float
 ) -> Floats:
-    """Return KISS-ICP's poses (n, 4, 4) of turns, relative to the first.
+    """Estimate the sensor's poses by KISS-ICP.
 
-    Points are corrected for motion if they have times and the sensor `is_moving` during a turn.
+    Parameters
+    ----------
+    turns
+        Clouds of the turns, in sensor coordinates, in m.
+    is_moving
+        Whether the sensor moves during a turn. If so, points with times are corrected for the
+        motion.
+    max_range_m, voxel_m
+        Largest distance of used points, and side of the map's voxels, in m.
+
+    Returns
+    -------
+    numpy.ndarray
+        Poses (n, 4, 4) relative to the first turn.
     """
     check_installed("kiss_icp")
     from kiss_icp.config import KISSConfig
@@ -141,9 +179,9 @@ def estimated_poses(
 def gicp_poses(
     turns: Sequence[PointCloud], is_moving: bool, max_range_m: float, voxel_m: float
 ) -> Floats:
-    """Return scan-to-map GICP's poses (n, 4, 4) of turns, relative to the first.
+    """Estimate the sensor's poses by scan-to-map GICP.
 
-    Points are corrected for motion as in `estimated_poses`.
+    Parameters and result are those of `estimated_poses`.
     """
     check_installed("small_gicp")
     from small_gicp import GaussianVoxelMap, align, preprocess_points
@@ -173,10 +211,21 @@ def gicp_poses(
 
 
 def at_end_of_turn(points: Floats, shares: Floats, motion: Floats) -> Floats:
-    """Return points (n, 3), m, in the sensor's coordinates at the end of the turn.
+    """Convert points of a moving sensor to the sensor's coordinates at the end of the turn.
 
-    `shares` (n,) are their times from 0 to 1, and `motion` (4, 4) the sensor's motion in a turn,
-    which has a constant velocity and angular velocity.
+    Parameters
+    ----------
+    points
+        Points (n, 3) in m, each in the sensor's coordinates at the time of its measurement.
+    shares
+        Times (n,) of the points, from 0 (start of the turn) to 1 (end of the turn).
+    motion
+        Motion (4, 4) of the sensor during the turn, with constant velocity and angular velocity.
+
+    Returns
+    -------
+    numpy.ndarray
+        The converted points (n, 3).
     """
     from scipy.spatial.transform import Rotation
 
@@ -203,15 +252,28 @@ def _check_turns(task: str, decoded: Sequence[PointCloud], skip: int) -> None:
 
 
 def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
-    """Return errors of estimated poses (n, 4, 4) against true ones.
+    """Return the errors of estimated poses against the true ones.
 
     The drift over a path length is the mean error of all pairs of poses that are this length apart,
-    divided by the length. ``drift_percent`` (translation) and ``drift_deg_per_m`` (rotation) are
-    means over those lengths of 10, 20 and 50 m that fit twice into the path. ``drift_50m_...`` is
-    for one length, ``kitti_...`` for 100 to 800 m. ``ate_m`` is the RMS distance of positions after
-    the best rigid alignment. A turn is lost if the motion since the last turn is wrong by more than
-    half of the true motion (errors below 0.05 m and 1 degree never count, those above 0.5 m and 5
-    degrees always do): an estimate that stands still is lost while the sensor moves.
+    divided by the length. A turn is lost if the motion since the turn before is wrong by more than
+    half of the true motion. Errors below 0.05 m and 1 degree never count as lost, errors above 0.5
+    m or 5 degrees always do.
+
+    Parameters
+    ----------
+    true, estimated
+        Poses (n, 4, 4), translations in m.
+
+    Returns
+    -------
+    dict
+        * ``length_m``: length of the true path.
+        * ``lost_turns``: number of lost turns.
+        * ``ate_m``: RMS distance of positions after the best rigid alignment.
+        * ``drift_percent``, ``drift_deg_per_m``: drift of translation and rotation, mean over those
+          of the lengths 10, 20 and 50 m that fit twice into the path.
+        * ``kitti_percent``, ``kitti_deg_per_m``: the same over the lengths 100 to 800 m that occur.
+        * ``drift_50m_percent`` and similar names: the drift over a single length.
     """
     check_installed("evo")
     from evo.core.metrics import PoseRelation, Unit
@@ -245,7 +307,7 @@ def _turned_deg(poses: Floats) -> Floats:
 
 
 def check_installed(package: str) -> None:
-    """Raise InputError if a package of the extra ``odometry`` is missing."""
+    """Raise InputError if a Python package that odometry needs is not installed."""
     if find_spec(package) is None:
         raise InputError(f"{package} is not installed: pip install 'puckbench[odometry]'")
 
@@ -268,7 +330,9 @@ def _relative_errors(both: _Paths, relation: Any, delta: float, unit: Any) -> Fl
 
 
 def _drift(both: _Paths, length_m: int) -> Floats:
-    """Return the drift over a length in percent and degrees per metre; empty for shorter drives."""
+    """Return the drift over a length: percent and degrees per metre (2,), or (0,) for shorter
+    drives.
+    """
     from evo.core.filters import FilterException
     from evo.core.metrics import PoseRelation, Unit, id_pairs_from_delta
 

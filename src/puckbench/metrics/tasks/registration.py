@@ -35,12 +35,33 @@ def registration(
     most_m: float = 0.3,
     most_deg: float = 2.0,
 ) -> dict[str, Any]:
-    """Return GICP's success rate and error for at most `pairs` pairs of turns 1, 2 and 5 m apart.
+    """Register pairs of decoded turns by GICP, and return how often it succeeds.
 
-    GICP has no initial guess, and matches points at most `reach_m` apart. A registration succeeds
-    if it is at most `most_m` and `most_deg` from the true motion between the middles of the turns.
-    The error is the median translation error of successes. Points are not corrected for motion
-    within a turn.
+    Pairs are 1, 2 and 5 m apart. GICP has no initial guess, and points are not corrected for the
+    sensor's motion within a turn. A registration succeeds if it differs from the true motion
+    between the middles of both turns by at most `most_m` and `most_deg`.
+
+    Parameters
+    ----------
+    drive
+        The drive that was encoded, with the true poses.
+    decoded
+        The decoded cloud of each turn, in sensor coordinates, in m.
+    pairs
+        Largest number of pairs for each distance.
+    voxel_m
+        Side of the voxels, in m, to which clouds are downsampled.
+    reach_m
+        Largest distance, in m, of two points that are matched.
+    most_m, most_deg
+        Largest errors of a success, in m and degrees.
+
+    Returns
+    -------
+    dict
+        For each distance, such as 5 m: ``registration_5m_percent``, the success rate, and
+        ``registration_5m_error_m``, the median translation error of successes. The settings and the
+        version of small_gicp are added.
     """
     check_installed("evo")
     check_installed("small_gicp")
