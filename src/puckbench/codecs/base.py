@@ -62,81 +62,122 @@ __all__ = [
 
 
 class Availability(NamedTuple):
-    """Whether a codec can run on this machine and, if not, the reason in one line."""
+    """The answer to whether a codec can run on this machine.
+
+    Parameters
+    ----------
+    ok
+        Whether the codec can run.
+    why
+        The reason in one line if it cannot, else empty.
+    """
 
     ok: bool
     why: str = ""
 
     @classmethod
     def of_module(cls, name: str, why: str) -> Self:
-        """Return whether the module `name` is installed; if not, the reason is `why`."""
+        """Tell whether a Python module is installed.
+
+        Parameters
+        ----------
+        name
+            Name of the module.
+        why
+            The reason to give if it is not installed.
+        """
         is_here = find_spec(name) is not None
         return cls(is_here, "" if is_here else why)
 
 
 class SharedWork(Protocol):
-    """Results that the first encoding of a cloud stores, and encodings at other rates reuse."""
+    """An object that holds intermediate results of a cloud, which all rates share.
+
+    The first encoding of the cloud stores the results. Encodings at other rates reuse them.
+    """
 
     saved: Cost = NO_COST
-    """Cost of computing the results that the last call reused."""
+    """Cost of computing the results that the last encoding reused."""
 
 
 class Codec(CodecFacts, ABC):
-    """Base class of codecs, which encode points to a self-contained byte string and decode it.
+    """Base class of all codecs, which encode a point cloud to a byte string and decode it.
 
-    A subclass defines `rates`, `_encode` and `_decode`; other members have defaults. Plans import
-    the subclass's module, so slow packages should be imported inside methods. Results must depend
-    on a call's arguments alone.
+    A subclass must define `rates`, `_encode` and `_decode`; other members have defaults. The byte
+    string (stream) contains all that the decoder needs. Results must depend only on the arguments
+    of a call. When a run is planned, the subclass's module is imported, so slow packages should be
+    imported inside methods.
     """
 
     magic: bytes = b""
-    """First bytes of the codec's streams, by which they are recognised."""
+    """First bytes of the codec's streams, by which `codec_of` recognises them."""
     bare_magic: bytes = b""
-    """First bytes of streams without puckbench's wrapper; too few to identify the codec."""
+    """First bytes of streams without puckbench's wrapper, which hint at the codec but do not
+    identify it."""
     shifts_far_clouds: bool = True
-    """Whether clouds far from the origin are shifted towards it before coding (`coding.shift`)."""
+    """Whether a cloud far from the origin is shifted towards it before encoding
+    (`codecs.shift`)."""
     is_single_precision: ClassVar[bool] = False
-    """Whether coordinates are coded in single precision, so that fine steps require the shift."""
+    """Whether coordinates are coded in single precision, which resolves fine steps only near the
+    origin."""
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether the codec can decode streams to triangles."""
+        """Whether `decode_mesh` can decode streams to triangles."""
         return type(self)._decode_mesh is not Codec._decode_mesh
 
     def available(self) -> Availability:
-        """Return whether the codec can run on this machine."""
+        """Return whether the codec can run on this machine and, if not, the reason."""
         return Availability(True)
 
     def load(self) -> None:
-        """Load weights and compile functions before the timed calls."""
+        """Prepare the codec before timed calls: load weights and compile functions."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the cost of the last encoding or decoding.
+        """Return the time and memory that the last encoding or decoding took.
 
-        It is that of the external programs if the codec runs any, else `here`, which was measured
-        in this process.
+        Parameters
+        ----------
+        here
+            Cost of the call, measured in this process.
+
+        Returns
+        -------
+        Cost
+            The cost of the external programs if the codec runs any, else `here`.
         """
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """Return a new object for results that all rates of a cloud share; None if they share none.
+        """Return a new, empty object for results that all rates of one cloud share, or None.
 
-        The caller passes the object to `encode` for each rate; `encode` calls `_encode_sharing`.
+        None means that the codec has no such results. The caller passes the object to `encode` for
+        each rate; a subclass uses it in `_encode_sharing`.
         """
         return None
 
     def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
-        """Encode the points of a cloud, or its returns if the codec uses returns.
+        """Encode a cloud at a rate to a self-contained byte string.
 
-        Attributes in the codec's `attributes` are encoded too. `rate` and `shared` are as in
-        `encode`; `shared` is not used for returns or attributes.
+        The sensor's returns are encoded instead of the points if the codec uses returns and the
+        cloud has them. Attributes of the cloud that are listed in the codec's `attributes` are
+        encoded too.
+
+        Parameters
+        ----------
+        cloud
+            The cloud to encode.
+        rate
+            Name of a rate, as in `encode`.
+        shared
+            Object from `shared_work` for this cloud. It is not used for returns or attributes.
 
         Raises
         ------
         InputError
-            As for `encode`; the rate is for clouds in another coordinate frame (points of unknown
-            frame are in m if the rate is a length); or the codec requires returns and the cloud has
-            none.
+            As for `encode`. Also if the rate is for clouds in another coordinate frame, or if the
+            codec requires returns and the cloud has none. Points of unknown frame are taken as
+            metres if the rate is a length.
         """
         if not isinstance(cloud, PointCloud):
             fault = f"a PointCloud is coded, not {type(cloud).__name__} (points: encode)"
@@ -156,11 +197,17 @@ class Codec(CodecFacts, ABC):
         return self.encode_returns(cloud.returns, rate)
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode the returns of a spinning sensor; raise InputError as `encode` does."""
+        """Encode the returns (range measurements) of a spinning sensor at a rate to a byte string.
+
+        By default, the points of the returns are encoded. Raises InputError as `encode` does.
+        """
         return self.encode(returns.points(), rate)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Decode points, and any returns and attributes in the stream."""
+        """Decode a byte string to a cloud, with the returns and attributes that it contains.
+
+        Raises InputError if the byte string is damaged or belongs to another codec.
+        """
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)
             cloud = self._decode_with_attributes(content)
@@ -171,7 +218,10 @@ class Codec(CodecFacts, ABC):
         return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
 
     def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        """Return the number of bytes of each attribute in a stream; other bytes are geometry."""
+        """Return how many bytes of a stream each attribute takes, by name of the attribute.
+
+        All other bytes are geometry. Attributes without bytes are left out.
+        """
         with naming(f"codec {self.name}"):
             sizes = self._attribute_bytes(unshifted(stream).stream)
         return {name: size for name, size in sizes.items() if size}
@@ -183,18 +233,20 @@ class Codec(CodecFacts, ABC):
         shared: SharedWork | None = None,
         attributes: Attributes | None = None,
     ) -> bytes:
-        """Encode points at a rate to a self-contained stream.
+        """Encode points at a rate to a self-contained byte string.
 
         Parameters
         ----------
         points
-            (n, 3) coordinates.
+            Coordinates (n, 3).
         rate
-            One of `rates` or `metric_rates`.
+            Name of a rate in `rates` or `metric_rates`, or a length such as "15mm" if the codec
+            allows any.
         shared
-            Object from `shared_work` for this cloud; it does not affect the stream.
+            Object from `shared_work` for this cloud. It saves time and does not affect the result.
         attributes
-            Values of the points by attribute name; the codec's `attributes` lists the names.
+            Values of the points by attribute name. The codec's `attributes` lists the possible
+            names.
 
         Raises
         ------
@@ -224,9 +276,10 @@ class Codec(CodecFacts, ABC):
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3) in the input's coordinate frame; their order is arbitrary.
+        """Decode a byte string to points (m, 3), in the coordinate frame of the encoded cloud.
 
-        Raises InputError if the stream is damaged or belongs to another codec.
+        The order of the points is arbitrary. Raises InputError if the byte string is damaged or
+        belongs to another codec.
         """
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)
@@ -236,11 +289,18 @@ class Codec(CodecFacts, ABC):
         return points if shift is None else moved(points, shift)
 
     def decode_mesh(self, stream: bytes) -> Mesh:
-        """Decode a triangulated surface in the coordinate frame of the input cloud.
+        """Decode a byte string to a triangulated surface in the coordinates of the encoded cloud.
 
-        Triangles are labelled with primitives and objects (`pointkit.geometry.mesh`); an object
-        may have several primitives. Raises InputError as `decode` does, and if the codec or the
-        stream has no surfaces.
+        Returns
+        -------
+        Mesh
+            Triangles that are labelled with primitives and objects (`pointkit.geometry.mesh`). An
+            object may consist of several primitives.
+
+        Raises
+        ------
+        InputError
+            As for `decode`. Also if the codec or the byte string has no surfaces.
         """
         with naming(f"codec {self.name}"):
             content, shift = unshifted(stream)
@@ -248,20 +308,20 @@ class Codec(CodecFacts, ABC):
         return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
-        """Decode a stream's surfaces; raise InputError as `_decode` does."""
+        """Decode the surfaces of a stream; raise InputError as `_decode` does."""
         raise InputError("codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
-        """Encode as `_encode` does; store or reuse results in `shared`, made by `shared_work`.
+        """Encode as `_encode` does, but store or reuse results in an object from `shared_work`.
 
-        Set `shared.saved` to the cost of the reused results.
+        A subclass sets `shared.saved` to the cost of the reused results.
         """
         return self._encode(points, parameters)
 
     def _encode_with_attributes(
         self, points: Floats, attributes: Attributes, parameters: Parameters
     ) -> bytes:
-        """Encode points as `_encode` does, and their attributes: arrays (n,) or (n, 3) by name."""
+        """Encode points and their attributes: arrays (n,) or (n, 3) by name."""
         raise InputError("codes positions only")
 
     def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
@@ -273,7 +333,7 @@ class Codec(CodecFacts, ABC):
 
     @abstractmethod
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        """Encode finite points (n, 3), n >= 1, with the parameters of a rate."""
+        """Encode finite points (n, 3), n >= 1, with a rate's parameters to non-empty bytes."""
 
     @abstractmethod
     def _decode(self, stream: bytes) -> Floats:

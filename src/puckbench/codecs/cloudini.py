@@ -17,9 +17,10 @@ CODE = (
 
 @CODECS.register("cloudini")
 class Cloudini(Codec):
-    """Cloudini (package pureini): differences of successive points, compressed by Zstandard.
+    """The codec is Cloudini, which compresses differences of successive points by Zstandard.
 
-    The codec keeps the order of points. A rate is the resolution of coordinates.
+    It is run through the package pureini, and keeps the order of points. A rate is the resolution
+    of coordinates.
     """
 
     title = "Cloudini"

@@ -1,13 +1,14 @@
-"""Draco's two point-cloud coders, through DracoPy: the kd-tree and the sequential method.
+"""Draco's two point-cloud coders, run through DracoPy: the kd-tree and the sequential method.
 
 Only geometry is encoded, as float32, within the cloud's bounding cube. With the kd-tree, DracoPy
-merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them), but not points
-that become equal by quantisation.
+merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them). It does not
+merge points that become equal by quantisation.
 
-For a length, single precision adds up to 1/8 step to the error of half a step, if neither extent
-nor coordinates exceed `_FINE` steps. Wider clouds are rounded to the grid in double precision; then
-their grid positions are encoded as a generic attribute of integers (beside coordinates of 0), after
-headers with the step (`puckbench.codecs.unit`) and the lowest position (`puckbench.codecs.shift`).
+Quantisation to a length has an error of half a step. Single precision adds up to 1/8 step, if
+neither the extent nor the coordinates exceed `_FINE` steps. Other clouds are first rounded to the
+grid in double precision. Then their grid positions are encoded as a generic attribute of integers,
+beside coordinates of 0. Two headers before the stream contain the step (`puckbench.codecs.unit`)
+and the lowest position (`puckbench.codecs.shift`).
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 
 
 
 def _most_points(stream: bytes) -> int:
-    """Return the largest plausible number of points in a stream, to limit the decoder's memory."""
+    """Return the largest plausible number of points in a stream; it limits the decoder's memory."""
     return min(65536 + 8192 * len(stream), most_points(len(stream)))
 
 
@@ -69,10 +70,7 @@ def _is_wide(points: Floats, step: float) -> bool:
 
 
 def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
-    """Return the encoder's quantisation arguments for a rate.
-
-    A rate is the number of bits per coordinate of the bounding cube, or a grid step in m.
-    """
+    """Return the arguments with which DracoPy quantises at a rate."""
     if "step_m" not in parameters:
         return {"quantization_bits": parameters["quantization_bits"]}
     step = float(parameters["step_m"])
@@ -87,7 +85,7 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
 
 @CODECS.register("draco")
 class Draco(Codec):
-    """Google's Draco, with the kd-tree or the sequential method (option `method`).
+    """The codec is Google's Draco with its kd-tree or its sequential method (option `method`).
 
     A rate is the number of quantisation bits or, for clouds in metres, the grid step. The decoder
     reads streams of both methods.

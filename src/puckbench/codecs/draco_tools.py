@@ -29,7 +29,10 @@ class DracoToolOptions(Model):
 
 @CODECS.register("draco_cli")
 class DracoCli(ExternalCodec):
-    """Draco's tools ``draco_encoder`` and ``draco_decoder``; streams have the format of `Draco`."""
+    """The codec runs Draco's programs ``draco_encoder`` and ``draco_decoder``.
+
+    Its streams have the format of `Draco`.
+    """
 
     title = "Draco (reference tool)"
     use = "checking Draco against its own tools"

@@ -26,19 +26,19 @@ _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
 
 
 class ExternalCodec(Codec):
-    """Base class of codecs that run external programs.
+    """Base class of codecs that run external programs to encode and decode.
 
-    A subclass lists the programs in `programs` and calls `run` to encode and decode. The cost of a
-    call is that of the programs, including reading and writing files.
+    A subclass lists the programs in `programs` and calls `run` in `_encode` and `_decode`. The cost
+    of a call is that of the programs, including reading and writing files.
     """
 
     output: str = ""
-    """Output of the program that ran last."""
+    """The text that the last program wrote to its output."""
     _cost: Cost | None = None
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Names or paths of the required programs; a subclass may define an attribute."""
+        """The names or paths of the required programs; a subclass may define an attribute."""
         return ()
 
     def available(self) -> Availability:
@@ -63,9 +63,19 @@ class ExternalCodec(Codec):
         return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:
-        """Run a program; limits of time and memory grow with the size of the input file `source`.
+        """Run an external program, with limits on its time and memory.
 
-        Raises InputError if the program fails or exceeds a limit.
+        Parameters
+        ----------
+        command
+            The program and its arguments.
+        source
+            The input file. The limits grow with its size.
+
+        Raises
+        ------
+        InputError
+            The program fails or exceeds a limit.
         """
         size = source.stat().st_size
         memory_bytes = _MEMORY_BYTES + size * _MEMORY_PER_BYTE
@@ -76,14 +86,22 @@ class ExternalCodec(Codec):
 
 @contextmanager
 def folder() -> Iterator[Path]:
+    """Yield a new temporary folder, and delete it at the end of the context."""
     with tempfile.TemporaryDirectory(prefix="puckbench-") as path:
         yield Path(path)
 
 
 def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
-    """Write points (n, 3) as a binary PLY file.
+    """Write points to a binary PLY file.
 
-    `kind` is the type of coordinates, ``float32`` or ``float64``.
+    Parameters
+    ----------
+    path
+        The file to write.
+    points
+        Points (n, 3).
+    kind
+        Type of the coordinates in the file: "float32" or "float64".
     """
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [f"property {kind} {axis}" for axis in "xyz"]
@@ -94,7 +112,17 @@ def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
 def read_points(path: Path, what: str) -> Floats:
     """Read the points (m, 3) of a PLY file that an external program wrote.
 
-    Raises InputError (`what` begins its message) if the file is missing or has no points.
+    Parameters
+    ----------
+    path
+        The file to read.
+    what
+        Name of the program, with which the message of an error begins.
+
+    Raises
+    ------
+    InputError
+        The file is missing or has no points.
     """
     try:
         return read_cloud(path, keep_missing=True).xyz

@@ -1,4 +1,4 @@
-"""Properties of codecs for plans, tables and figures."""
+"""Properties of codecs that do not depend on their input, for planning, tables and figures."""
 
 from __future__ import annotations
 
@@ -17,11 +17,22 @@ Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
 Takes = Literal["points", "returns", "either"]
 LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
-"""Default rates of clouds in metres: lengths in mm, the smallest bitrate first."""
+"""Default rates for clouds in metres: quantisation steps in mm, the smallest bitrate first."""
 
 
 def lengths(*millimetres: int) -> dict[str, Parameters]:
-    """Return rates for clouds in metres, such as ``10mm`` with the parameter ``step_m`` 0.01."""
+    """Return rates for clouds in metres, whose only parameter is the quantisation step.
+
+    Parameters
+    ----------
+    *millimetres
+        Steps in mm, the smallest bitrate first; by default `LENGTHS_MM`.
+
+    Returns
+    -------
+    dict
+        Parameters by rate name, such as ``{"10mm": {"step_m": 0.01}}``.
+    """
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
@@ -40,17 +51,34 @@ def _millimetres(rate: str) -> float | None:
 
 
 def check_lengths(rates: Iterable[str]) -> None:
-    """Raise InputError if a rate is a length below 0.001 mm or above 100 m."""
+    """Raise InputError if the name of a rate is a length below 0.001 mm or above 100 m."""
     for rate in rates:
         _millimetres(rate)
 
 
 def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Parameters] | None:
-    """Return the name and parameters of a codec's rate, or None if the codec lacks the rate.
+    """Look up a rate of a codec by name.
 
-    A rate may be named by any length, the quantisation step, if the codec's `any_length` is true
-    and ``step_m`` is the only parameter of its `metric_rates`. The returned name is in millimetres:
-    ``20mm`` for ``2cm``. Raises InputError as `check_lengths` does.
+    If the codec allows `any_length` and its `metric_rates` have no parameter but ``step_m``, the
+    name may be any length. It is the quantisation step.
+
+    Parameters
+    ----------
+    codec
+        The codec, or its class.
+    rate
+        Name of a rate, such as "r1" or "2cm".
+
+    Returns
+    -------
+    tuple or None
+        The name of the rate, with lengths in mm ("20mm" for "2cm"), and its parameters. None means
+        that the codec lacks the rate.
+
+    Raises
+    ------
+    InputError
+        The name is a length below 0.001 mm or above 100 m.
     """
     offered = {**codec.rates, **codec.metric_rates}
     if rate in offered:
@@ -65,20 +93,35 @@ def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Par
 
 
 class Memory(NamedTuple):
-    """Estimated memory of encoding or decoding: a constant in MB, and bytes per point."""
+    """An estimate of the memory that encoding or decoding takes.
+
+    Parameters
+    ----------
+    base_mb
+        Constant part in MB.
+    bytes_per_point
+        Further bytes for each point.
+    """
 
     base_mb: float = 400.0
     bytes_per_point: float = 1000.0
 
     def of(self, points: int) -> int:
-        """Return the estimate in MB."""
+        """Return the estimated memory in MB for a number of points."""
         return int(self.base_mb) + int(points * self.bytes_per_point) // 1_000_000
 
 
 class Pace(NamedTuple):
-    """Estimated time to encode and decode a cloud: a constant in s, and s per million points.
+    """An estimate of the time that encoding and decoding a cloud take together.
 
-    `encoding` is the fraction of this time that encoding takes.
+    Parameters
+    ----------
+    base_s
+        Constant part in s.
+    per_million_s
+        Further seconds for a million points.
+    encoding
+        Fraction of the time that encoding takes.
     """
 
     base_s: float = 0.1
@@ -86,7 +129,7 @@ class Pace(NamedTuple):
     encoding: float = 0.5
 
     def of(self, points: int) -> float:
-        """Return the estimate in s."""
+        """Return the estimated time in s for a number of points."""
         return self.base_s + self.per_million_s * points / 1_000_000
 
 
@@ -118,40 +161,43 @@ class CodecFacts:
     """
 
     title: str = ""
-    """Title in legends; by default the name."""
+    """Title in legends; by default, the name of the codec is used."""
     use: str = ""
-    """What the codec is good for, in a few words."""
+    """A few words on what the codec is good for."""
     colour: str = ""
-    """Colour of the codec's curves, ``#rrggbb``; by default derived from the name."""
+    """Colour of the codec's curves as ``#rrggbb``; by default, it is derived from the name."""
     marker: str = ""
-    """Matplotlib marker on the curves; by default derived from the name."""
+    """Matplotlib marker on the codec's curves; by default, it is derived from the name."""
     line: Line = "-"
     rank: int = 1000
     """Position in legends and lists; codecs of equal rank are ordered by name."""
 
     rates: Mapping[str, Parameters] = MappingProxyType({})
-    """For scaled clouds: parameters by rate name, the smallest bitrate (r1) first."""
+    """Rates for scaled clouds: their parameters by name, the smallest bitrate (r1) first."""
     metric_rates: Mapping[str, Parameters] = MappingProxyType({})
-    """As `rates`, but for clouds in metres; names are lengths."""
+    """Rates for clouds in metres: their parameters by name, which is usually a length."""
     any_length: ClassVar[bool] = True
-    """Whether every length is a rate, provided that `metric_rates` have no parameter but a step."""
+    """Whether every length is a rate, provided that the step is the only parameter of
+    `metric_rates`."""
     takes: ClassVar[Takes] = "points"
-    """Input of the encoder: points, the returns of a spinning sensor, or either (points if the
-    cloud has no returns)."""
+    """What is encoded: points, the returns of a spinning sensor, or either. With "either",
+    points are encoded if the cloud has no returns."""
     packets_alone: ClassVar[bool] = False
-    """Whether the codec encodes only returns of recorded data packets, not of virtual scans."""
+    """Whether the codec encodes only returns of recorded data packets, and refuses virtual
+    scans."""
     Options: type[Model] = Model
-    """Model of the options; by default there are none."""
+    """Pydantic model of the codec's options; by default, there are none."""
     options: Any
     surfaces: bool = False
     """Whether `decode_mesh` returns surfaces with labelled primitives."""
     memory: Memory = Memory()
     pace: Pace = Pace()
     training: str = ""
-    """Class of the training settings (``module:Class``), if the codec has trained weights."""
+    """Class of the training settings (``module:Class``) if the codec has trained weights, else
+    empty."""
     based_on: str = ""
     """Name of the published codec that this codec modifies. If a run lacks the published codec,
-    claims about that codec may be tested on this one."""
+    statements about the published codec may be tested on this one."""
     grid: float = 0.0
     """Grid step of the finest rate, in units of the input; 0 if the grid adapts to the cloud's
     extent."""
@@ -172,51 +218,55 @@ class CodecFacts:
 
     @property
     def version(self) -> str:
-        """Version of the implementation; subclasses may define an attribute."""
+        """The version of the implementation. A subclass may define an attribute instead."""
         return ""
 
     @property
     def attributes(self) -> tuple[str, ...]:
-        """Names of the attributes that the codec codes (`puckbench.geometry.attributes`)."""
+        """The names of the attributes that the codec encodes (`puckbench.geometry.attributes`)."""
         return ()
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether `rates` need scaled clouds: the grid is fixed, and the option `unit` not set."""
+        """Whether `rates` are for scaled clouds only.
+
+        This is so if the codec has a fixed grid, and the option `unit` is not set.
+        """
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:
-        """Return the name of a rate's trained weights, for the results table."""
+        """Return the name of the trained weights that a rate uses, or "" if the codec has none."""
         return ""
 
     def weights_files(self) -> list[Path]:
-        """Return the weights files; raise InputError if they are missing."""
+        """Return the paths of the weights files; raise InputError if they are missing."""
         return []
 
     def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:
-        """Return the rates for clouds in a coordinate frame, possibly none.
+        """Return the rates for clouds in a coordinate frame: their parameters by name.
 
-        With the option `unit`, `rates` apply to clouds in metres too.
+        The result may be empty. If the option `unit` is set, `rates` are used for clouds in metres
+        too.
         """
         has_unit = getattr(self.options, "unit", None) is not None
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent (m) along an axis at a rate; inf for rates of scaled clouds.
+        """Return the largest extent along an axis, in m, that a cloud may have at a rate.
 
-        A run skips the rate for wider clouds.
+        A run skips the rate for wider clouds. For rates of scaled clouds, the extent is infinite.
         """
         return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def check_frame(self, frame: CoordinateFrame | None, rate: str | None = None) -> None:
-        """Raise InputError if the codec has no rates for a cloud's coordinate frame.
+        """Raise InputError if the codec cannot encode clouds in a coordinate frame.
 
         Parameters
         ----------
         frame
             Coordinate frame of the cloud; None if unknown.
         rate
-            The requested rate; by default all rates of the frame.
+            Name of the requested rate; by default, all rates for the frame are checked.
         """
         offered = self.rates_of(frame) or self.rates or self.metric_rates
         requested = offered if rate is None else (rate,)
@@ -249,7 +299,7 @@ class CodecFacts:
         )
 
     def is_length(self, rate: str) -> bool:
-        """Return whether a rate is for clouds in metres only."""
+        """Return whether a rate is only for clouds in metres."""
         return rate not in self.rates and find_rate(self, rate) is not None
 
     def rate_name(self, rate: str) -> str:
@@ -257,9 +307,10 @@ class CodecFacts:
         return self._find(rate)[0]
 
     def parameters_of(self, rate: str) -> Parameters:
-        """Return the parameters of a rate; raise InputError if the rate is unknown.
+        """Return the parameters of a rate by name.
 
-        Reading a parameter that the rate lacks raises InputError too.
+        Raises InputError if the rate is unknown. Reading a parameter that the rate lacks raises
+        InputError too.
         """
         return _RateParameters(self._find(rate)[1], f"codec {self.name}: rate {rate}")
 

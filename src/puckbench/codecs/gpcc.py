@@ -1,4 +1,4 @@
-"""G-PCC's octree geometry, and base classes of codecs that encode points on a grid."""
+"""The codec `gpcc`, G-PCC's octree geometry, and base classes of codecs that encode a grid."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ CODE = ("gpcc.*", "pointkit.lidar.sensors")
 EIGHTHS: Mapping[str, Parameters] = {
     f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
 }
-"""Rates of PCC Arena, which the thesis used: factors by which coordinates are multiplied."""
+"""Rates of PCC Arena, which the thesis used. Each is a factor by which coordinates are
+multiplied."""
 NO_ATTRIBUTES: Attributes = MappingProxyType({})
 _NAMES = {"color": COLOUR, "reflectance": REFLECTANCE}
 _LABELS = {name: label for label, name in _NAMES.items()}
@@ -52,7 +53,7 @@ LOSSLESS_STEP_M = 0.002
 
 
 class UnitOptions(Model):
-    """The option `unit`: the step of the input's grid, which a rate with scale 1 preserves."""
+    """The option `unit` is the step of the input's grid, which a rate with scale 1 preserves."""
 
     unit: float | None = Field(
         None,
@@ -95,10 +96,11 @@ class CoderOptions(GridOptions):
 
 
 class GridCodec(Codec):
-    """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
+    """Base class of codecs that encode points on an integer grid in the format of G-PCC.
 
-    A rate is the factor `scale` that multiplies coordinates before rounding or, for clouds in
-    metres, the grid step. Streams have a wrapper with the grid's unit and offset, unless `raw`.
+    The parameter `scale` of a rate multiplies coordinates before they are rounded. For clouds in
+    metres, the parameter is the grid step `step_m`. A wrapper around the stream contains the unit
+    and the offset of the grid, unless the option `raw` is set.
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
@@ -143,7 +145,7 @@ class GridCodec(Codec):
         return self._loses(parameters)
 
     def _loses(self, parameters: Parameters) -> bool:
-        """Whether a rate is lossy: a scale below 1, or a grid step above 2 mm."""
+        """Return whether a rate is lossy: its scale is below 1, or its grid step above 2 mm."""
         if "step_m" in parameters:
             return float(parameters["step_m"]) > LOSSLESS_STEP_M
         return scale_of(parameters) < 1
@@ -157,15 +159,15 @@ class GridCodec(Codec):
         returns: Returns | None,
         attributes: Attributes,
     ) -> bytes:
-        """Encode points (n, 3), and their returns and attributes, to a stream without wrapper."""
+        """Encode points (n, 3), returns and attributes to a stream without wrapper."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
-        """Decode the points (m, 3) of a stream without wrapper, in units of the input's grid."""
+        """Decode a stream without wrapper to points (m, 3), in units of the input's grid."""
 
 
 class OwnCodec(GridCodec):
-    """Base class of the codecs that use puckbench's G-PCC coder."""
+    """Base class of codecs that encode with puckbench's own G-PCC coder."""
 
     version = f"puckbench {__version__}"
     Options = CoderOptions
@@ -248,10 +250,10 @@ class OwnCodec(GridCodec):
     def _tools(
         self, parameters: Parameters, *, angular: bool = False
     ) -> GpccOptions | PredictiveOptions:
-        """Return the geometry's coding tools, which use the sensor's lasers if `angular`."""
+        """Return the tools that code the geometry; if `angular`, they use the sensor's lasers."""
 
     def _qp(self, parameters: Parameters) -> int | None:
-        """Return the QP of a rate's attributes, or None for lossless coding."""
+        """Return the quantisation parameter of a rate's attributes, or None for lossless coding."""
         if "qp" in parameters:
             return int(parameters["qp"])
         if not self._loses(parameters):
@@ -262,7 +264,10 @@ class OwnCodec(GridCodec):
 
 
 class SensorCodec(OwnCodec):
-    """Base class of codecs that use the sensor's lasers to encode clouds with returns."""
+    """Base class of G-PCC codecs that use the sensor's lasers if a cloud has returns.
+
+    Clouds without returns are encoded too, without this knowledge.
+    """
 
     takes: ClassVar[Takes] = "either"
 
@@ -276,13 +281,16 @@ class SensorCodec(OwnCodec):
 
 
 def scale_of(parameters: Parameters) -> float:
-    """Return the factor by which a rate multiplies coordinates, by default 1."""
+    """Return the factor by which a rate multiplies coordinates; it is 1 by default."""
     return float(parameters.get("scale", 1.0))
 
 
 @CODECS.register("gpcc")
 class Gpcc(OwnCodec):
-    """G-PCC's octree geometry by puckbench's coder, with the tools of MPEG's test conditions."""
+    """The codec is G-PCC's octree geometry, with the tools of MPEG's common test conditions.
+
+    It uses puckbench's own coder.
+    """
 
     title = "G-PCC"
     use = "the anchor; lossless coding on a grid"

@@ -26,10 +26,10 @@ class AngularOptions(CoderOptions):
 
 @CODECS.register("gpcc_angular")
 class GpccAngular(SensorCodec):
-    """G-PCC's octree in angular mode: the contexts depend on the lasers of the cloud's sensor.
+    """The codec is G-PCC's octree in angular mode, whose contexts depend on the sensor's lasers.
 
-    The tools are those of MPEG's common test conditions for spinning sensors; lossy rates merge
-    points with equal grid positions. Only points of isolated nodes are coded directly, since direct
+    The tools are those of MPEG's common test conditions for spinning sensors. Lossy rates merge
+    points with equal grid positions. Only points of isolated nodes are coded directly. Direct
     coding in any node (`direct_coding` 3), as in the lossless conditions, takes more bits.
     """
 

@@ -27,11 +27,11 @@ class DenoisedOptions(CoderOptions):
 
 @CODECS.register("gpcc_denoised")
 class GpccDenoised(Gpcc):
-    """Jet smoothing of points by CGAL (a moving-least-squares method), then `gpcc`.
+    """The codec smooths points by fitting jets with CGAL, and then encodes them with `gpcc`.
 
     Streams have the format of `gpcc`. Jets are quadrics fitted to the nearest neighbours (Cazals
-    and Pouget 2005); the default number was chosen from 20 to 300 on three generated rooms
-    (error model `vlp16_divergence`).
+    and Pouget 2005), a moving-least-squares method. The default number of neighbours was chosen
+    from 20 to 300 on three generated rooms with the error model `vlp16_divergence`.
     """
 
     title = "Denoised, then G-PCC"

@@ -32,11 +32,11 @@ def _coarse(radius_log2: int, azimuth_log2: int) -> dict[str, Parameters]:
 
 @CODECS.register("gpcc_predictive")
 class GpccPredictive(SensorCodec):
-    """G-PCC's predictive geometry, in spherical coordinates if the cloud has a sensor's returns.
+    """The codec is G-PCC's predictive geometry, in spherical coordinates if the cloud has returns.
 
-    For clouds in metres, a rate of 4 mm or more is the step of the radius or, without a sensor, of
-    x, y and z, after these are rounded to 1 mm; rates of 2 mm and 1 mm are steps of a grid that is
-    coded losslessly.
+    For clouds in metres, points are first rounded to 1 mm at rates of 4 mm or more. The rate is
+    then the step of the radius or, without returns, of x, y and z. Rates of 2 mm and 1 mm are steps
+    of a grid that is encoded losslessly.
     """
 
     title = "G-PCC (predictive)"

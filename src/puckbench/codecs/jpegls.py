@@ -1,7 +1,7 @@
-"""Range images compressed by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
+"""The codec `jpegls`: range images compressed by JPEG-LS (ITU-T T.87), with imagecodecs and CharLS.
 
-A lossy rate rounds ranges to a step of several quanta (range steps of the sensor). JPEG-LS codes
-the rounded ranges, in quanta, with errors below half a step, so the decoder can recover them
+A lossy rate rounds ranges to a step of several quanta, i.e. range units of the sensor. JPEG-LS
+codes the rounded ranges, in quanta, with errors below half a step. So the decoder can recover them
 exactly. Lossless coding in multiples of the step would take more bits, since JPEG-LS contexts
 distinguish small values less well.
 """
@@ -24,6 +24,8 @@ _END = b"\xff\xd9"
 
 @CODECS.register("jpegls")
 class JpegLs(RangeImageCodec):
+    """The codec compresses range images, rounded to the step of the rate, by JPEG-LS."""
+
     title = "Range image, JPEG-LS"
     use = "turns of spinning sensors by a codec of images: quick"
     colour = "#1B9E9E"

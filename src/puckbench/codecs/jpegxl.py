@@ -21,7 +21,7 @@ class JpegXlOptions(RangeImageOptions):
 
 @CODECS.register("jpegxl")
 class JpegXl(RangeImageCodec):
-    """Range images, rounded to the step of the rate, compressed losslessly by JPEG XL."""
+    """The codec compresses range images, rounded to the step of the rate, losslessly by JPEG XL."""
 
     title = "Range image, JPEG XL"
     use = "turns of spinning sensors by a codec of images: few bits"

@@ -29,9 +29,9 @@ class LazOptions(Model):
 
 @CODECS.register("laz")
 class Laz(Codec):
-    """LAZ (LAS 1.2, point format 0), which keeps the order of points.
+    """The codec is LAZ, compressed LAS 1.2 with point format 0, which keeps the order of points.
 
-    Each rate rounds coordinates to multiples of a step.
+    A rate is the step to whose multiples coordinates are rounded.
     """
 
     title = "LAZ"

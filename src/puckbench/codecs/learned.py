@@ -1,7 +1,7 @@
-"""Base classes of codecs with a neural network.
+"""Base classes of codecs that use a neural network.
 
-A stream contains a digest by which the decoder finds the weights file. The first call that encodes
-or decodes imports PyTorch.
+A stream contains a digest, i.e. a hash of the weights, by which the decoder finds the weights file.
+PyTorch is imported in the first call that encodes or decodes.
 """
 
 from __future__ import annotations
@@ -36,27 +36,37 @@ authors."""
 
 
 def not_installed() -> str:
-    """Return which packages of the learned codecs are missing and how to install them, or ""."""
+    """Return a message on missing packages of the learned codecs, or "" if all are installed.
+
+    The message says how to install them.
+    """
     missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
     return f"{' and '.join(missing)} not installed: {_INSTALL}" if missing else ""
 
 
 def require_networks() -> None:
-    """Raise InputError, with the command that installs it, if `pcc_networks` is not installed."""
+    """Raise InputError if the package `pcc_networks` is not installed.
+
+    The message says how to install it.
+    """
     if find_spec("pcc_networks") is None:
         raise InputError(not_installed())
 
 
 class Weights(Protocol):
+    """Trained weights of a network, as codecs use them."""
+
     @property
     def digest(self) -> bytes:
         """The 8 bytes that identify the weights in streams."""
 
 
 class RateWeights(Weights, Protocol):
+    """Trained weights that serve several rates, one for each Lagrangian weight of the training."""
+
     @property
     def lmbdas(self) -> tuple[float, ...]:
-        """Lagrangian weights, the smallest bitrate first."""
+        """The Lagrangian weights of the training, the smallest bitrate first."""
 
 
 W = TypeVar("W", bound=Weights)
@@ -64,7 +74,7 @@ R = TypeVar("R", bound=RateWeights)
 
 
 class GridArguments(TypedDict, total=False):
-    """Arguments that choose the encoder's grid (`pcc_networks.choose_grid_level`)."""
+    """Arguments that choose the encoder's grid (see `pcc_networks.choose_grid_level`)."""
 
     mean_occupied_children: float
     grid_level_offset: float
@@ -75,16 +85,17 @@ class LearnedOptions(Model):
 
 
 class Learned(Codec, Generic[W]):
-    """Base class of codecs with a network, by default with one set of weights for all rates.
+    """Base class of codecs with a neural network.
 
-    A subclass defines `network`, and methods that read weights, encode and decode. If the option
-    `weights` selects several files, the encoder uses the first in alphabetical order.
+    By default, all rates use the same weights. A subclass defines `network`, and methods that read
+    weights, encode and decode. If the option `weights` selects several files, the encoder uses the
+    first in alphabetical order.
     """
 
     network: ClassVar[str]
     """Name of the network in the files of its weights (`pcc_networks.catalogue.NETWORKS`)."""
     published_weights: ClassVar[str] = ""
-    """Folder to which `puckbench data` writes the weights of the codec's authors."""
+    """Folder to which `puckbench data` writes the weights of the codec's authors, or empty."""
     Options: type[LearnedOptions] = LearnedOptions
     options: LearnedOptions
     memory = Memory(1500, 1500)
@@ -108,7 +119,11 @@ class Learned(Codec, Generic[W]):
         return Availability(not lacking, why if lacking else "")
 
     def weights_of(self, rate: str) -> str:
-        """Return the name and digest (16 hexadecimal digits) of the weights file for a rate."""
+        """Return the name of the weights file for a rate, and its digest of 16 hexadecimal digits.
+
+        Both are in one string, separated by a space. It is empty if there are no weights for the
+        rate.
+        """
         path = self._path(self.parameters_of(rate))
         return f"{path.stem} {_digest(path)}" if path else ""
 
@@ -132,7 +147,7 @@ class Learned(Codec, Generic[W]):
         return where
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield files to search for a stream's weights: those of the option, then shipped ones."""
+        """Yield the files to search for a stream's weights, first those of the option `weights`."""
         yield from self._files()
         yield from self._network().shipped()
 
@@ -179,19 +194,21 @@ class PublishedOptions(LearnedOptions):
 
 
 class LearnedByLambda(Learned[R]):
-    """Base class of published codecs, with separate weights for each rate.
+    """Base class of published codecs that have separate weights for each rate.
 
-    A rate's `lmbda` is the Lagrangian weight of the distortion in training. `Improved` adds
-    puckbench's changes.
+    A rate's parameter `lmbda` selects the weights. It is the Lagrangian weight of the distortion in
+    training. The subclass `Improved` adds puckbench's changes to such codecs.
     """
 
     published_weights = PUBLISHED_WEIGHTS
     Options: type[PublishedOptions] = PublishedOptions
     options: PublishedOptions
     context_mixing = False
-    """Whether the latent is coded by context mixing or by fixed tables in the weights."""
+    """Whether the latent is coded by context mixing. Otherwise it is coded by fixed tables in
+    the weights."""
     point_reconstruction = False
-    """Whether to decode as many points as were encoded, or one at each voxel's centre."""
+    """Whether as many points are decoded as were encoded. Otherwise one point is decoded for
+    each voxel."""
 
     def available(self) -> Availability:
         availability = super().available()
@@ -212,7 +229,7 @@ class LearnedByLambda(Learned[R]):
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridArguments:
-        """Return the arguments that choose a rate's grid; without any, the input's grid is used."""
+        """Return the arguments that choose a rate's grid, or none to use the input's grid."""
         return GridArguments()
 
     def _path(self, parameters: Parameters) -> Path | None:
@@ -246,10 +263,10 @@ class ImprovedOptions(PublishedOptions):
 
 
 class Improved(LearnedByLambda[R]):
-    """Base class of published codecs with puckbench's changes and weights.
+    """Base class of published codecs to which puckbench adds changes and its own weights.
 
-    The grid depends on the cloud's density (`choose_grid_level`), context mixing codes the latent,
-    and as many points are decoded as were encoded.
+    The grid depends on the cloud's density (`choose_grid_level`). The latent is coded by context
+    mixing. As many points are decoded as were encoded.
     """
 
     options: ImprovedOptions
@@ -281,7 +298,7 @@ class Improved(LearnedByLambda[R]):
 
 
 def _trial_cloud() -> Floats:
-    """Return voxels (n, 3) of a cube and a wave; encoding them compiles all functions."""
+    """Return a small cloud (n, 3); encoding it compiles all functions before timed calls."""
     block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))

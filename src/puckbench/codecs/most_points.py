@@ -5,5 +5,8 @@ _MANY, _MANY_PER_BYTE = 1 << 24, 4
 
 
 def most_points(size: int) -> int:
-    """Return the maximum number of points or pixels in a stream of `size` bytes."""
+    """Return the largest number of points or pixels that a stream of `size` bytes may contain.
+
+    Decoders refuse more, so that a damaged stream cannot take much memory or time.
+    """
     return _MANY + _MANY_PER_BYTE * size

@@ -26,10 +26,10 @@ _MEMORY_BYTES = 1 << 28
 
 
 class PacketsCodec(ReturnsCodec):
-    """Base class of codecs that compress packets, including reflectivities and times.
+    """Base class of lossless codecs that compress a sensor's data packets as a whole.
 
-    Virtual scans are refused: without reflectivities, their packets would take fewer bytes than
-    those of a real sensor.
+    Reflectivities and times are compressed too. Virtual scans are refused: they have no
+    reflectivities, so their packets would take fewer bytes than those of a real sensor.
     """
 
     metric_rates = lengths(2)
@@ -44,7 +44,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """Decompress to at most `most` bytes; raise InputError if data are longer or damaged."""
+        """Decompress at most `most` bytes; raise InputError if data are longer or damaged."""
 
     @property
     def _framing(self) -> Framing:
@@ -62,7 +62,7 @@ class PacketsCodec(ReturnsCodec):
 
 @CODECS.register("packets_xz")
 class PacketsXz(PacketsCodec):
-    """Data packets with all fields, compressed losslessly by LZMA (xz -9e)."""
+    """The codec compresses data packets with all fields losslessly by LZMA (xz -9e)."""
 
     title = "Packets, xz (with reflectivity and time)"
     use = "captures as archives keep them; with reflectivities and times"
@@ -87,7 +87,7 @@ class PacketsXz(PacketsCodec):
 
 @CODECS.register("packets_zstd")
 class PacketsZstd(PacketsCodec):
-    """Data packets with all fields, compressed losslessly by Zstandard (zstd -19 --long)."""
+    """The codec compresses data packets with all fields losslessly by Zstandard (-19 --long)."""
 
     title = "Packets, Zstandard (with reflectivity and time)"
     use = "captures as MCAP files keep them, packed tighter; with reflectivities and times"

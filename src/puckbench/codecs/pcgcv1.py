@@ -1,11 +1,12 @@
 """The codecs PCGCv1, as published, and PCGCv1+, puckbench's variant.
 
-A rate contains the Lagrangian weight of the training (`lmbda`), the number of voxels per unit
-length (`scale`), and the ratio of decoded to input voxels (`rho`), as in PCC Arena's table and the
-thesis. The network is made for dense surfaces. PCGCv1+ coarsens the grid of a sparse cloud until
-voxels have a mean of `mean_occupied_children` occupied children. Cubes with fewer than `min_points`
-points are dropped or, with the option `sparse_cubes` (PCGCv1+'s default), encoded losslessly by the
-octree coder of `gpcc`.
+As in PCC Arena's table and the thesis, a rate has three parameters: the Lagrangian weight of the
+training (`lmbda`), the number of voxels per unit length (`scale`), and the ratio of decoded to
+input voxels (`rho`). The network is made for dense surfaces. Therefore PCGCv1+ coarsens the grid of
+a sparse cloud until voxels have a mean of `mean_occupied_children` occupied children.
+
+Cubes with fewer than `min_points` points are dropped. With the option `sparse_cubes`, PCGCv1+'s
+default, they are encoded losslessly by the octree coder of `gpcc` instead.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class Pcgcv1Options(PublishedOptions):
 
 @CODECS.register("pcgcv1")
 class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
-    """PCGCv1 with its hyper-prior, as published (Wang, Zhu, Liu, Ma 2021)."""
+    """The codec is the learned PCGCv1 with hyper-prior as published (Wang, Zhu, Liu, Ma 2021)."""
 
     title = "PCGCv1"
     use = "comparisons with publications, as its authors published it"
@@ -107,7 +108,10 @@ class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):
 
 @CODECS.register("pcgcv1_plus")
 class Pcgcv1Plus(Improved["Pcgcv1Weights"], Pcgcv1):
-    """PCGCv1 with puckbench's grids, context mixing, point reconstruction and weights."""
+    """The codec is PCGCv1 with puckbench's grids, context mixing, reconstruction and weights.
+
+    As many points are reconstructed as were encoded.
+    """
 
     title = "PCGCv1+"
     use = "comparison with its paper"

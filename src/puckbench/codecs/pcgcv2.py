@@ -1,10 +1,12 @@
 """The codecs PCGCv2, as published, and PCGCv2+, puckbench's variant.
 
-PCGCv2 truncates points to voxels, PCGCv2+ rounds them; equal voxels are merged. PCGCv2 uses the
-grid of the input, [0, 1023] in the thesis. PCGCv2+ coarsens the grid of a sparse cloud until voxels
-have a mean of `mean_occupied_children` occupied children, since the network is made for dense
-surfaces. `lmbda` is the Lagrangian weight of the training, `rho` the ratio of decoded to input
-voxels.
+PCGCv2 truncates points to voxels, and PCGCv2+ rounds them. Both merge equal voxels. PCGCv2 uses the
+grid of the input, which is [0, 1023] in the thesis. The network is made for dense surfaces.
+Therefore PCGCv2+ coarsens the grid of a sparse cloud until voxels have a mean of
+`mean_occupied_children` occupied children.
+
+A rate's `lmbda` is the Lagrangian weight of the training, and `rho` is the ratio of decoded to
+input voxels.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ CODE = (
 
 @CODECS.register("pcgcv2")
 class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
-    """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
+    """The codec is the learned PCGCv2 as published (Wang, Ding, Li, Ma 2021).
 
     The decoder keeps the most probable voxels of the whole cloud, so sparse parts may vanish.
     """
@@ -63,7 +65,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     grid = 1.0
 
     def _tools(self) -> CodingTools:
-        """Return the coding tools in use that the authors' program lacks."""
+        """Return the coding tools that this codec uses and the authors' program lacks."""
         from pcc_networks.pcgcv2.stream import CodingTools
 
         return CodingTools(0)
@@ -103,9 +105,10 @@ class Pcgcv2PlusOptions(ImprovedOptions):
 
 @CODECS.register("pcgcv2_plus")
 class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
-    """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
+    """The codec is PCGCv2 with puckbench's grids, context mixing, reconstruction and weights.
 
-    The decoder always keeps the most probable child of each voxel, so no part of a cloud vanishes.
+    As many points are reconstructed as were encoded. The decoder always keeps the most probable
+    child of each voxel, so no part of a cloud vanishes.
     """
 
     title = "PCGCv2+"

@@ -1,4 +1,4 @@
-"""The codec `primitives`: planes, surfaces of revolution and voxels, fitted to the points."""
+"""The codec `primitives`, which fits planes, surfaces of revolution and voxels to the points."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PrimitivesOptions(Model):
 
 @CODECS.register("primitives")
 class Primitives(Codec):
-    """Codec of geometric primitives that are fitted to noisy points on surfaces.
+    """The codec encodes geometric primitives that are fitted to noisy points on surfaces.
 
     A rate contains the values of `PrimitiveSettings` that differ from the defaults. The unit of
     length is 1/1023 of the cloud's longest side, as in a cloud scaled to [0, 1023].
@@ -64,7 +64,7 @@ class Primitives(Codec):
     _MOST: ClassVar[Parameters] = {**RATES["r3"], "refinement": 1, "max_voxel_size": 16}
 
     def shared_work(self) -> SurfaceCache | None:
-        """Return a cache of the fitted surface, which all rates of a cloud share.
+        """Return a new cache for the fitted surface, which all rates of one cloud share.
 
         Return None if a subclass overrides `_encode`, which does not receive the cache.
         """

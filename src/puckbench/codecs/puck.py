@@ -1,6 +1,6 @@
-"""`puck`: lossless or near-lossless codec of a spinning LiDAR's ranges and azimuths.
+"""The codec `puck`, which encodes a spinning LiDAR's ranges and azimuths with no or little loss.
 
-A stream contains the name of a sensor known to puckbench, or the angles of all lasers.
+A stream contains the name of a sensor that puckbench knows, or the angles of all lasers.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class PuckOptions(Model):
 
 @CODECS.register("puck")
 class Puck(ReturnsCodec):
-    """Ranges of a spinning LiDAR, predicted in the range image and coded by context mixing.
+    """The codec predicts a spinning LiDAR's ranges in the range image and codes by context mixing.
 
-    A rate is the step to which ranges are rounded; the sensor's step (2 mm) is lossless. All
+    A rate is the step to which ranges are rounded. The sensor's own step (2 mm) is lossless. All
     returns are decoded, with range errors of at most one and a half steps.
     """
 

@@ -24,10 +24,10 @@ class PuckSmoothedOptions(PuckOptions):
 
 @CODECS.register("puck_smoothed")
 class PuckSmoothed(Puck):
-    """Codec `puck` with a decoder that fits planes to the returns, and removes biases of lasers.
+    """The codec is `puck` with a decoder that fits planes to returns and removes biases of lasers.
 
-    Decoded returns are those of `puck`, lossless at the finest rate; decoded points are estimates
-    of the surface at every rate (`puck.smoothing`).
+    Decoded returns are those of `puck`, and are lossless at the finest rate. Decoded points are
+    estimates of the surface at every rate (see `puck.smoothing`).
     """
 
     title = "Puck, smoothed"

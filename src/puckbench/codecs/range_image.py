@@ -31,9 +31,10 @@ class RangeImageOptions(Model):
 
 
 class RangeImageCodec(ReturnsCodec):
-    """Base class of codecs that compress range images in an image format.
+    """Base class of codecs that compress the range images of a spinning sensor by an image format.
 
-    A rate is the step to which ranges are rounded; the sensor's resolution (a quantum) is lossless.
+    A range image has a row for each laser and a column for each firing. A rate is the step to which
+    ranges are rounded. The sensor's range resolution is lossless.
     """
 
     Options: type[RangeImageOptions] = RangeImageOptions
@@ -52,7 +53,7 @@ class RangeImageCodec(ReturnsCodec):
 
     @property
     def version(self) -> str:
-        """Version of imagecodecs, which determines the versions of its libraries."""
+        """The version of imagecodecs, which determines the versions of its libraries."""
         from importlib.metadata import version
 
         return f"imagecodecs {version('imagecodecs')}" if self.available().ok else ""

@@ -1,7 +1,8 @@
-"""Codecs by name: those of puckbench, installed packages and user files, and variants.
+"""The registry of codecs, which opens them by name.
 
-A variant is a codec under another name with changed options, rates or plot style: an entry of
-``variants.yaml`` beside this module, or of a configuration.
+It contains the codecs of puckbench and of installed packages, and opens those in files of the user.
+A variant is a codec under another name, with changed options, rates or plot style. Variants are
+defined in ``variants.yaml`` beside this module, or in a configuration.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ if TYPE_CHECKING:
     from pcc_networks.training.settings import BaseTraining
 
 Entry = Mapping[str, Any]
-"""A configuration's entry for a codec: class, options, rates, metric_rates, and `LOOKS`."""
+"""What a configuration says about a codec: class, options, rates, metric_rates, and `LOOKS`."""
 LOOKS = ("title", "use", "colour", "marker", "line", "rank")
-"""Class attributes for lists and figures, which an entry may change."""
+"""Class attributes that lists and figures show. An entry of a configuration may change them."""
 
 CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
-"""Registry of codec classes; a class is registered by ``@CODECS.register("name")`` above it."""
+"""Registry of codec classes. ``@CODECS.register("name")`` above a class registers it."""
 
 
 @cache
@@ -43,7 +44,7 @@ def variants() -> dict[str, Entry]:
 
 
 def codecs() -> dict[str, type[Codec]]:
-    """Return all codec classes and variants by name, sorted by `rank`."""
+    """Return the classes of all codecs and variants by name, sorted by `rank`."""
     classes = {name: codec_class(name) for name in (*CODECS.names(), *variants())}
     return dict(sorted(classes.items(), key=lambda item: (item[1].rank, item[0])))
 
@@ -59,10 +60,11 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
     Parameters
     ----------
     name
-        Name of the codec, or a trusted ``module:Class`` or ``path/to/file.py:Class`` (see
-        `pointkit.registry.trust`).
+        Name of the codec, ``module:Class`` or ``path/to/file.py:Class``. The latter two must be
+        trusted (see `pointkit.registry.trust`).
     entry
-        A configuration's entry, whose ``class`` may name another codec or ``module:Class``.
+        What a configuration says about the codec. Its ``class`` may name another codec or
+        ``module:Class``.
 
     Raises
     ------
@@ -86,7 +88,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
 
 
 def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
-    """Return a subclass with the plot style in an entry; without a style, return `codec`."""
+    """Return a subclass with the plot style of an entry, or `codec` itself if there is none."""
     looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
     return _derived(codec, looks) if looks else codec
 
@@ -118,13 +120,22 @@ def _with_defaults(options: type[Model], defaults: Entry) -> type[Model]:
 
 
 def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
-    """Return the complete and checked configuration of a codec: class, options and rates.
+    """Return the complete and checked configuration of a codec.
 
     Parameters
     ----------
+    name
+        Name of the codec, as in `codec_class`.
     changes
-        A configuration's entry: ``options``, ``rates`` and ``metric_rates`` (names of rates to
-        keep, or parameters by name), and ``class``.
+        What a configuration says about the codec: ``class``, ``options``, ``rates`` and
+        ``metric_rates``. Each of the last two is a list of rate names to keep, or a dict of
+        parameters by name.
+
+    Returns
+    -------
+    dict
+        ``class`` (where it is defined), ``options`` and ``rates`` and, if there are any,
+        ``metric_rates``; all with defaults filled in.
 
     Raises
     ------
@@ -142,7 +153,10 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
 
 
 def place_of(name: str, changes: Entry | None = None) -> str:
-    """Return where a codec's class is defined: ``module:Class`` or ``file.py:Class``."""
+    """Return where a codec's class is defined, as ``module:Class`` or ``file.py:Class``.
+
+    The arguments are those of `entry`.
+    """
     base = (changes or {}).get("class") or name
     base = variants().get(base, {}).get("class", base)
     if base not in CODECS:
@@ -151,7 +165,20 @@ def place_of(name: str, changes: Entry | None = None) -> str:
 
 
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
-    """Create a codec by name, with the changes of a configuration's entry."""
+    """Create a codec.
+
+    Parameters
+    ----------
+    name
+        Name of the codec, as in `codec_class`.
+    changes
+        What a configuration says about the codec, as in `entry`.
+
+    Raises
+    ------
+    InputError
+        The codec, an option or a rate is unknown, or the codec has no rates.
+    """
     codec, changes = codec_class(name, changes), changes or {}
     with naming(f"codec {name}"):
         rates = _rates(codec, changes)
@@ -168,10 +195,10 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
 
 
 def _rates(codec: type[Codec], changes: Entry) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the requested ``rates`` and ``metric_rates`` by name.
+    """Return the parameters of the rates that an entry requests, under "rates" and "metric_rates".
 
-    Under each of these keys, an entry has parameters by rate name, or a list of rate names (by
-    default all). The list under ``rates`` may include lengths.
+    Under each of these keys, an entry has a dict of parameters by rate name, or a list of rate
+    names. By default, all rates are returned. The list under "rates" may include lengths.
     """
     tables: dict[str, Entry] = {"rates": codec.rates, "metric_rates": codec.metric_rates}
     requested = {key: changes[key] for key in tables if changes.get(key) is not None}
@@ -203,12 +230,18 @@ def _selected(
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
-    """Return whether a codec decodes a mesh with labelled primitives (see `Codec.decode_mesh`)."""
+    """Return whether a codec decodes a mesh with labelled primitives (see `Codec.decode_mesh`).
+
+    The arguments are those of `entry`.
+    """
     return bool((changes or {}).get("surfaces", codec_class(name, changes).surfaces))
 
 
 def training_class(name: str, changes: Entry | None = None) -> str:
-    """Return ``module:Class`` of a codec's training settings; raise InputError if it has none."""
+    """Return the class of a codec's training settings as ``module:Class``.
+
+    Raises InputError if the codec cannot be trained.
+    """
     place = _training(name, changes)
     if not place:
         trainable = ", ".join(other for other in codecs() if has_weights(other))
@@ -217,13 +250,28 @@ def training_class(name: str, changes: Entry | None = None) -> str:
 
 
 def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTraining:
-    """Create a codec's training; raise InputError if it has none or a setting is invalid."""
+    """Create the training settings of a codec.
+
+    Parameters
+    ----------
+    codec
+        Name of the codec.
+    changes
+        What a configuration says about the codec, as in `entry`.
+    settings
+        Values of the settings by name.
+
+    Raises
+    ------
+    InputError
+        The codec cannot be trained, or a setting is invalid.
+    """
     training: type[BaseTraining] = load(training_class(codec, changes), f"codec {codec}")
     return parsed(training, settings, f"codec {codec}: training")
 
 
 def has_weights(name: str, changes: Entry | None = None) -> bool:
-    """Whether a codec can be trained, and therefore has the option `weights`."""
+    """Return whether a codec can be trained, and therefore has the option `weights`."""
     return bool(_training(name, changes))
 
 
@@ -232,9 +280,10 @@ def _training(name: str, changes: Entry | None) -> str:
 
 
 def codec_of(stream: bytes) -> str:
-    """Return the name of the codec whose magic bytes begin a stream.
+    """Return the name of the codec that made a stream, found by the stream's first bytes (magic).
 
-    If several match, return the one with the lowest rank; if none matches, raise InputError.
+    If several codecs match, the one with the lowest rank is returned. Raises InputError if none
+    matches.
     """
     stream = unshifted(without_unit(unshifted(stream).stream).stream).stream
     for name, codec in codecs().items():
@@ -249,4 +298,5 @@ def codec_of(stream: bytes) -> str:
 
 
 def module_of(place: str) -> str:
+    """Return the name of the module that defines a codec's class."""
     return place.rpartition(":")[0]

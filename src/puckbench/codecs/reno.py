@@ -1,8 +1,9 @@
 """The codec RENO as published, for clouds in metres on grids with power-of-two steps.
 
-The authors' parameter posQ is the step in mm. The encoder divides coordinates in mm, relative to a
-corner at -131,072 mm on each axis, by posQ and rounds to integers, halves to even. Except where
-halves are rounded, decoded points are those of `gpcc` with merged duplicates at the same step.
+The authors' parameter posQ is the step in mm. The encoder takes coordinates in mm, relative to a
+corner at -131,072 mm on each axis. It divides them by posQ and rounds to integers, halves to even.
+Except where halves are rounded, decoded points are those of `gpcc` with merged duplicates at the
+same step.
 """
 
 from __future__ import annotations
@@ -41,10 +42,10 @@ class RenoOptions(LearnedOptions):
 
 @CODECS.register("reno")
 class Reno(Learned["RenoWeights"]):
-    """RENO as published (You, Chen, Ding, Asif, Ma 2025), with its authors' weights.
+    """The codec is the learned RENO as published (You, Chen, Ding, Asif, Ma 2025).
 
-    Rates are values of the authors' parameter posQ, the grid step in mm: those of the paper, and 4,
-    for which the authors also publish results.
+    It uses the weights of its authors. Rates are values of the authors' parameter posQ, the grid
+    step in mm. They are those of the paper, and 4, for which the authors also publish results.
     """
 
     title = "RENO"
@@ -70,7 +71,7 @@ class Reno(Learned["RenoWeights"]):
         self._decode(self._encode(corner, {"step_m": 1.024}))
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent (m) of a cloud at a rate, less twice the grid's offset."""
+        """Return the largest extent of a cloud at a rate, in m, less twice the grid's offset."""
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _path(self, parameters: Parameters) -> Path | None:

@@ -13,24 +13,31 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """Return a rate's range step in quanta (steps of the sensor), rounded down, at least 1."""
+    """Return a rate's range step as a number of quanta (the sensor's range unit).
+
+    It is rounded down, and at least 1.
+    """
     return max(1, int(float(parameters["step_m"]) / returns.quantum_m + 1e-6))
 
 
 class ReturnsCodec(Codec):
-    """Base class of codecs that encode the returns of a spinning sensor, not points.
+    """Base class of codecs that encode the returns of a spinning sensor instead of points.
 
-    Decoded points are those of the decoded returns, or estimates of the surface if `estimates` is
-    true. A subclass defines
-    `metric_rates`, `_encode_returns` and `_decode_returns`.
+    Returns are the measured ranges by turn (revolution), firing and laser. A subclass defines
+    `metric_rates`, `_encode_returns` and `_decode_returns`. Decoded points are those of the decoded
+    returns, unless `estimates` is true.
     """
 
     takes: ClassVar[Takes] = "returns"
     estimates: ClassVar[bool] = False
-    """Whether decoded points are estimates of the surface, not the points of decoded returns."""
+    """Whether decoded points are estimates of the surface, and not the points of the decoded
+    returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode returns; raise InputError as `encode` does, or if the format cannot hold them."""
+        """Encode the returns of a spinning sensor at a rate to a byte string.
+
+        Raises InputError as `encode` does, and if the format cannot hold the returns.
+        """
         parameters = self.parameters_of(rate)
         if len(returns) == 0:
             raise InputError(f"codec {self.name}: there is no return to code")
@@ -39,7 +46,10 @@ class ReturnsCodec(Codec):
             return self._encode_returns(returns, parameters)
 
     def decode_returns(self, stream: bytes) -> Returns:
-        """Decode returns; raise InputError if the stream is damaged or belongs to another codec."""
+        """Decode a byte string to the returns of a spinning sensor.
+
+        Raises InputError if the byte string is damaged or belongs to another codec.
+        """
         with naming(f"codec {self.name}"):
             return self._decode_returns(stream_bytes(stream))
 
@@ -48,7 +58,7 @@ class ReturnsCodec(Codec):
         return PointCloud(returns.points(), returns=returns)
 
     def decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3), in m, in the sensor's coordinate frame."""
+        """Decode a byte string to points (m, 3) in m, in the sensor's coordinate frame."""
         return self.decode_cloud(stream).xyz
 
     def check_returns(self, returns: Returns) -> None:

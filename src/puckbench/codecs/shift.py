@@ -1,6 +1,7 @@
-"""Shift of clouds far from the origin (as in UTM coordinates) for codecs in single precision.
+"""Shift of clouds that are far from the origin, for codecs in single precision.
 
-Shifts are integers and thus exact. The stream of a shifted cloud is
+Coordinates are far from the origin in UTM, for example. Shifts are integers and thus exact. The
+stream of a shifted cloud is
 
     4 bytes  "PBSH"
     the shift along each axis, a signed LEB128 number
@@ -31,14 +32,27 @@ _LONGEST = 150
 
 
 class Shifted(NamedTuple):
+    """A stream without the header of a shift, and the shift."""
+
     stream: bytes  # of the codec
     shift: Floats | None  # (3,), to be added to the decoded points
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Return the integers (3,) to subtract from points (n, 3), or None if no shift is needed.
+    """Return the shift that brings a cloud near the origin.
 
-    Points on a grid also need a shift if single precision does not resolve `step` / 8.
+    Parameters
+    ----------
+    points
+        Points (n, 3).
+    step
+        Step of the grid to which points are rounded. A shift is then also needed if single
+        precision does not resolve an eighth of the step.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        Integers (3,) to subtract from the points, or None if no shift is needed.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):
@@ -51,11 +65,15 @@ def shift_of(points: Floats, step: float | None = None) -> Floats | None:
 
 
 def shifted(stream: bytes, shift: Floats) -> bytes:
+    """Return a codec's stream after a header with the shift (3,)."""
     return MAGIC + b"".join(signed_128(int(axis)) for axis in shift) + stream
 
 
 def unshifted(stream: bytes) -> Shifted:
-    """Separate the header from the codec's stream; raise InputError if the header is damaged."""
+    """Separate a codec's stream from the header with the shift, if there is one.
+
+    Raises InputError if the header is damaged.
+    """
     stream = stream_bytes(stream)
     if not stream.startswith(MAGIC):
         return Shifted(stream, None)
@@ -68,7 +86,7 @@ def unshifted(stream: bytes) -> Shifted:
 
 
 def moved(points: Floats, shift: Floats) -> Floats:
-    """Add the shift (3,) to points (m, 3); raise InputError if a result is not finite."""
+    """Return points (m, 3) plus the shift (3,); raise InputError if a coordinate is not finite."""
     with np.errstate(over="ignore"):
         result: Floats = points + shift
     if not np.isfinite(result).all():

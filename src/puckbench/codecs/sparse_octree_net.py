@@ -38,7 +38,7 @@ class OctreeNetOptions(LearnedOptions, UnitOptions):
 
 @CODECS.register("sparse_octree_net")
 class SparseOctreeNet(Learned["OctreeNetWeights"]):
-    """A learned octree coder, lossless on its grid."""
+    """The codec is a learned octree coder, lossless on its grid."""
 
     title = "Sparse octree net"
     use = "G-PCC's points for 8 to 18 % fewer bits"

@@ -49,7 +49,7 @@ class Tmc13Options(GridOptions):
 
 @CODECS.register("tmc13")
 class Tmc13(ExternalCodec, GridCodec):
-    """MPEG's program ``tmc3``; the program and `Gpcc` decode each other's streams."""
+    """The codec runs MPEG's program ``tmc3``, which can decode streams of `Gpcc` and vice versa."""
 
     title = "TMC13 (reference tool)"
     use = "checking G-PCC against MPEG's program"

@@ -1,9 +1,9 @@
-"""Header with the unit: the grid step in metres, by which coordinates are divided.
+"""Header of streams whose coordinates were divided by a unit, which is the grid step in metres.
 
 The stream is
 
     4 bytes  "PBUN"
-    8 bytes  the length of a step, a little-endian double
+    8 bytes  the unit, a little-endian double
     the stream of the codec
 """
 
@@ -22,16 +22,22 @@ _UNIT = struct.Struct("<d")
 
 
 class InUnits(NamedTuple):
+    """A stream without the header of a unit, and the unit."""
+
     stream: bytes  # of the codec
     unit: float | None  # length of a step; None without a header
 
 
 def with_unit(stream: bytes, unit: float) -> bytes:
+    """Return a codec's stream after a header with the unit."""
     return MAGIC + _UNIT.pack(unit) + stream
 
 
 def without_unit(stream: bytes) -> InUnits:
-    """Separate the header from the codec's stream; raise InputError if the header is damaged."""
+    """Separate a codec's stream from the header with the unit, if there is one.
+
+    Raises InputError if the header is damaged.
+    """
     if not stream.startswith(MAGIC):
         return InUnits(stream, None)
     start = len(MAGIC) + _UNIT.size
@@ -44,7 +50,7 @@ def without_unit(stream: bytes) -> InUnits:
 
 
 def multiplied(points: Floats, unit: float) -> Floats:
-    """Multiply points (m, 3) by `unit`; raise InputError if a result is not finite."""
+    """Return points (m, 3) times the unit; raise InputError if a coordinate is not finite."""
     with np.errstate(over="ignore"):
         result: Floats = points * unit
     if not np.isfinite(result).all():

@@ -89,10 +89,9 @@ class BjontegaardDelta:
 
     @property
     def rate_percent(self) -> float | None:
-        """The BD-rate in percent, which is negative if the tested codec needs fewer bits than the
-        anchor.
+        """The BD-rate in percent, or None if `log_ratio` is None.
 
-        It is None if `log_ratio` is None.
+        It is negative if the tested codec needs fewer bits than the anchor.
         """
         return None if self.log_ratio is None else 100 * float(np.expm1(self.log_ratio))
 

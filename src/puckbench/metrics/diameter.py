@@ -25,9 +25,7 @@ def diameter(points: Floats) -> float:
 
 
 def _boxes(points: Floats) -> tuple[Floats, Floats]:
-    """Return the bounding boxes (b, 2, 3) of blocks of points and the lengths (b,) of their
-    diagonals.
-    """
+    """Return bounding boxes (b, 2, 3) of blocks of points, and the lengths (b,) of diagonals."""
     starts = np.arange(0, len(points), BLOCK)
     low, high = (each.reduceat(points, starts, axis=0) for each in (np.minimum, np.maximum))
     return np.stack([low, high], axis=1), np.linalg.norm(high - low, axis=1)
@@ -39,8 +37,7 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Return the centre (3,) and the length of the segment between two points that are far apart.
-    """
+    """Return the centre (3,) and the length of the segment between two distant points."""
     point, centre, length = points[0], points[0], -1.0
     while True:
         distances = _distances(points, point)

@@ -66,9 +66,7 @@ class DistinctPoints:
 
     @classmethod
     def of(cls, decoded: Floats | DistinctPoints) -> DistinctPoints:
-        """Return `decoded` with a search index: unchanged if it has one, else made from points (m,
-        3).
-        """
+        """Return `decoded` itself if it is prepared already, else prepare points (m, 3)."""
         return decoded if isinstance(decoded, cls) else cls(cast(Floats, decoded))
 
 
@@ -93,24 +91,19 @@ class ReferenceCloud:
 
     @cached_property
     def diameter(self) -> float:
-        """The largest distance between two points: the cloud's ``about["diameter"]``, else
-        computed.
-        """
+        """The largest distance between two points, from ``about["diameter"]`` if it is known."""
         return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
 
     @cached_property
     def rounding(self) -> float:
-        """The largest error, in units of the cloud, that rounding can cause (see
-        `lossless.rounding`).
-        """
+        """The largest error that rounding of coordinates can cause, in units of the cloud."""
         return rounding(self.cloud)
 
 
 def distortion(
     reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> dict[str, float]:
-    """Return the D1, D2, Chamfer and Hausdorff distances of a decoded cloud, as pc_error computes
-    them.
+    """Return the D1, D2, Chamfer and Hausdorff distances of a decoded cloud, as in MPEG's pc_error.
 
     Duplicate points count once, with the normal of the first. Decoded points get normals from the
     reference by `transfer_normals`. A point-to-plane error is the offset to the nearest neighbour,
@@ -145,8 +138,9 @@ def distortion(
 def squared_errors(
     reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> SquaredErrors:
-    """Return the squared error of every distinct point, from which `summarise_errors` makes
-    metrics.
+    """Return the squared errors between two clouds, one for each distinct point.
+
+    `summarise_errors` makes metrics from them.
 
     Parameters
     ----------
@@ -240,9 +234,7 @@ def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours)
 
 
 def _exact_pairs(neighbours: Neighbours) -> tuple[Rows, Rows]:
-    """Return the indices (k,) of queries and of neighbours of all pairs at exactly the least
-    distance.
-    """
+    """Return the indices (k,) of queries and neighbours for pairs at exactly the least distance."""
     first = neighbours.starts[:-1]
     queries = np.repeat(np.arange(len(first)), np.diff(neighbours.starts))
     is_exact = np.arange(len(queries)) - first[queries] < neighbours.exact[queries]

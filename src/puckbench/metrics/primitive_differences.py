@@ -84,9 +84,7 @@ def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
 
 
 def _to_cone(cone: Parameters, points: Floats) -> Floats:
-    """Return the signed distances (n,) to a cone's surface; behind the apex, the distances to the
-    apex.
-    """
+    """Return signed distances (n,) to a cone's surface; behind the apex, distances to the apex."""
     along, across = _along_and_across(cone["apex"], cone["axis"], points)
     cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
     past = along * cosine + across * sine < 0

@@ -94,8 +94,7 @@ def decoded_range_errors(
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Return the range errors of decoded points, for a codec that does not keep the sensor's
-    returns.
+    """Return the range errors of decoded points that do not come as a sensor's returns.
 
     A range error is the offset, along the ray, of the decoded point that is nearest to the original
     point. Suppose that k original points have the same nearest point, and that this point was
@@ -172,8 +171,7 @@ def _entropy_bits(levels: Floats) -> float:
 
 
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Return a stream's bitrate at the sensor's speed, and how fast coding is relative to the
-    sensor.
+    """Return the bitrate at the sensor's speed, and coding speeds relative to the sensor.
 
     Parameters
     ----------

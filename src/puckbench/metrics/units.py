@@ -34,9 +34,7 @@ def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str,
 
 
 def in_square_millimetres(values: Mapping[str, float]) -> dict[str, float]:
-    """Return ``d1_mm2`` and ``d2_mm2`` in mm^2, from ``d1_mse`` and ``d2_mse`` of a cloud in
-    metres.
-    """
+    """Convert ``d1_mse`` and ``d2_mse`` of a cloud in metres to ``d1_mm2`` and ``d2_mm2``."""
     return {
         name.removesuffix("_mse") + "_mm2": 1e6 * value
         for name, value in values.items()

@@ -42,7 +42,8 @@ def view_metrics(
     Returns
     -------
     dict
-        PSNR in dB and mean SSIM of the six views.
+        ``view_psnr``, the PSNR in dB of all views; ``view_ssim``, their mean structural similarity;
+        ``view_pixels`` and ``view_radius``, the settings.
 
     Raises
     ------

@@ -24,9 +24,19 @@ _VERSION, _POINT_BYTES = 5, 24
 
 
 def encode_cloudini(points: Floats, step: float) -> bytes:
-    """Encode points (n, 3) in m, in their order, rounded to multiples of `step`.
+    """Encode points in Cloudini's format, in their order.
 
-    Raises InputError if coordinates exceed 31 bits.
+    Parameters
+    ----------
+    points
+        Points (n, 3) in m.
+    step
+        Resolution in m, to whose multiples coordinates are rounded.
+
+    Raises
+    ------
+    InputError
+        A coordinate exceeds 31 bits.
     """
     check_steps(points, step)
     stream = _encoder(len(points), step).encode(points.astype("<f8").tobytes())
@@ -35,9 +45,9 @@ def encode_cloudini(points: Floats, step: float) -> bytes:
 
 
 def decode_cloudini(stream: bytes) -> Floats:
-    """Decode the points (n, 3) from a stream written by `encode_cloudini`.
+    """Decode points (n, 3), in m, from a stream that `encode_cloudini` wrote.
 
-    Raises InputError if the stream is damaged or has different fields.
+    Raises InputError if the stream is damaged or has other fields.
     """
     from pureini import PointcloudDecoder
 

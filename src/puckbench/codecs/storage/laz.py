@@ -31,9 +31,21 @@ Intensities = NDArray[np.uint16]
 
 
 def encode_laz(points: Floats, step: float, intensities: Intensities | None = None) -> bytes:
-    """Encode points (n, 3) in m, in their order, rounded to multiples of `step`.
+    """Encode points as LAZ, in their order.
 
-    Raises InputError if coordinates exceed 31 bits.
+    Parameters
+    ----------
+    points
+        Points (n, 3) in m.
+    step
+        Resolution in m, to whose multiples coordinates are rounded.
+    intensities
+        Intensities (n,) of 16 bits, which are encoded losslessly; by default none.
+
+    Raises
+    ------
+    InputError
+        A coordinate exceeds 31 bits.
     """
     las = las_points(in_steps(points, step), step, np.zeros(3), _POINT_FORMAT)
     las.header.system_identifier, las.header.generating_software = "OTHER", "puckbench"
@@ -45,9 +57,9 @@ def encode_laz(points: Floats, step: float, intensities: Intensities | None = No
 
 
 def intensity_bytes(stream: bytes) -> int:
-    """Return the number of bytes that intensities add to a stream.
+    """Return how many bytes of a LAZ stream its intensities take.
 
-    LAZ does not store them separately, so the points are encoded again.
+    LAZ does not store them separately, so the points are encoded again without intensities.
     """
     points, intensities = decode_laz(stream)
     step = float(np.frombuffer(stream, "<f8", 1, _SCALES_AT)[0])
@@ -55,9 +67,17 @@ def intensity_bytes(stream: bytes) -> int:
 
 
 def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
-    """Decode a stream of `encode_laz`; return points (n, 3) in m, and intensities (n,).
+    """Decode a LAZ stream that `encode_laz` wrote.
 
-    Raises InputError if the stream is damaged or another program's (see `cloud_files.las`).
+    Returns
+    -------
+    tuple
+        Points (n, 3) in m, and intensities (n,), which are 0 if there are none.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged, or written by another program (see `cloud_files.las` for such files).
     """
     import lazrs
 
@@ -79,10 +99,9 @@ def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
-    """Check that `encode_laz` wrote the header; return point count and scales (3,).
+    """Check that `encode_laz` wrote the header, and return the point count and the scales (3,).
 
-    begin: position of the points.
-    vlr: LAZ record, which precedes the points.
+    The points begin at byte `begin`, after the LAZ record `vlr`.
     """
     if len(stream) < begin + _CHUNKS_AT.size:
         raise InputError("the stream is truncated")

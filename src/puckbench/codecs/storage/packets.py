@@ -34,9 +34,26 @@ takes some seconds at most."""
 
 
 def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> bytes:
-    """Encode returns as data packets; missing times and reflectivities become 0.
+    """Encode returns as data packets of a Velodyne sensor.
 
-    Raises InputError unless the returns fill whole packets of a Velodyne that puckbench describes.
+    Missing times and reflectivities become 0.
+
+    Parameters
+    ----------
+    returns
+        Returns that fill whole data packets.
+    compress
+        Function that compresses the bytes of all packets.
+
+    Returns
+    -------
+    bytes
+        The body of a stream, as the module describes it.
+
+    Raises
+    ------
+    InputError
+        The returns do not fill whole packets of a Velodyne sensor that puckbench knows.
     """
     kind = check_whole_packets(returns)
     parts = [packets_of(kind, _completed(turn, kind)) for turn in returns.turns]
@@ -47,9 +64,20 @@ def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> byte
 
 
 def decode_packets(body: bytes, decompress: Callable[[bytes, int], bytes]) -> Returns:
-    """Decode the returns in a body; raise InputError if it is damaged.
+    """Decode the returns in a stream's body.
 
-    `decompress` takes the compressed packets and the maximum number of bytes.
+    Parameters
+    ----------
+    body
+        Result of `encode_packets`.
+    decompress
+        Function that decompresses the packets. Its arguments are the bytes and the largest allowed
+        number of decompressed bytes.
+
+    Raises
+    ------
+    InputError
+        The body is damaged.
     """
     reader = Reader(body)
     turns = reader.number()
@@ -65,7 +93,7 @@ def decode_packets(body: bytes, decompress: Callable[[bytes, int], bytes]) -> Re
 
 
 def check_whole_packets(returns: Returns) -> PacketKind:
-    """Return the kind of packets that the returns fill; raise InputError if no kind fits."""
+    """Return the kind of data packets that the returns fill; raise InputError if no kind fits."""
     kind = _kind(returns)
     if any(len(turn.azimuths) % kind.layout.blocks_per_time for turn in returns.turns):
         raise InputError("a turn is not of whole data packets")

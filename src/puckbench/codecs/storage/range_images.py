@@ -40,10 +40,11 @@ from puckbench.codecs.most_points import most_points
 
 Image = NDArray[np.uint16]
 EncodeImage = Callable[[Image, int], bytes]
-"""Encode an image (rows, columns) without loss; the number is the quanta per pixel step."""
+"""Function that encodes an image (rows, columns) losslessly. Its second argument is the number
+of quanta (range units of the sensor) that a pixel value stands for."""
 DecodeImage = Callable[[bytes, tuple[int, int], int], Image]
-"""Decode an image; arguments are the stream, the shape, and the quanta per step. Raises InputError
-if the stream is damaged or has another shape."""
+"""Function that decodes an image. Its arguments are the stream, the shape, and the quanta per
+pixel value. It raises InputError if the stream is damaged or has another shape."""
 _MAX_QUANTA = 1 << 15
 _WIDE, _REFLECTIVITIES = 1 << 16, 1 << 17
 _PIXELS_PER_BYTE = 4096
@@ -53,11 +54,26 @@ _FEW_PIXELS = 1 << 20
 def encode_range_images(
     returns: Returns, quanta: int, encode_image: EncodeImage, reflectivities: bool = False
 ) -> bytes:
-    """Encode returns, with ranges rounded to steps of `quanta` quanta (the sensor's range unit).
+    """Encode the returns of a spinning sensor as range images.
 
-    `reflectivities`: whether to encode reflectivities, if all turns have them.
+    A sensor with two returns per beam gives two images. In the second image, a pixel is 0 if both
+    returns are equal.
 
-    Two returns per beam give two images. In the second, a pixel is 0 if both returns are equal.
+    Parameters
+    ----------
+    returns
+        The returns to encode.
+    quanta
+        Step to which ranges are rounded, in quanta (range units of the sensor).
+    encode_image
+        Function that encodes an image.
+    reflectivities
+        Whether reflectivities are encoded too, if all turns have them.
+
+    Returns
+    -------
+    bytes
+        The body of a stream, as the module describes it.
     """
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
@@ -85,7 +101,20 @@ def encode_range_images(
 
 
 def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
-    """Decode the returns in a body; raise InputError if it is damaged."""
+    """Decode the returns in a stream's body.
+
+    Parameters
+    ----------
+    body
+        Result of `encode_range_images`.
+    decode_image
+        Function that decodes an image.
+
+    Raises
+    ------
+    InputError
+        The body is damaged.
+    """
     reader = Reader(body)
     layout = decode_layout(_part(reader))[0]
     bare = decode_beams(_part(reader), layout)
@@ -116,6 +145,7 @@ def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
 
 
 def reflectivity_bytes(body: bytes) -> int:
+    """Return how many bytes of a stream's body the reflectivities take."""
     reader = Reader(body)
     layout = decode_layout(_part(reader))[0]
     _part(reader)
@@ -138,7 +168,7 @@ def _numbers(reader: Reader) -> tuple[int, int, list[int]]:
 
 
 def _check_pixels(pixels: int, body: bytes) -> None:
-    """Before memory is allocated, raise InputError if the number of pixels is implausible."""
+    """Raise InputError if the number of pixels is implausible, before memory is allocated."""
     if pixels > min(_FEW_PIXELS + _PIXELS_PER_BYTE * len(body), most_points(len(body))):
         raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they can hold")
 

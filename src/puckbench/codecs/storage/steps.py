@@ -14,13 +14,16 @@ MOST_STEPS = float(2**30)
 
 
 def in_steps(points: Floats, step: float) -> NDArray[np.int64]:
-    """Round points (n, 3) in m to integer steps; raise InputError if they exceed 31 bits."""
+    """Round points (n, 3) in m to integer multiples (n, 3) of a step in m.
+
+    Raises InputError if they exceed 31 bits.
+    """
     check_steps(points, step)
     return np.rint(points / step).astype(np.int64)
 
 
 def check_steps(points: Floats, step: float) -> None:
-    """Raise InputError if points (n, 3) in m exceed 31 bits as integer steps."""
+    """Raise InputError if points (n, 3) exceed 31 bits as multiples of a step, both in m."""
     if np.abs(points).max() / step >= 2**31 - 1:
         raise InputError(f"the cloud reaches beyond 2^31 steps of {step:g} m{NARROWER}")
 

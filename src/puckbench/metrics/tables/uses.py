@@ -231,8 +231,8 @@ def _is_timed(curves: list[tuple[Any, Curve]]) -> bool:
 
 
 def _served(rows: pd.DataFrame, curves: list[tuple[Any, Curve]], use: Use) -> pd.DataFrame:
-    """Return the values of a codec by scene (means over seeds), for scenes of which it serves a use
-    on every cloud.
+    """Return a codec's values by scene (means over seeds), for scenes in which it always serves a
+    use.
     """
     import pandas as pd
 

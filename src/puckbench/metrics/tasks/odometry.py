@@ -134,7 +134,7 @@ def settings_of(
 
 
 def moment_of(turns: Sequence[PointCloud]) -> float:
-    """Return when in a turn the estimated poses hold: 1 at the end of the turn, 0.5 in the middle.
+    """Return the time in a turn for which poses are estimated: 1 is the end, 0.5 the middle.
 
     It is the end if the points of all turns have times.
     """
@@ -330,9 +330,7 @@ def _relative_errors(both: _Paths, relation: Any, delta: float, unit: Any) -> Fl
 
 
 def _drift(both: _Paths, length_m: int) -> Floats:
-    """Return the drift over a length: percent and degrees per metre (2,), or (0,) for shorter
-    drives.
-    """
+    """Return the drift in percent and degrees per metre (2,); empty if the drive is too short."""
     from evo.core.filters import FilterException
     from evo.core.metrics import PoseRelation, Unit, id_pairs_from_delta
 
