@@ -36,10 +36,10 @@ def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
 
 @dataclass(frozen=True)
 class AreaMesh:
-    """A mesh of an area (building part) of 2D-3D-S, in S3DIS's coordinate frame (metres, z up).
+    """The mesh of an area (building part) of 2D-3D-S, from which rooms are cut.
 
-    `materials` are names that contain class and room; `material_id` (t,) is the index of each
-    triangle's material, or -1.
+    It is in S3DIS's coordinate frame, in metres with z up. `materials` are names that contain class
+    and room. `material_id` (t,) is the index of each triangle's material, or -1.
     """
 
     mesh: Mesh
@@ -47,9 +47,17 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Return the fraction of a room's triangles whose centroids are in a box (2, 3).
+        """Return the fraction of a room's triangles whose centroids lie in a box.
 
-        If no triangle has the room's label, return 1 if the box contains any centroid, else 0.
+        If no triangle has the room's label, the result is 1 if the box contains any centroid, else
+        0.
+
+        Parameters
+        ----------
+        room
+            Name of the room, as in the materials.
+        box
+            Lowest and highest corner (2, 3), in m.
         """
         low, high = box[0] - _TOLERANCE_M, box[1] + _TOLERANCE_M
         inside = ((self._middles >= low) & (self._middles <= high)).all(axis=1)
@@ -76,7 +84,10 @@ class AreaMesh:
 
 
 def read_area_mesh(path: Path, area: str) -> AreaMesh:
-    """Read the mesh ``semantic.obj`` of an area; the last mesh is cached."""
+    """Read the mesh of an area from its file ``semantic.obj``.
+
+    The mesh that was read last is cached. Raises InputError if the file is missing.
+    """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return _read(path, area, path.stat().st_mtime_ns)

@@ -23,23 +23,36 @@ T = TypeVar("T")
 
 
 class Count(NamedTuple):
-    """Number of items in the local copy of a data set, and the published number."""
+    """A comparison of a local copy of a data set with its publication, by number of items.
+
+    Parameters
+    ----------
+    what
+        Kind of the items, such as "rooms".
+    held
+        Number of items in the local copy.
+    published
+        Number of items in the publication.
+    """
 
     what: str
     held: int
     published: int
 
     def line(self) -> str:
+        """Return the comparison as text, such as "12 of 12 published"."""
         verdict = "" if self.held == self.published else ", which differs"
         return f"{self.held} of {self.published} published{verdict}"
 
 
 class DataSet(Model, ABC):
-    """Base class of data sets. Fields are options; the text below a field documents the option.
+    """Base class of data sets, which list scenes by name and load them.
 
-    Class variables: ``primitives``, whether labels have each triangle's geometric primitive;
-    ``of_clouds``, whether scenes are clouds instead of meshes; ``of_packets``, whether returns come
-    from recorded data packets; ``read_first``, whether clouds are read before a run.
+    Fields are the options of the data set, and the text below a field documents the option. Four
+    class variables describe the scenes. ``primitives``: whether labels contain each triangle's
+    geometric primitive. ``of_clouds``: whether scenes are clouds instead of meshes. ``of_packets``:
+    whether returns come from recorded data packets. ``read_first``: whether clouds are read before
+    a run.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -51,34 +64,40 @@ class DataSet(Model, ABC):
 
     @property
     def of_returns(self) -> bool:
-        """Whether clouds are a sensor's returns."""
+        """Whether the scenes are returns (range measurements) of a sensor."""
         return False
 
     @abstractmethod
     def names(self) -> list[str]:
-        """Return the sorted names of the scenes; raise InputError if files are missing."""
+        """Return the names of all scenes, sorted; raise InputError if files are missing."""
 
     @abstractmethod
     def files(self, name: str) -> list[Path]:
-        """Return the files from which a scene is read; none for generated scenes."""
+        """Return the paths of the files from which a scene is read; empty for generated scenes."""
 
     @abstractmethod
     def load(self, name: str) -> Scene:
-        """Return a scene; raise InputError if it is unknown or damaged."""
+        """Return the scene with a name; raise InputError if it is unknown or damaged."""
 
     def options_of(self, name: str) -> dict[str, Any] | None:
-        """Return the data set's options that select this scene only; None if there are none.
+        """Return options with which the data set has this scene only, or None if there are none.
 
-        With them, changes of other scenes do not make the scene's jobs out of date.
+        A job that uses these options is not repeated when other scenes change.
         """
         return None
 
     def counts(self) -> list[Count]:
-        """Return the counts of the whole data set, ignoring options that select scenes."""
+        """Return how many items the local copy has, and how many were published.
+
+        The whole data set is counted, without the options that select scenes. The list is empty if
+        nothing is known.
+        """
         return []
 
 
 class GeneratedSet(DataSet):
+    """Base class of data sets whose scenes puckbench generates, so that they need no files."""
+
     def files(self, name: str) -> list[Path]:
         return []
 
@@ -87,10 +106,10 @@ class GeneratedSet(DataSet):
 
 
 class FolderSet(DataSet):
-    """Base class of data sets with a file or folder for each scene.
+    """Base class of data sets in a folder with a file or subfolder for each scene.
 
-    Class variables: `licence`, `credit`, and `expected`, the end of messages about missing files
-    ("expected KITTI, with ...").
+    A subclass sets three class variables: `licence`, `credit`, and `expected`. The last is the end
+    of messages about missing files, such as "expected KITTI, with ...".
     """
 
     licence: ClassVar[str]
@@ -102,7 +121,7 @@ class FolderSet(DataSet):
 
     @abstractmethod
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        """Return the ordered paths of the scenes' files by scene name."""
+        """Return the paths of the scenes' files in order, by name of the scene."""
 
     def names(self) -> list[str]:
         return list(self._table)
@@ -128,15 +147,17 @@ class FolderSet(DataSet):
 
 
 class MeshFolderSet(FolderSet):
+    """Base class of data sets in a folder with a mesh file for each scene."""
+
     @abstractmethod
     def _group(self, path: Path) -> str:
-        """Return the group of a file's scene: class, room type or building."""
+        """Return the group of a file's scene, such as a class, room type or building."""
 
     def _source(self, path: Path) -> str:
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """Return a mesh, in metres with z up, and the reader's report."""
+        """Return a mesh, in metres with z up, and a dict of what the reader reports."""
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:
@@ -147,9 +168,14 @@ class MeshFolderSet(FolderSet):
 
 
 def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]) -> Labels:
-    """Return labels for measured surfaces, which have no geometric primitives.
+    """Return labels for the triangles of a measured surface, which has no geometric primitives.
 
-    `object_id` (t,) is the index of each triangle's object.
+    Parameters
+    ----------
+    object_id
+        Index (t,) of each triangle's object.
+    objects
+        The objects of the scene.
     """
     none = np.zeros(len(object_id), dtype=np.int32)
     return Labels(object_id, none, tuple(objects), (Primitive("freeform", {}),))
@@ -181,7 +207,22 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the names that an option selects: listed names, the first n, or all (None)."""
+    """Return the names that an option selects from the available ones.
+
+    Parameters
+    ----------
+    option
+        Name of the option, with which the message of an InputError begins.
+    requested
+        Value of the option: names, n for the first n names, or None for all names.
+    available
+        All names, in order.
+
+    Raises
+    ------
+    InputError
+        A requested name is unknown, no name is requested, or n is out of range.
+    """
     if requested is None:
         return available
     if isinstance(requested, int):

@@ -12,7 +12,7 @@ CODE = ("virtual_lidar.scenes.*",)
 
 @LOADERS.register("calibration")
 class CalibrationScenes(GeneratedSet):
-    """Generated scenes of a wall and a floor at several distances (thesis section 5.1)."""
+    """The scenes are generated: a wall and a floor at several distances (thesis section 5.1)."""
 
     primitives: ClassVar[bool] = True
 

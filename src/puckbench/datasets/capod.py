@@ -17,9 +17,9 @@ _CLASSES, _OBJECTS = 15, 180
 
 @LOADERS.register("capod")
 class Capod(MeshFolderSet):
-    """Objects of CAPOD in files ``class<k>/m<N>.obj``, listed in ``CAPOD.cla``.
+    """The scenes are CAPOD's objects in files ``class<k>/m<N>.obj``, listed in ``CAPOD.cla``.
 
-    Scenes are named m001 to m180 and grouped by class. The unit is assumed to be 1 m.
+    They are named m001 to m180 and grouped by class. The unit is assumed to be 1 m.
     """
 
     licence = "CC-BY 3.0"

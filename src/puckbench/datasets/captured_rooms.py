@@ -31,11 +31,12 @@ _PARALLEL = 0.7
 
 @LOADERS.register("captured_rooms")
 class CapturedRooms(FolderSet):
-    """Rooms captured by a headset, as JSON files (five in npm package @iwer/sem).
+    """The scenes are rooms captured by a headset, in JSON files (five in npm package @iwer/sem).
 
-    Meshes are in metres, rotated to z up. A triangle has the label of the smallest parallel plane
-    patch (wall, door, ...) within 5 cm; else of the smallest box (table, sofa, ...) around it; else
-    of the smallest parallel patch within 15 cm; else "clutter". All primitives are "freeform".
+    Meshes are in metres, rotated to z up. A triangle gets the first of these labels that exists:
+    that of the smallest parallel plane patch (wall, door, ...) within 5 cm; that of the smallest
+    box (table, sofa, ...) around it; that of the smallest parallel patch within 15 cm; "clutter".
+    All primitives are "freeform".
     """
 
     licence = "MIT"
@@ -53,7 +54,25 @@ class CapturedRooms(FolderSet):
 
 
 def read_capture(path: Path, name: str | None = None) -> Scene:
-    """Read a captured room (JSON) in metres with z up."""
+    """Read a captured room from a JSON file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    name
+        Name of the scene; by default that of the file.
+
+    Returns
+    -------
+    Scene
+        The room as a labelled mesh, in metres with z up.
+
+    Raises
+    ------
+    InputError
+        The file is not a captured room, or it is damaged.
+    """
     entities = _entities(path)
     try:
         mesh = _room_mesh(entities, path)
@@ -75,10 +94,7 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
 
 @dataclass(frozen=True)
 class _PlacedEntity:
-    """A detected plane patch or box: rotation (3, 3), position (3,), and extent along its axes.
-
-    The y axis of a plane patch is the normal.
-    """
+    """A plane patch or a box that the headset detected, with rotation, position and extent."""
 
     semantic: str
     rotation: Floats

@@ -11,9 +11,9 @@ CODE = ("virtual_lidar.scenes.*",)
 
 @LOADERS.register("embedded_areas")
 class EmbeddedAreas(GeneratedSet):
-    """Generated furnished rooms, as many of each type as S3DIS has, grouped by type.
+    """The scenes are generated furnished rooms, as many of each type as S3DIS has.
 
-    Scenes are named Area_1_office_1.
+    They are named Area_1_office_1 and grouped by room type.
     """
 
     seed: int = 0

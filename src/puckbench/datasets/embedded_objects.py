@@ -14,9 +14,9 @@ CODE = ("virtual_lidar.scenes.*",)
 
 @LOADERS.register("embedded_objects")
 class EmbeddedObjects(GeneratedSet):
-    """Generated objects of 15 classes (airplane, ..., vase), 12 each, grouped by class.
+    """The scenes are generated objects of 15 classes (airplane, ..., vase), 12 of each class.
 
-    Scenes are named chair_03. The longest side is 1 m.
+    They are named chair_03 and grouped by class. The longest side is 1 m.
     """
 
     primitives: ClassVar[bool] = True

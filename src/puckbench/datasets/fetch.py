@@ -16,9 +16,10 @@ _CREDITS = "CREDITS.md"
 
 @dataclass(frozen=True)
 class FetchResult:
-    """Result of a data set's download.
+    """The result of downloading a data set.
 
-    `status` is "fetched", "present" (unchanged) or "failed"; `message` is a warning or an error.
+    `status` is "fetched", "present" (the folder was complete already) or "failed". `message` is a
+    warning or an error, or empty.
     """
 
     name: str
@@ -28,10 +29,26 @@ class FetchResult:
 
 
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
-    """Download free data sets into folders of `root` with the data sets' names.
+    """Download free data sets, each into a folder with its name.
 
-    Unchanged folders are kept; a failure does not stop other downloads. By default, all sources
-    with ``by_default`` are downloaded.
+    A folder that is complete and unchanged is kept. A failure does not stop other downloads.
+
+    Parameters
+    ----------
+    root
+        Folder in which the folders of the data sets are made.
+    names
+        Names of the data sets, keys of `SOURCES`; by default, all sources with ``by_default``.
+
+    Returns
+    -------
+    list of FetchResult
+        A result for each data set, in the order of the names.
+
+    Raises
+    ------
+    InputError
+        A name is unknown.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in requested if name not in SOURCES]
@@ -50,7 +67,10 @@ def _fetch_or_fail(name: str, folder: Path) -> FetchResult:
 
 
 def fetch_source(source: PackageSource, folder: Path) -> str:
-    """Download a package and extract its files into `folder`; return a warning, or ""."""
+    """Download a package and extract its files into a folder.
+
+    The result is a warning, or "" if there is none.
+    """
     workspace = folder.with_name(f".fetching-{folder.name}")
     shutil.rmtree(workspace, ignore_errors=True)  # left there by a run that was killed
     workspace.mkdir(parents=True)

@@ -8,7 +8,7 @@ from puckbench.datasets.base import FolderSet
 
 
 class FrameSet(FolderSet):
-    """Base class of data sets of LiDAR frames in a folder."""
+    """Base class of data sets of LiDAR frames, i.e. single revolutions, in a folder."""
 
     of_clouds: ClassVar[bool] = True
 

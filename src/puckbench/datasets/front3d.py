@@ -31,12 +31,12 @@ _CREDIT = (
 
 @LOADERS.register("front3d")
 class Front3D(DataSet):
-    """Rooms of 3D-FRONT's houses ``<id>.json``, with furniture ``<model>/raw_model.obj``.
+    """The scenes are rooms of houses ``<id>.json`` with furniture ``<model>/raw_model.obj``.
 
-    All 6,813 houses are read to list rooms; selecting houses saves minutes. Scenes are named
-    <house>_LivingRoom-1234 and grouped by room type. Units are metres; y up is rotated to z up.
-    Walls, floors and furniture are labelled. Furniture without ``valid: true`` or a model file is
-    left out and counted in `about`.
+    Houses come from 3D-FRONT, and furniture from 3D-FUTURE. All 6,813 houses are read to list their
+    rooms, so selecting houses saves minutes. Scenes are named <house>_LivingRoom-1234 and grouped
+    by room type. Units are metres, and y up is rotated to z up. Walls, floors and furniture are
+    labelled. Furniture without ``valid: true`` or a model file is left out and counted in `about`.
     """
 
     path: str

@@ -28,7 +28,7 @@ class _Pose(NamedTuple):
     scale: Floats
 
     def apply(self, points: Floats) -> Floats:
-        """Transform points (n, 3) from the coordinates of the model to those of the house, y up."""
+        """Transform points (n, 3) from the model's coordinates to those of the house, y up."""
         return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
 
 
@@ -41,7 +41,10 @@ class _PlacedItem(NamedTuple):
 
 @dataclass(frozen=True)
 class HouseRoom:
-    """A room of a house; `left_out` has the number of items without a surface, by reason."""
+    """A room of a 3D-FRONT house with its surfaces and furniture, ready for `build_room`.
+
+    `left_out` counts the items without a surface, by reason.
+    """
 
     name: str
     kind: str
@@ -49,11 +52,13 @@ class HouseRoom:
     left_out: dict[str, int]
 
     def models(self, folder: Path) -> list[Path]:
+        """Return the paths of the furniture models that the room needs, below their folder."""
         ids = dict.fromkeys(item.model for item in self.items if item.model is not None)
         return [_model_file(folder, model) for model in ids]
 
 
 def read_rooms(path: Path) -> list[HouseRoom]:
+    """Read the rooms of a house from its JSON file, without rooms that have no items."""
     house = read_json(path)
     try:
         parts = {part["uid"]: part for part in house["mesh"]}
@@ -67,11 +72,27 @@ def read_rooms(path: Path) -> list[HouseRoom]:
 def build_room(
     room: HouseRoom, folder: Path, what: str
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """Make a room's mesh from the house's surfaces and the furniture models in `folder`.
+    """Build the mesh of a room from the surfaces of its house and from furniture models.
 
-    Returns the labelled mesh, in metres with z up; the box (2, 3) of the house's surfaces (None
-    without them); and the number of items without a surface, by reason. Raises InputError, whose
-    message begins with `what`, if no item has a surface.
+    Parameters
+    ----------
+    room
+        The room.
+    folder
+        The folder of the furniture models.
+    what
+        Text with which the message of an InputError begins.
+
+    Returns
+    -------
+    tuple
+        The labelled mesh, in metres with z up; the box (2, 3) around the house's surfaces, or None
+        without them; and the numbers of items without a surface, by reason.
+
+    Raises
+    ------
+    InputError
+        No item has a surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []

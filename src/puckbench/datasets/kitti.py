@@ -61,13 +61,13 @@ _STEP_DEG = 0.09
 
 @LOADERS.register("kitti")
 class Kitti(FrameSet):
-    """Frames ``<n>.bin`` in metres, with the sensor at (0, 0, 0).
+    """The scenes are frames ``<n>.bin`` of KITTI, in metres, with the sensor at (0, 0, 0).
 
-    The folder is that of the object benchmark, odometry benchmark or raw drives. Scenes are
-    named training_000000 (part and frame) and grouped by part. Intensity is ignored. The option
-    `returns` converts each frame to the sensor's returns (x right, y forward): laser, encoder step
-    and range in steps of 2 mm, which reproduce the points to about 1 mm. An odometry frame has a
-    pose and a time if ``poses/00.txt`` is beside ``sequences``.
+    The folder is that of the object benchmark, odometry benchmark or raw drives. Scenes are named
+    training_000000 (part and frame) and grouped by part. Intensity is ignored. The option `returns`
+    converts each frame to the sensor's returns (x right, y forward): laser, encoder step, and range
+    in steps of 2 mm. They reproduce the points to about 1 mm. An odometry frame has a pose and a
+    time if ``poses/00.txt`` is beside ``sequences``.
     """
 
     licence = "CC BY-NC-SA 3.0"
@@ -111,7 +111,7 @@ class Kitti(FrameSet):
         return {}
 
     def _motion(self, frame: Path) -> tuple[Floats | None, float | None]:
-        """Return pose (4, 4) and time, in s, of an odometry frame; None for other frames."""
+        """Return the pose (4, 4) and the time in s of an odometry frame; None for other frames."""
         sequence = frame.parent.parent
         if sequence not in self._motions:
             self._motions[sequence] = _sequence_motion(sequence)

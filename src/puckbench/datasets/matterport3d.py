@@ -15,10 +15,10 @@ _BUILDINGS = 90
 
 @LOADERS.register("matterport3d")
 class Matterport3D(MeshFolderSet):
-    """Rooms (regions) in files ``<building>/region_segmentations/region<k>.ply``, in metres, z up.
+    """The scenes are rooms (regions) in ``<building>/region_segmentations/region<k>.ply``.
 
-    The folder is ``v1/scans``; unpacked archives may repeat the folder with the building's name.
-    Scenes are named <building>_region0 and grouped by building.
+    They are in metres with z up. The folder is ``v1/scans``; unpacked archives may repeat the
+    folder with the building's name. Scenes are named <building>_region0 and grouped by building.
     """
 
     licence = "Matterport3D's terms of use: academic, not redistributable"

@@ -21,7 +21,7 @@ CODE = (
 
 @LOADERS.register("mesh_files")
 class MeshFiles(FileSet):
-    """The user's mesh files (OBJ, OFF, PLY, STL, GLB) and captured rooms (.json)."""
+    """The scenes are the user's mesh files (OBJ, OFF, PLY, STL, GLB) and captured rooms (.json)."""
 
     suffixes = (*SUFFIXES, ".json")
     what = "meshes"

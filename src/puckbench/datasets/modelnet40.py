@@ -17,9 +17,9 @@ _CLASSES = 40
 
 @LOADERS.register("modelnet40")
 class ModelNet40(MeshFolderSet):
-    """CAD models in files ``<class>/{train,test}/<class>_0001.off``.
+    """The scenes are CAD models in files ``<class>/{train,test}/<class>_0001.off``.
 
-    Scenes are named chair_0001 and grouped by class. The unit is assumed to be 1 m. Z is up.
+    They are named chair_0001 and grouped by class. The unit is assumed to be 1 m. Z is up.
     """
 
     licence = "for academic use; the models belong to their authors"

@@ -37,12 +37,13 @@ _NUMBERS, _RINGS = 5, 32
 
 @LOADERS.register("nuscenes")
 class NuScenes(FrameSet):
-    """LiDAR frames in files ``<drive>__LIDAR_TOP__<time>.pcd.bin``, in metres.
+    """The scenes are LiDAR frames in files ``<drive>__LIDAR_TOP__<time>.pcd.bin``, in metres.
 
     The sensor is at (0, 0, 0). Scenes are named samples_<drive>_<time> and grouped by drive. The
-    option `returns` converts each frame to the sensor's returns: laser, azimuth and range in steps
-    of 2 mm, which reproduce the points to a few millimetres. Frames are compensated for the car's
-    motion; firings without a return contain the sensor's positions, by which this is undone.
+    option `returns` converts each frame to the sensor's returns: laser, azimuth, and range in steps
+    of 2 mm. They reproduce the points to a few millimetres. The published frames are compensated
+    for the car's motion. Firings without a return contain the sensor's positions, by which the
+    compensation is undone.
     """
 
     licence = "CC BY-NC-SA 4.0"

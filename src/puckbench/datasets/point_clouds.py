@@ -17,10 +17,10 @@ CODE = ("puckbench.datasets.user_files", "puckbench.datasets.units")
 
 @LOADERS.register("point_clouds")
 class PointClouds(FileSet):
-    """The user's cloud files: PLY, PCD, LAS, LAZ, E57, text, NumPy and KITTI.
+    """The scenes are the user's cloud files: PLY, PCD, LAS, LAZ, E57, text, NumPy and KITTI.
 
     Text files are XYZ, CSV, TXT, ASC and PTS. Colours, intensity and all other attributes are kept.
-    All files are read before a run; invalid ones are left out and reported.
+    All files are read before a run. Invalid ones are left out and reported.
     """
 
     of_clouds: ClassVar[bool] = True

@@ -31,6 +31,7 @@ TABLES = {
 
 
 def published(name: str = PCGC) -> dict[str, Any]:
+    """Return a table of files to download, with repositories, commits and hashes."""
     content: dict[str, Any] = read_yaml(Path(__file__).with_name(TABLES[name]))
     return content
 
@@ -38,9 +39,23 @@ def published(name: str = PCGC) -> dict[str, Any]:
 def download(
     folder: Path, host: str = HOST, table: Mapping[str, Any] | None = None, name: str = PCGC
 ) -> Path:
-    """Download files and their licences from GitHub into a tar archive, and check all hashes.
+    """Download published files and their licences from GitHub, and check all hashes.
 
-    `name`, a key of `TABLES`, names the archive in `folder`.
+    Parameters
+    ----------
+    folder
+        Folder in which the archive is written.
+    host
+        Address of the server.
+    table
+        Files, repositories and hashes; by default, the table `name`.
+    name
+        Name of a table, a key of `TABLES`, and of the archive.
+
+    Returns
+    -------
+    Path
+        The tar archive with the files.
     """
     table = table or published(name)
     package = folder / f"{name}.tar"

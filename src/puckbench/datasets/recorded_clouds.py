@@ -16,10 +16,10 @@ CODE = ("puckbench.datasets.recordings",)
 
 @LOADERS.register("recorded_clouds")
 class RecordedClouds(RecordingSet):
-    """Clouds (PointCloud2) in ROS bags (.bag, .db3, .mcap), in metres, with all attributes.
+    """The scenes are clouds (PointCloud2) in ROS bags (.bag, .db3, .mcap), in metres.
 
-    Scenes are named after the file and the message's number in the topic, from 0 (drive_0012).
-    Unusable bags are left out and reported.
+    All attributes are kept. Scenes are named after the file and the message's number in the topic,
+    from 0 (drive_0012). Unusable bags are left out and reported.
     """
 
     suffixes = BAG_SUFFIXES

@@ -41,7 +41,7 @@ _MOST_KEPT = 1 << 28
 
 
 class RecordingSet(DataSet):
-    """Base class of data sets whose scenes are numbered clouds in recordings."""
+    """Base class of data sets whose scenes are numbered clouds in recordings of a sensor."""
 
     of_clouds: ClassVar[bool] = True
     read_first: ClassVar[bool] = True
@@ -60,12 +60,18 @@ class RecordingSet(DataSet):
         """Return the indices of a recording's clouds; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
-        """Read all recordings; return the names of `unusable` recordings, then of all clouds."""
+        """Return the names of all clouds, after those of `unusable` recordings.
+
+        All recordings are read for this.
+        """
         return list(self._clouds)
 
     @property
     def unusable(self) -> list[str]:
-        """Names of recordings without complete clouds; `load` raises InputError with the reason."""
+        """The names of recordings without a complete cloud.
+
+        For such a name, `load` raises InputError with the reason.
+        """
         return [name for name, (_, number) in self._clouds.items() if number is None]
 
     def files(self, name: str) -> list[Path]:
@@ -95,7 +101,7 @@ class RecordingSet(DataSet):
 
     @cached_property
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
-        """Recording and number of each cloud by scene name.
+        """The recording and the number of each cloud by scene name.
 
         Unusable recordings come first, by recording name, with the number None.
         """
@@ -114,12 +120,13 @@ class RecordingSet(DataSet):
 
 @LOADERS.register("recordings")
 class Recordings(RecordingSet):
-    """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
+    """Scenes are revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    The sensors are those of `puckbench capture` (Ouster: with the metadata beside the capture),
-    with one or two returns per beam. Recordings may be compressed (.puck). Incomplete revolutions
-    are not used. Scenes are named after the file and the first revolution (drive_0012). Unusable
-    recordings are left out and reported; damaged and repeated packets are left out and counted.
+    The sensors are those of `puckbench capture`, with one or two returns per beam. For Ouster, the
+    metadata must be beside the capture. Recordings may be compressed (.puck). Incomplete
+    revolutions are not used. Scenes are named after the file and the first revolution (drive_0012).
+    Unusable recordings are left out and reported. Damaged and repeated packets are left out and
+    counted.
     """
 
     of_packets: ClassVar[bool] = True
@@ -167,9 +174,22 @@ class Recordings(RecordingSet):
 
 
 def recordings_at(text: str, suffixes: Collection[str] = RECORDING_SUFFIXES) -> list[Path]:
-    """Return the recordings at a path, in a folder, or matching a pattern (``drives/*.pcap``).
+    """Return the paths of the recordings that a text names.
 
-    The folder of a ROS 2 bag is one recording. A compressed copy beside the original is ignored.
+    A compressed copy beside the original recording is ignored.
+
+    Parameters
+    ----------
+    text
+        A path, a folder, or a pattern such as ``drives/*.pcap``. The folder of a ROS 2 bag is one
+        recording.
+    suffixes
+        Suffixes of recordings.
+
+    Raises
+    ------
+    InputError
+        There are no recordings.
     """
 
     def is_accepted(path: Path) -> bool:
@@ -179,6 +199,7 @@ def recordings_at(text: str, suffixes: Collection[str] = RECORDING_SUFFIXES) -> 
 
 
 def is_bag_folder(path: Path) -> bool:
+    """Return whether a path is the folder of a ROS 2 bag."""
     return (path / "metadata.yaml").is_file()
 
 
@@ -196,14 +217,17 @@ def _is_recording(path: Path, suffixes: Collection[str]) -> bool:
 
 
 def is_copy(path: Path) -> bool:
-    """Whether a compressed recording has the name of another recording in its folder."""
+    """Return whether a compressed recording lies beside a recording with the same name."""
     others = (path.with_suffix(suffix) for suffix in RECORDING_SUFFIXES if suffix != COMPRESSED)
     return path.suffix.lower() == COMPRESSED and any(other.exists() for other in others)
 
 
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
-    """Yield the path of a recording or of its decompressed copy; raise InputError if damaged."""
+    """Yield the path of a recording or, if it is compressed, of a temporary decompressed copy.
+
+    Raises InputError if the compressed recording is damaged.
+    """
     if not _is_compressed(path):
         yield path
         return
@@ -250,7 +274,7 @@ def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> 
 
 
 def recording_files(path: Path) -> list[Path]:
-    """Return a recording's path, and the files beside it with its sensor's metadata."""
+    """Return the path of a recording, and those of files beside it that describe its sensor."""
     from pointkit.lidar.unit_calibration import calibration_beside
     from puck.recordings.ouster import metadata_beside
 

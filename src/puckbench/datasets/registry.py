@@ -9,11 +9,23 @@ from pointkit.registry import Registry
 from puckbench.datasets.base import DataSet
 
 LOADERS: Registry[type[DataSet]] = Registry("loader", "datasets")
-"""Classes that read or generate data sets, by the configuration's `loader`."""
+"""Registry of the classes that read or generate data sets. A configuration names them as
+`loader`."""
 
 
 def loader_class(loader: str) -> type[DataSet]:
-    """Return the class of a loader; raise InputError if it is not a complete data set."""
+    """Return the class that reads or generates a data set.
+
+    Parameters
+    ----------
+    loader
+        A name in `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``.
+
+    Raises
+    ------
+    InputError
+        It is unknown, or not a complete class derived from `DataSet`.
+    """
     model = LOADERS.get(loader)
     if not (isinstance(model, type) and issubclass(model, DataSet)):
         base = f"{DataSet.__module__}.{DataSet.__name__}"
@@ -24,9 +36,21 @@ def loader_class(loader: str) -> type[DataSet]:
 
 
 def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> DataSet:
-    """Create a data set from its name in `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``.
+    """Create a data set.
 
-    The field ``seed`` is set to `seed` unless `options` sets it.
+    Parameters
+    ----------
+    loader
+        A name in `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``.
+    options
+        Values of the options by name.
+    seed
+        Value of the option ``seed``, if the data set has this option and `options` does not set it.
+
+    Raises
+    ------
+    InputError
+        The loader or an option is unknown or invalid.
     """
     model = loader_class(loader)
     settings = {"seed": seed, **options} if "seed" in model.model_fields else dict(options)

@@ -24,9 +24,9 @@ _NUMBER = re.compile(r"_\d+$")
 
 @LOADERS.register("s3dis")
 class S3DIS(FolderSet):
-    """Rooms in text files ``Area_<n>/<room>/<room>.txt``.
+    """The scenes are S3DIS's rooms in text files ``Area_<n>/<room>/<room>.txt``.
 
-    Scenes are named Area_1_office_1 and grouped by room type (office).
+    They are named Area_1_office_1 and grouped by room type (office).
     """
 
     of_clouds: ClassVar[bool] = True
@@ -84,7 +84,7 @@ def _texts(folder: Path) -> list[Path]:
 
 
 def _room_file(folder: Path) -> Path:
-    """Return a room's point file, or the only text file if misnamed (Area_6/copyRoom_1)."""
+    """Return a room's point file, or the only text file if it is misnamed (Area_6/copyRoom_1)."""
     named, texts = folder / f"{folder.name}.txt", _texts(folder)
     if named in texts:
         return named

@@ -20,7 +20,25 @@ def listed_file(folder: Path, area: str) -> Path:
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Read scanner positions (m) by room from JSON, with keys such as office_6_1 (area 6)."""
+    """Read the scanner positions of an area's rooms from a JSON file.
+
+    Parameters
+    ----------
+    path
+        The file, with keys such as office_6_1 for a room of area 6.
+    area
+        Name of the area.
+
+    Returns
+    -------
+    dict
+        Positions in m by name of the room.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or a key is not a room of the area.
+    """
     content = read_json(path)
     if not isinstance(content, dict) or not content:
         raise InputError(f"{path}: not a list of positions by room")
@@ -34,7 +52,10 @@ def listed_positions(path: Path, area: str) -> dict[str, Position]:
 
 
 def pose_files(area_folder: Path) -> dict[str, list[Path]]:
-    """Return the camera pose files of each room, one for each tripod position."""
+    """Return the camera pose files of each room, one for each position of the tripod.
+
+    The result is a dict of paths by room name. Raises InputError if there are no such files.
+    """
     for name in _FOLDERS:
         rooms: dict[str, dict[str, Path]] = {}
         for path in sorted((area_folder / name).glob("camera_*.json")):
@@ -50,7 +71,10 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
 
 
 def camera_position(path: Path) -> Position:
-    """Read a camera position (m) from a pose file; older files contain a list of poses."""
+    """Read the position of a camera, in m, from a pose file.
+
+    Older files contain a list of poses, of which the first counts.
+    """
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:

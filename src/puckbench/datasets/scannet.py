@@ -23,10 +23,11 @@ _PUBLISHED = 1513
 
 @LOADERS.register("scannet")
 class ScanNet(MeshFolderSet):
-    """Rooms in files ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
+    """The scenes are rooms in files ``scene0000_00/scene0000_00_vh_clean_2.ply``.
 
-    Rooms' folders are in the data set's folder, or in the subfolder ``scans``. Scenes are named
-    scene0000_00, and grouped by ``sceneType`` in scene0000_00.txt (else "unknown").
+    They are in metres with z up. Rooms' folders are in the data set's folder, or in the subfolder
+    ``scans``. Scenes are named scene0000_00. They are grouped by ``sceneType`` in scene0000_00.txt
+    or, without it, as "unknown".
     """
 
     licence = "ScanNet's terms of use, not redistributable"

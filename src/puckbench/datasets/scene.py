@@ -15,26 +15,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene, in metres with z up: a mesh, a cloud, or the returns of a real sensor.
+    """A scene that is scanned or encoded, in metres with z up.
+
+    It is a mesh, a cloud, or the returns (range measurements) of a real sensor.
 
     Parameters
     ----------
     name
-        Valid as a file name and unique in its data set.
+        Name, valid as a file name and unique in the data set.
     group
         Class, room type or area.
     mesh, cloud, returns
-        Exactly one is set.
+        The content. Exactly one of them is set.
     origin
-        Possible position of a sensor, m.
+        Possible position of a sensor, in m.
     box
-        Lowest and highest corner for cropping, (2, 3), m; None: the mesh's bounds.
+        Lowest and highest corner for cropping, (2, 3), in m. None stands for the mesh's bounds.
     about
-        Source, licence, credit, and the reader's report.
+        Source, licence, credit, and what the reader reports.
     pose
-        Transform from the frame of the cloud or returns to the world, (4, 4), m.
+        Transform (4, 4) from the coordinate frame of the cloud or returns to the world, in m.
     time_s
-        Time of the cloud or returns, s.
+        Time of the cloud or returns, in s.
     """
 
     name: str
@@ -54,14 +56,15 @@ class Scene:
 
 
 _MOST_LETTERS = 128
-"""With which the names of temporary files have at most 255 bytes."""
+"""With this limit, the names of temporary files have at most 255 bytes."""
 
 
 def safe_name(text: str) -> str:
-    """Convert a text to an ASCII file name; remove accents, replace unsuitable characters by _.
+    """Convert a text to an ASCII file name.
 
-    The name is shortened to 128 characters. An end that repeats 20 times, which Snakemake refuses
-    as a wildcard, is kept once.
+    Accents are removed, and unsuitable characters replaced by underscores. The name is shortened to
+    128 characters. If its end repeats 20 times, which Snakemake refuses as a wildcard, the end is
+    kept only one time. An empty name becomes "unnamed".
     """
     letters = unicodedata.normalize("NFKD", text).replace("ß", "ss")
     plain = "".join(letter for letter in letters if not unicodedata.combining(letter))
@@ -70,7 +73,10 @@ def safe_name(text: str) -> str:
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """Convert texts to file names that are unique ignoring case; repeated names get numbers."""
+    """Convert texts to file names that differ in more than upper and lower case.
+
+    Repeated names get numbers. The result has the order of the texts.
+    """
     taken: set[str] = set()
     names = []
     for text in texts:

@@ -24,10 +24,11 @@ _EMPTY = {"03624134/67ada28ebc79cc75a056f196c127ed77", "04090263/4a32519f44dc84a
 
 @LOADERS.register("shapenetcore")
 class ShapeNetCore(MeshFolderSet):
-    """CAD models in files ``<synset>/<id>/model.obj`` (version 1) or ``model_normalized.obj`` (2).
+    """The scenes are CAD models ``<synset>/<id>/model.obj`` or ``model_normalized.obj``.
 
-    Scenes are named chair_<id> and grouped by class. The models are normalised; their unit is
-    assumed to be 1 m. Y up is rotated to z up. Models without a file in the release are left out.
+    The file names are those of version 1 and version 2. Scenes are named chair_<id> and grouped by
+    class. The models are normalised, and their unit is assumed to be 1 m. Y up is rotated to z up.
+    Models without a file in the release are left out.
     """
 
     licence = "ShapeNet's terms of use: research and education, not redistributable"

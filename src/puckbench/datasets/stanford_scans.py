@@ -42,7 +42,7 @@ _BY_FILE = {model.file: model for model in _MODELS.values()}
 
 @LOADERS.register("stanford_scans")
 class StanfordScans(MeshFolderSet):
-    """Scanned models in PLY files, anywhere below a folder.
+    """The scenes are scanned models in PLY files, anywhere below a folder.
 
     All are in the group "scan". Reduced versions (``bun_zipper_res2.ply``) and range scans are
     ignored.

@@ -14,9 +14,9 @@ CODE = ("virtual_lidar.scenes.*",)
 
 @LOADERS.register("street")
 class Street(GeneratedSet):
-    """Generated streets with houses, trees, parked cars, and a free lane along x.
+    """The scenes are generated streets with houses, trees, parked cars, and a free lane along x.
 
-    Scenes are named street_1, street_2, ... ``about["free_way_m"]`` is the lane's interval of x,
+    They are named street_1, street_2, ... ``about["free_way_m"]`` is the lane's interval of x,
     relative to the scene's origin.
     """
 

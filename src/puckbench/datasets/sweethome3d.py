@@ -32,9 +32,10 @@ _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 
 @dataclass(frozen=True)
 class CatalogueModel:
-    """A furniture model in a catalogue.
+    """A furniture model as a catalogue describes it.
 
-    `size` is width, depth and height in m; `rotation` (3, 3) turns the model (y up) before scaling.
+    `size` is width, depth and height in m. `rotation` (3, 3) turns the model, with y up, before it
+    is scaled.
     """
 
     name: str
@@ -51,10 +52,10 @@ class CatalogueModel:
 
 @LOADERS.register("sweethome3d")
 class SweetHome3D(DataSet):
-    """Furniture models of the ``.sh3f`` catalogues, scaled to the sizes listed there.
+    """The scenes are furniture models of ``.sh3f`` catalogues, scaled to the sizes given there.
 
-    Scenes are named scopia-chair2 (catalogue and model) and grouped by semantic class. A model
-    stands on z = 0, centred at x = y = 0, facing -y.
+    They are named scopia-chair2 (catalogue and model) and grouped by semantic class. A model stands
+    on z = 0, centred at x = y = 0, and faces -y.
     """
 
     path: str = INSTALLED
@@ -85,6 +86,7 @@ class SweetHome3D(DataSet):
         return Scene(name, model.semantic, mesh=_labelled(mesh, model), about=about)
 
     def model(self, name: str) -> CatalogueModel:
+        """Return what the catalogue says about the model of a scene."""
         return look_up(self._table, name, str(self.path))
 
     def _catalogues(self) -> list[Path]:

@@ -1,4 +1,4 @@
-"""TensorFlow checkpoints with an index and one data file, read without TensorFlow.
+"""Reader of TensorFlow checkpoints with an index and one data file, without TensorFlow.
 
 The index is an uncompressed LevelDB table of names and `BundleEntryProto` messages (type, shape and
 position in the data file).
@@ -28,7 +28,23 @@ _TYPE, _SHAPE, _OFFSET, _SIZE = 1, 2, 4, 5
 
 
 def read_variables(index: bytes, data: bytes) -> dict[str, NDArray[np.float32]]:
-    """Return the float32 variables by name, without those of the optimiser."""
+    """Read the float32 variables of a checkpoint, without those of the optimiser.
+
+    Parameters
+    ----------
+    index, data
+        Contents of the checkpoint's index file and data file.
+
+    Returns
+    -------
+    dict
+        Arrays by name of the variable.
+
+    Raises
+    ------
+    InputError
+        The files are not a TensorFlow checkpoint.
+    """
     try:
         return dict(_variables(index, data))
     except (IndexError, KeyError, TypeError, ValueError, struct.error) as error:
@@ -54,7 +70,7 @@ def _rows(table: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _block(table: bytes, start: int, size: int) -> Iterator[tuple[bytes, bytes]]:
-    """Yield keys and values of a block; stored keys omit prefixes shared with the previous key."""
+    """Yield keys and values of a block; a stored key omits the prefix shared with the last key."""
     if table[start + size] != 0:
         raise ValueError("compressed")
     block = table[start : start + size]

@@ -23,7 +23,8 @@ _LOG = logging.getLogger(__name__)
 class FileSet(DataSet):
     """Base class of data sets in which each scene is one of the user's files.
 
-    Scenes are grouped by folder and named after their files; equal names get the folder or suffix.
+    Scenes are grouped by folder and named after their files. Equal names are distinguished by
+    folder or suffix.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -115,9 +116,25 @@ def paths_at(
     what: str,
     suffixes: Iterable[str],
 ) -> list[Path]:
-    """Return the path `text`, or accepted paths in a folder or of a pattern (``data/*.las``).
+    """Return the paths of the files that a text names.
 
-    Raises InputError if there are no paths.
+    Parameters
+    ----------
+    text
+        A path, a folder, or a pattern such as ``data/*.las``.
+    below
+        Function that yields the paths below a folder.
+    is_accepted
+        Function that tells which paths in a folder or of a pattern to return.
+    what
+        Name of the files in messages, such as "recordings".
+    suffixes
+        Suffixes of the files in messages.
+
+    Raises
+    ------
+    InputError
+        There are no paths.
     """
     path = Path(text)
     if path.is_dir() and not is_accepted(path):
@@ -145,6 +162,7 @@ def is_file_or_lost(path: Path) -> bool:
 
 
 def without_duplicates(paths: Iterable[Path]) -> list[Path]:
+    """Return the paths, sorted, without links to files that are listed already."""
     files: dict[str, Path] = {}
     for path in sorted(paths, key=lambda path: (path.is_symlink(), path)):
         place = os.path.realpath(path)
@@ -155,7 +173,10 @@ def without_duplicates(paths: Iterable[Path]) -> list[Path]:
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:
-    """Return the files' names without suffixes; folder or suffix distinguishes equal names."""
+    """Return unique names of scenes for files, in the order of the paths.
+
+    A name is that of the file without suffix. Equal names are distinguished by folder or suffix.
+    """
     listed = list(paths)
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)

@@ -29,10 +29,10 @@ _SEQUENCES = ("longdress", "loot", "redandblack", "soldier")
 
 @LOADERS.register("voxelised8i")
 class Voxelised8i(FolderSet):
-    """Point clouds in files ``<sequence>_vox<bits>_<frame>.ply`` anywhere below a folder.
+    """The scenes are coloured clouds in files ``<sequence>_vox<bits>_<frame>.ply`` below a folder.
 
-    Scenes are named after their files and grouped by sequence. Colours are kept. Y up is rotated to
-    z up. Coordinates that are not integers on the grid raise InputError.
+    They are named after their files and grouped by sequence. Y up is rotated to z up. Coordinates
+    that are not integers on the grid raise InputError.
     """
 
     of_clouds: ClassVar[bool] = True

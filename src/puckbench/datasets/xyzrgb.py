@@ -25,7 +25,17 @@ _MOST_RUNS = 8
 
 @dataclass(frozen=True)
 class TextCloud:
-    """Points (n, 3) and colours (n, 3) of a text file, and counts of repaired and dropped lines."""
+    """A cloud that was read from a text file, with what had to be repaired.
+
+    Parameters
+    ----------
+    xyz
+        Points (n, 3).
+    colours
+        Colours (n, 3), uint8.
+    repaired, dropped
+        Numbers of damaged lines that were repaired and left out.
+    """
 
     xyz: Floats
     colours: NDArray[np.uint8]
@@ -34,10 +44,16 @@ class TextCloud:
 
 
 def read_xyzrgb(path: Path) -> TextCloud:
-    """Read a cloud from lines ``x y z r g b``, and repair or drop damaged ones, as in S3DIS.
+    """Read a coloured cloud from a text file with lines ``x y z r g b``, as in S3DIS.
 
-    Bytes that no number contains are replaced by the digit 0 or a space, to give six numbers.
-    Lines without six numbers, or with colours outside 0 to 255, are dropped.
+    Damaged lines are repaired or left out. Bytes that no number contains are replaced by the digit
+    0 or a space, such that the line has six numbers. Lines without six numbers, or with colours
+    outside 0 to 255, are left out.
+
+    Raises
+    ------
+    InputError
+        No line is left.
     """
     data, repaired, dropped = _mended(read_bytes(path))
     rows = _parsed(data)

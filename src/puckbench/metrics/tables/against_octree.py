@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 CODE = ("puckbench.metrics.tables.storage",)
 
 OCTREE = "gpcc"
-"""G-PCC's octree coder without knowledge of the sensor, the anchor of papers on LiDAR
-compression."""
+"""Name of G-PCC's octree coder, which papers on LiDAR compression take as anchor. It does not
+know the sensor."""
 COMPLETE_OCTREE = "gpcc_lossless"
-"""The octree coder that keeps duplicate points, the anchor for lossless coding."""
+"""Name of the octree coder that keeps duplicate points, which is the anchor for lossless coding."""
 ERRORS_MM = (20.0, 10.0, 5.0)
-"""D1 RMS errors at which codecs are compared."""
+"""RMS errors (D1, in mm) at which codecs are compared."""
 GRIDS_MM = (2.0, 1.0)
-"""Steps of the grids on which lossless coding is compared."""
+"""Steps, in mm, of the grids on which lossless coding is compared."""
 
 
 @TABLES.register(
@@ -86,12 +86,39 @@ def _bits(curve: pd.DataFrame) -> list[float]:
 
 
 def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
-    """Return the lowest bitrate with all points and at most a grid's rounding error, or nan."""
+    """Return the fewest bits of a codec that keeps all points, with at most a grid's rounding
+    error.
+
+    Parameters
+    ----------
+    curve
+        Results of the codec on one cloud, a row for each rate.
+    grid_mm
+        Step of the grid in mm.
+
+    Returns
+    -------
+    float
+        Bits per point, or nan if no rate is good enough.
+    """
     complete = curve[curve["points_out"] == curve["points_in"]]
     return bits_on_grid(complete["bpp"], complete["error_mm"], grid_mm)
 
 
 def bits_on_grid(bits: pd.Series[float], error_mm: pd.Series[float], grid_mm: float) -> float:
-    """Return the lowest bitrate with at most a grid's rounding error, or nan."""
+    """Return the fewest bits with which the error is at most that of rounding to a grid.
+
+    Parameters
+    ----------
+    bits, error_mm
+        Bits per point and D1 RMS errors in mm of a codec's rates.
+    grid_mm
+        Step of the grid in mm.
+
+    Returns
+    -------
+    float
+        Bits per point, or nan if no rate is good enough.
+    """
     enough = bits[error_mm <= rounding_mm(grid_mm)]
     return float(enough.min()) if len(enough) else float("nan")

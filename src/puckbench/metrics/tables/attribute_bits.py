@@ -36,7 +36,7 @@ def attribute_bits(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def coded_attributes(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of streams that have attributes; raise InputError if there are none."""
+    """Return the rows of results whose streams contain attributes; raise InputError without any."""
     present = [name for name in BITS.values() if name in metrics]
     rows = metrics.dropna(subset=present, how="all") if present else metrics.head(0)
     if rows.empty:

@@ -27,7 +27,7 @@ DISTANCES = {
     "largest": "truth_hausdorff_point",
 }
 _LENGTHS = ("99 %", "largest")
-"""Distances that are lengths; the others are squared."""
+"""These distances are lengths; the others are squared lengths."""
 _CLOUD = ["dataset", "cloud"]
 _EXACT_MM = 0.1
 """Distance below which a scan counts as error-free."""
@@ -123,7 +123,8 @@ def _ratios(goals: pd.DataFrame, curves: dict[Any, pd.DataFrame]) -> Iterator[fl
 
 
 def _distances(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame:
-    """Return distances in mm and bits by data set, codec, distance, rate and scene."""
+    """Return a row for each data set, codec, distance, rate and scene, with bits and values in mm.
+    """
     import pandas as pd
 
     columns = {name: column for name, column in DISTANCES.items() if column in scan_errors}

@@ -26,7 +26,10 @@ ODOMETRIES = {"KISS-ICP": "", "GICP": GICP}
 
 @dataclass(frozen=True)
 class Measure:
-    """An error of odometry: its column, the factor to its unit, and the margin in this unit."""
+    """An error of odometry that the table compares: ``column`` of the results, times ``factor``.
+
+    `margin` is the largest difference that counts as none, in `unit`.
+    """
 
     name: str
     column: str
@@ -35,7 +38,8 @@ class Measure:
     margin: float
 
     def margin_of(self, undecoded: float) -> float:
-        """Return the largest difference to the `undecoded` mean that counts as none."""
+        """Return the largest difference that counts as none, given the mean error without coding.
+        """
         return max(self.margin, RELATIVE_MARGIN * undecoded)
 
 
@@ -88,10 +92,15 @@ def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
 
 
 def errors_of_drives(drives: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each drive, codec, rate, kind of times and odometry.
+    """Return the error of each drive, codec, rate, kind of times and odometry, one in each row.
 
-    Column ``value`` is the error in the unit of the data set's measure, and ``undecoded`` that of
-    the same drive without coding.
+    Column ``value`` is the error in the unit of the data set's measure. Column ``undecoded`` is the
+    error of the same drive without coding.
+
+    Parameters
+    ----------
+    drives
+        Results of tasks: a row for each drive, codec and rate, and rows of drives without coding.
     """
     import pandas as pd
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 METRICS = ("d1_psnr", "d2_psnr")
 MARGIN_PERCENT = 5.0
-"""Largest increase of the bits that counts as none, unless the configuration sets another."""
+"""Default of the largest increase of the bits, in percent, that counts as none."""
 _GROUP = ["dataset", "metric", "codec"]
 _OF_CURVE = ("points", "pooled", LOSSLESS)
 """Columns that describe the codec's curve; ``anchor_...`` describes the anchor's."""
@@ -134,7 +134,7 @@ def bd_rate_pairs(
 
 
 def _both_ways(row: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return a row of `_Curves.delta`, and the row with codec and anchor exchanged."""
+    """Return a row of `_Curves.delta`, and the same row with codec and anchor exchanged."""
     swapped = dict(row)
     for mine, theirs in (("codec", "anchor"), *((name, f"anchor_{name}") for name in _OF_CURVE)):
         swapped[mine], swapped[theirs] = row[theirs], row[mine]

@@ -107,5 +107,5 @@ def _kept(error_mm: float) -> str:
 
 
 def rounding_mm(grid_mm: float) -> float:
-    """Return the RMS error, in mm, of rounding points to a grid, plus a tolerance."""
+    """Return the RMS error in mm that rounding to a grid may have, including a tolerance."""
     return _ROUNDING * grid_mm / 2

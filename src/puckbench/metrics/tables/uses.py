@@ -41,7 +41,7 @@ SHOWN = ("bpp", "error_mm", "largest_mm", "seconds")
 
 
 class Curve:
-    """A codec's values on a cloud by rate, in the order of the bits: columns of `_CURVE`, (k,)."""
+    """The results of a codec on one cloud at all its rates, from the fewest to the most bits."""
 
     def __init__(self, rows: pd.DataFrame) -> None:
         order = np.argsort(rows["bpp"].to_numpy())
@@ -50,14 +50,39 @@ class Curve:
         self.bits = self.columns["bpp"]
 
     def within(self, column: str, limit: float, kept: NDArray[np.bool_] | bool = True) -> float:
-        """Return the fewest bits at which a column is at most `limit`, or nan."""
+        """Return the fewest bits at which a result is small enough.
+
+        Parameters
+        ----------
+        column
+            Name of the result.
+        limit
+            Largest allowed value.
+        kept
+            Mask (k,) of the rates that may be chosen; by default, all.
+
+        Returns
+        -------
+        float
+            Bits per point, interpolated between rates (see `bits_to_reach`), or nan if there are
+            none.
+        """
         kept = kept & ~np.isnan(self.columns[column])
         return bits_to_reach(self.bits[kept], self.columns[column][kept], limit)
 
     def at(self, bits: float, column: str, rate: str = "") -> float:
-        """Return a column's value at a rate or, interpolated on log-log axes, at `bits`.
+        """Return a result at a given rate, or interpolated at a given number of bits.
 
-        Rates without a value are left out.
+        Interpolation is linear on log-log axes. Rates without a value are left out.
+
+        Parameters
+        ----------
+        bits
+            Bits per point.
+        column
+            Name of the result.
+        rate
+            Name of a rate. If the codec has this rate, `bits` is not used.
         """
         values = self.columns[column]
         if rate in self.rates:
@@ -72,19 +97,20 @@ class Curve:
 
 @dataclass(frozen=True)
 class Use:
-    """A use of codecs, for which they are ranked.
+    """A use of codecs, such as archiving, for which a table ranks them.
 
     Parameters
     ----------
     words
-        What is asked for.
+        Text that says what the use requires.
     error
         Column of the error that is shown in ``error_mm``.
     choose
         Function that returns the bits at which a codec serves the use on a cloud, or nan if it does
-        not, from its curve there and the rate that is nearest to the truth in the other scenes.
+        not. Its arguments are the codec's `Curve` on this cloud and the name of the rate that is
+        nearest to the truth in the other scenes.
     by_error
-        Whether the least error is the best; by default the fewest bits are.
+        Whether codecs are ranked by least error. Otherwise they are ranked by fewest bits.
     in_time
         Whether the ranking depends on measured times.
     """
@@ -193,7 +219,7 @@ def uses(
 
 
 def _noisy(scan_errors: pd.DataFrame | None) -> set[str]:
-    """Return the data sets of scans with errors."""
+    """Return the names of data sets whose scans have errors."""
     if scan_errors is None or "truth_d2_rms_m" not in scan_errors:
         return set()
     medians = scan_errors.groupby("dataset")["truth_d2_rms_m"].median()
@@ -222,9 +248,9 @@ def _lost(rows: pd.DataFrame) -> Any:
 
 
 def _is_timed(curves: list[tuple[Any, Curve]]) -> bool:
-    """Return whether times decide if a codec is fast enough for an error of 5 mm.
+    """Return whether times were measured well enough to decide if a codec is fast enough.
 
-    Codecs that do not reach this error need no times.
+    Codecs that do not reach an error of 5 mm need no times.
     """
     columns = [curve.columns for _, curve in curves if np.isfinite(curve.within("d1_rms_mm", 5.0))]
     return all(each["ranked"].all() and not np.isnan(each["real_time"]).any() for each in columns)
