@@ -86,13 +86,12 @@ def _bits(curve: pd.DataFrame) -> list[float]:
 
 
 def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
-    """Return the fewest bits of a codec that keeps all points, with at most a grid's rounding
-    error.
+    """Return the fewest bits that keep all points, with at most a grid's rounding error.
 
     Parameters
     ----------
     curve
-        Results of the codec on one cloud, a row for each rate.
+        Results of a codec on one cloud, a row for each rate.
     grid_mm
         Step of the grid in mm.
 

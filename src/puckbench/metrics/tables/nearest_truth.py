@@ -123,8 +123,7 @@ def _ratios(goals: pd.DataFrame, curves: dict[Any, pd.DataFrame]) -> Iterator[fl
 
 
 def _distances(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each data set, codec, distance, rate and scene, with bits and values in mm.
-    """
+    """Return bits and distances in mm by data set, codec, kind of distance, rate and scene."""
     import pandas as pd
 
     columns = {name: column for name, column in DISTANCES.items() if column in scan_errors}

@@ -26,9 +26,16 @@ ODOMETRIES = {"KISS-ICP": "", "GICP": GICP}
 
 @dataclass(frozen=True)
 class Measure:
-    """An error of odometry that the table compares: ``column`` of the results, times ``factor``.
+    """An error of odometry that the table compares.
 
-    `margin` is the largest difference that counts as none, in `unit`.
+    Parameters
+    ----------
+    name, unit
+        Name and unit in the table.
+    column, factor
+        Column of the results, and the factor that converts it to the unit.
+    margin
+        Largest difference, in the unit, that counts as none.
     """
 
     name: str
@@ -38,8 +45,7 @@ class Measure:
     margin: float
 
     def margin_of(self, undecoded: float) -> float:
-        """Return the largest difference that counts as none, given the mean error without coding.
-        """
+        """Return the largest difference to the mean error without coding that counts as none."""
         return max(self.margin, RELATIVE_MARGIN * undecoded)
 
 

@@ -257,9 +257,7 @@ def _is_timed(curves: list[tuple[Any, Curve]]) -> bool:
 
 
 def _served(rows: pd.DataFrame, curves: list[tuple[Any, Curve]], use: Use) -> pd.DataFrame:
-    """Return a codec's values by scene (means over seeds), for scenes in which it always serves a
-    use.
-    """
+    """Return a codec's values by scene, for the scenes in which it serves a use on every cloud."""
     import pandas as pd
 
     nearest = _nearest_rates(rows) if use.by_error else {}
