@@ -31,15 +31,17 @@ GRIDS_MM = (2.0, 1.0)
     needs=(SPINS_OR_RECORDINGS, OCTREE_AND_OTHERS),
 )
 def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return of each codec at equal errors and on equal grids, medians over clouds, and
-    the percentage saved against ``gpcc``, G-PCC's octree coder without knowledge of the sensor.
-    Papers use this anchor with options that take up to 6 % more bits (``gpcc_no_sensor``).
+    """The table compares the bits per return of each codec with those of ``gpcc``.
 
-    ``at_5_mm``: bits at a D1 RMS error of 5 mm, interpolated linearly on log-log axes.
-    ``grid_1_mm``: fewest bits of a rate that keeps the number of points, with at most the error of
-    rounding to a 1 mm grid; the anchor is ``gpcc_lossless``, which keeps duplicate points, if the
-    run has it. Empty: no rate reaches the error. ``coarsest_mm``, ``finest_mm``: largest and
-    smallest error of all rates.
+    ``gpcc`` is G-PCC's octree coder without knowledge of the sensor. Papers use this anchor with
+    options that take up to 6 % more bits (``gpcc_no_sensor``). Bits are compared at equal errors
+    and on equal grids. They are medians over clouds, and ``saved_...`` is the percentage saved.
+
+    ``at_5_mm`` is the number of bits at a D1 RMS error of 5 mm, interpolated linearly on log-log
+    axes. ``grid_1_mm`` is the fewest bits of a rate that keeps the number of points, with at most
+    the error of rounding to a 1 mm grid. Its anchor is ``gpcc_lossless``, which keeps duplicate
+    points, if the run has it. A cell is empty if no rate reaches the error. ``coarsest_mm`` and
+    ``finest_mm`` are the largest and the smallest error of all rates.
     """
     import pandas as pd
 

@@ -19,10 +19,10 @@ _KEYS = ["dataset", "codec", "rate"]
 
 @TABLES.register("attribute_bits", title="Bits of reflectances and colours", needs=(ATTRIBUTES,))
 def attribute_bits(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Bits per point of positions and of each attribute, and errors of attributes, for codecs that
-    code attributes; medians over clouds.
+    """The table shows bits per point and errors of the attributes, for codecs that code attributes.
 
-    ``..._lossless``: whether the values of all clouds are decoded exactly. PSNRs are empty for
+    Bits are given for positions and for each attribute. All values are medians over clouds.
+    ``..._lossless`` tells whether the values of all clouds are decoded exactly. PSNRs are empty for
     lossless rates; the peak of reflectances is in ``metrics``. Bits of LAZ's intensities are the
     difference to a stream without intensities.
     """

@@ -12,12 +12,13 @@ _RUN_ENVIRONMENT = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "l
 
 @TABLES.register("machines", title="Machines and versions")
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Environments in which times were measured. If there is one row, all times are comparable.
+    """The table lists the environments in which times were measured.
 
-    ``results``: number of result rows (cloud, codec, rate). ``cpu``, ``encode_cpu``: processors for
-    decoding and encoding. ``threads``: threads of a timed call. ``timed_alone``: whether no other
-    job ran. ``repeats``: number of timed calls; results have the median (``encode_s_min``,
-    ``encode_s_max``: extremes). The last columns are versions.
+    If there is one row, all times are comparable. ``results`` is the number of result rows (one for
+    each cloud, codec and rate). ``cpu`` and ``encode_cpu`` are the processors for decoding and
+    encoding. ``threads`` is the number of threads of a timed call. ``timed_alone`` tells whether no
+    other job ran. ``repeats`` is the number of timed calls, of which results have the median
+    (``encode_s_min`` and ``encode_s_max`` are the extremes). The last columns are versions.
     """
     columns = [name for name in _RUN_ENVIRONMENT if name in metrics]
     groups = metrics.groupby(columns, sort=False, dropna=False)

@@ -35,15 +35,18 @@ _EXACT_MM = 0.1
 
 @TABLES.register("nearest_truth", title="How near to the true surface", needs=(TRUTH,))
 def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame:
-    """Distance to the true surface of each codec at each rate, beside that of the noisy scan.
+    """The table shows how far decoded clouds are from the true surface, beside the noisy scan.
 
-    ``distance``: from decoded points to the surface (accuracy), from points of the surface to
-    decoded points (completeness), both (Chamfer, D2, D1), or the 99 % quantile and the largest of
-    both (point to point). ``scan_mm``, ``mm``: RMS distance of the scan and of the decoded cloud
-    (for the last two the distance itself). ``percent_of_scan``: their ratio; below 100 the decoded
-    points are nearer to the truth than the scan. Values are geometric means over scenes, with 95 %
-    intervals by Student's t of the logarithm from six scenes on (``low``, ``high``), else the
-    extremes (``least``, ``most``). Scans without errors are left out.
+    There is a row for each codec, rate and kind of ``distance``: from decoded points to the surface
+    (accuracy), from points of the surface to decoded points (completeness), both (Chamfer, D2, D1),
+    or the 99 % quantile and the largest of both (point to point). ``scan_mm`` and ``mm`` are RMS
+    distances of the scan and of the decoded cloud; for the last two kinds they are the distance
+    itself. ``percent_of_scan`` is the ratio of both. Below 100, the decoded points are nearer to
+    the truth than the scan.
+
+    Values are geometric means over scenes. From six scenes on, ``low`` and ``high`` are 95 %
+    intervals by Student's t of the logarithm. ``least`` and ``most`` are the extremes. Scans
+    without errors are left out.
     """
     import pandas as pd
 
@@ -72,14 +75,14 @@ def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFr
     needs=(TRUTH, SEVERAL_CODECS),
 )
 def truth_bits(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) -> pd.DataFrame:
-    """How many times the bits of each codec the anchor needs for the same distance to the true
-    surface, at each of the anchor's rates.
+    """The table shows how many times a codec's bits the anchor needs to be as near to the truth.
 
-    ``mm``: distance of the anchor at its ``rate`` (as in ``nearest_truth``). ``bits_ratio``: the
-    anchor's bits at this rate over the codec's bits at the same distance, interpolated linearly on
-    log-log axes; a lower bound if the codec's lowest rate is as near. Geometric means over the
-    ``scenes`` in which the codec gets as near, with 95 % intervals from six scenes on; ``of``:
-    number of scenes that both coded.
+    There is a row for each of the anchor's rates. ``mm`` is the distance of the anchor to the true
+    surface at its ``rate`` (as in ``nearest_truth``). ``bits_ratio`` is the quotient of the
+    anchor's bits at this rate and the codec's bits at the same distance, interpolated linearly on
+    log-log axes. It is a lower bound if the codec's lowest rate is as near. Values are geometric
+    means over the ``scenes`` in which the codec gets as near, with 95 % intervals from six scenes
+    on. ``of`` is the number of scenes that both coded.
     """
     import pandas as pd
 

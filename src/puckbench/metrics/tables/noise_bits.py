@@ -27,17 +27,19 @@ _CLOUD = ["dataset", "cloud"]
 
 @TABLES.register("noise_bits", title="What the sensor's noise costs", needs=(SEVERAL_NOISES,))
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return that codecs need for the same rays under several error models.
+    """The table shows the bits per return that the same rays need under several error models.
 
-    Means over scenes (of means over seeds), with 95 % intervals by Student's t from six scenes on
-    (``low``, ``high``). A cell is empty if no rate of the codec reaches the column's error.
-    ``noise_bits``: entropy of the model's noise at the sensor's range resolution, given incidence
-    and range, after subtraction of each laser's mean error in each turn. ``grid_1_mm``: fewest bits
-    of a rate with at most the D1 error of rounding to a 1 mm grid. ``at_5_mm``: bits at a D1 RMS
-    error of 5 mm, interpolated linearly on log-log axes. ``added_...``: difference to the error
-    model with the least noise; ``saved_..._percent``: by how much fewer bits this quietest model
-    needs. ``models``: number of error models of the rays.
-    ``scenes``: scenes with a value, of the column with the fewest.
+    Values are means over scenes (of means over seeds). From six scenes on, ``low`` and ``high`` are
+    95 % intervals by Student's t. A cell is empty if no rate of the codec reaches the column's
+    error. ``noise_bits`` is the entropy of the model's noise at the sensor's range resolution,
+    given incidence and range, after subtraction of each laser's mean error in each turn.
+    ``grid_1_mm`` is the fewest bits of a rate with at most the D1 error of rounding to a 1 mm grid.
+    ``at_5_mm`` is the number of bits at a D1 RMS error of 5 mm, interpolated linearly on log-log
+    axes.
+
+    ``added_...`` is the difference to the error model with the least noise. ``saved_..._percent``
+    tells how much fewer bits this quietest model needs. ``models`` is the number of error models of
+    the rays. ``scenes`` is the number of scenes with a value, of the column with the fewest.
     """
     import pandas as pd
 

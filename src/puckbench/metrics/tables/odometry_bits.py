@@ -21,15 +21,16 @@ _OF_RATE = ("bits", "rate", "value", "difference", "low", "high")
 
 @TABLES.register("odometry_bits", title="Bits that odometry needs", needs=(ODOMETRY,))
 def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
-    """Fewest bits per return from which on odometry is not worse than without coding.
+    """The table shows from how many bits per return on odometry is as good as without coding.
 
-    ``bits``, ``rate``: the lowest rate which, like all higher ones, is not worse by more than the
-    margin, with the interval's upper end (`odometry_differences`); empty if no rate is, or if there
-    are fewer than 6 trajectories, which allow no verdict. ``value``, ``difference``, ``low``,
-    ``high``: mean error at this rate, its mean difference to the same trajectories without coding
-    (``undecoded``), and the difference's 95 % interval, in ``unit``. ``times``: whether the codec
-    keeps the firing times, they come from the azimuths of decoded points, or there are none; the
-    baseline has the sensor's own in all rows.
+    ``bits`` and ``rate`` are those of the lowest rate that, like all higher ones, is not worse by
+    more than the margin; the upper end of the interval decides (see `odometry_differences`). They
+    are empty if no rate is good enough, or if there are fewer than 6 trajectories, which allow no
+    verdict. ``value`` is the mean error at this rate, and ``difference`` its mean difference to the
+    same trajectories without coding (``undecoded``). ``low`` and ``high`` are the 95 % interval of
+    the difference. All are in ``unit``. ``times`` tells whether the codec keeps the firing times,
+    whether they come from the azimuths of decoded points, or whether there are none. The results
+    without coding use the sensor's own times in all rows.
     """
     import pandas as pd
 

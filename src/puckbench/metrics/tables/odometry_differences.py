@@ -63,21 +63,25 @@ _DIGITS = 6
     "odometry_differences", title="Odometry after decoding, against before", needs=(ODOMETRY,)
 )
 def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
-    """Errors of odometry on decoded turns, minus those on the undecoded turns of the same
-    trajectory.
+    """The table shows how much coding changes the errors of odometry on the same trajectory.
 
-    ``measure``, ``unit``: drift in % of the way (mean over 10, 20 and 50 m), or the absolute error
-    of positions in mm if a drive of the data set is too short for a drift. ``undecoded``: mean over
-    trajectories without coding, with the sensor's firing times where there are any; the one
-    baseline of all rows. ``value``: mean with coding, with the times that ``times`` names.
-    ``difference``: mean of the differences of trajectories; ``low``, ``high``: its 95 % interval by
-    Student's t, for 6 or more trajectories; ``least``, ``most``: extreme differences. ``margin``,
-    fixed before the measurement: 0.1 % or 10 mm, or a tenth of ``undecoded`` if that is more.
-    ``verdict``: ``better`` if the interval is below 0, ``not worse`` if it is below the margin,
-    ``worse`` if it is above 0, else ``undecided``; ``no verdict`` for fewer than 6 trajectories.
-    ``lost_turns``: turns of which the motion was not found, of ``turns``. ``poses``: true poses, or
-    those of KISS-ICP on the undecoded turns: then values are deviations from that trajectory.
-    The data set ``all`` has the trajectories of all with a drift.
+    ``measure`` and ``unit`` are the drift in % of the way (mean over 10, 20 and 50 m), or the
+    absolute error of positions in mm if a drive of the data set is too short for a drift.
+    ``undecoded`` is the mean error over trajectories without coding, with the sensor's firing times
+    where there are any. All rows are compared with it. ``value`` is the mean error with coding,
+    with the firing times that ``times`` names.
+
+    ``difference`` is the mean of the differences of trajectories. For 6 or more trajectories,
+    ``low`` and ``high`` are its 95 % interval by Student's t. ``least`` and ``most`` are the
+    extreme differences. ``margin`` was fixed before the measurement: 0.1 % or 10 mm, or a tenth of
+    ``undecoded`` if that is more. ``verdict`` is ``better`` if the interval is below 0, ``not
+    worse`` if it is below the margin, ``worse`` if it is above 0, and otherwise ``undecided``. It
+    is ``no verdict`` for fewer than 6 trajectories.
+
+    ``lost_turns`` is the number of turns, of all ``turns``, whose motion was not found. ``poses``
+    tells whether the true poses are known. If not, those of KISS-ICP on the undecoded turns replace
+    them, and values are deviations from that trajectory. The data set ``all`` has the trajectories
+    of all data sets with a drift.
     """
     import pandas as pd
 

@@ -46,23 +46,29 @@ _STATUS = {
 def bd_rate_clouds(
     metrics: pd.DataFrame, anchor: str, qualities: Sequence[str] = METRICS
 ) -> pd.DataFrame:
-    """Bjontegaard deltas of every codec against the anchor on each cloud.
+    """The table shows the Bjontegaard deltas of every codec against the anchor on each cloud.
 
-    There is no value if a curve has fewer than four points, or the curves have less than half of
-    the shorter curve's range in common; ``bd_rate_status`` gives the reason. Lossless rates are
+    There is no value if a curve has fewer than four points, or if the curves have less than half of
+    the shorter curve's range in common. ``bd_rate_status`` gives the reason. Lossless rates are
     left out.
 
     Parameters
     ----------
+    metrics
+        Results of a run, a row for each cloud, codec and rate.
+    anchor
+        Name of the codec with which the others are compared.
     qualities
-        Columns of the results, in dB if they end in ``_psnr``; lengths d (``_m``, ``_mm``) are
-        converted to the quality -20 log10 d, other columns, squared distances d, to -10 log10 d.
+        Columns of the results that measure quality. Those that end in ``_psnr`` are in dB. A length
+        d (``_m``, ``_mm``) is converted to -20 log10 d, and any other column, a squared distance d,
+        to -10 log10 d.
 
     Returns
     -------
     pd.DataFrame
-        ``shared_range`` is `BjontegaardDelta.overlap`; ``points``, ``pooled`` and ``lossless``
-        count points of a curve, points pooled by `rate_distortion_curve`, and lossless rates.
+        ``shared_range`` is `BjontegaardDelta.overlap`. ``points``, ``pooled`` and ``lossless``
+        count the points of a curve, the points pooled by `rate_distortion_curve`, and the lossless
+        rates.
     """
     import pandas as pd
 
@@ -88,22 +94,31 @@ def bd_rate(
     qualities: Sequence[str] = METRICS,
     margin_percent: float = MARGIN_PERCENT,
 ) -> pd.DataFrame:
-    """Bjontegaard deltas of every codec against the anchor, by data set and metric: mean change of
-    the rate at equal quality in percent (negative: fewer bits), and of the quality at equal rate in
-    dB.
+    """The table shows the Bjontegaard deltas of codecs against the anchor, by data set and metric.
 
-    Deltas of each cloud, by PCHIP interpolation of the log rate, are averaged over the seeds of a
-    scene, then over scenes. From six scenes on there are 95 % intervals by Student's t (``low``,
-    ``high``), of the log ratio of the rates, and a ``verdict``: "better", "not worse" by more than
-    the margin, "worse", or "undecided". For fewer scenes see the extremes (``least``, ``most``).
-    Clouds whose curves have less than half of the shorter range in common or fewer than four
-    points, and lossless rates, are counted but not averaged.
+    ``bd_rate_percent`` is the mean change of the rate at equal quality in percent (negative: fewer
+    bits). ``bd_quality_db`` is the mean change of the quality at equal rate in dB. Deltas of each
+    cloud, by PCHIP interpolation of the log rate, are averaged over the seeds of a scene, then over
+    scenes.
+
+    From six scenes on, ``low`` and ``high`` are 95 % intervals by Student's t of the log ratio of
+    the rates, and ``verdict`` is "better", "not worse" (by more than the margin), "worse", or
+    "undecided". For fewer scenes see the extremes (``least``, ``most``). Clouds whose curves have
+    less than half of the shorter range in common or fewer than four points, and lossless rates, are
+    counted but not averaged.
+
+    Parameters
+    ----------
+    metrics, anchor, qualities
+        As in `bd_rate_clouds`.
+    margin_percent
+        Largest increase of the bits, in percent, that counts as none.
 
     Returns
     -------
     pd.DataFrame
         ``bd_rate_percent`` comes from the mean log rate ratio of the ``scenes`` with a delta, so
-        that swapping codec and anchor inverts the ratio. ``shared_range`` is a median; ``pooled``
+        that swapping codec and anchor inverts the ratio. ``shared_range`` is a median. ``pooled``
         and ``lossless`` are sums over clouds.
     """
     return _per_data_set(bd_rate_clouds(metrics, anchor, qualities), margin_percent)
@@ -116,8 +131,10 @@ def bd_rate_pairs(
     qualities: Sequence[str] = METRICS,
     margin_percent: float = MARGIN_PERCENT,
 ) -> pd.DataFrame:
-    """Bjontegaard deltas, as in ``bd_rate``, between all pairs of codecs: the codec's rate relative
-    to that of the codec in the column ``anchor``. Rankings are made from these.
+    """The table shows the Bjontegaard deltas between all pairs of codecs, as in ``bd_rate``.
+
+    They are the codec's rate relative to that of the codec in the column ``anchor``. Rankings are
+    made from these.
     """
     import pandas as pd
 
@@ -168,8 +185,6 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
 
 
 class _Curves:
-    """The curves of all codecs on a cloud, and their numbers of lossless rates, by codec."""
-
     def __init__(self, names: dict[str, Any], rows: pd.DataFrame) -> None:
         self.names = names
         self.codecs = {

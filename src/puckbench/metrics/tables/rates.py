@@ -15,15 +15,16 @@ _LARGEST = {"q99_mm": "q99_point_m", "largest_mm": "hausdorff_point_m"}
 
 @TABLES.register("rates", title="Bits, errors and times at each rate")
 def rates(metrics: pd.DataFrame) -> pd.DataFrame:
-    """One row for each data set, codec and rate: bits per point, errors in mm, and coding times.
+    """The table shows bits per point, errors and coding times for each data set, codec and rate.
 
-    ``bpp``: mean over the clouds. ``d1_rms_mm``, ``d2_rms_mm``: RMS distance, point to point and
-    point to plane, the larger of both directions. ``q99_mm``, ``largest_mm``: 99 % quantile and
-    largest of the distances, point to point; the worst of the clouds. ``range_rms_mm``: RMS error
-    of the ranges, for clouds of a sensor's returns. ``truth_d2_rms_mm``: RMS distance to the true
-    surface, point to plane. RMS are over clouds, too. ``encode_s``, ``decode_s``: seconds for a
-    million points. ``file_ratio``: bytes of the users' files per byte of the streams. Columns that
-    do not apply to any cloud are left out.
+    ``bpp`` is the mean over the clouds. ``d1_rms_mm`` and ``d2_rms_mm`` are RMS distances, point to
+    point and point to plane, the larger of both directions. ``q99_mm`` and ``largest_mm`` are the
+    99 % quantile and the largest of the point-to-point distances, for the worst of the clouds.
+    ``range_rms_mm`` is the RMS error of the ranges, for clouds of a sensor's returns.
+    ``truth_d2_rms_mm`` is the RMS distance to the true surface, point to plane. RMS values are over
+    clouds, too. ``encode_s`` and ``decode_s`` are seconds for a million points. ``file_ratio`` is
+    the number of bytes of the users' files per byte of the streams. Columns that do not apply to
+    any cloud are left out.
     """
     import pandas as pd
 

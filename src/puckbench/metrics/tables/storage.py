@@ -41,23 +41,26 @@ _IN_METRES = {
     "truth_d2_rms_mm": "truth_d2_rms_m",
 }
 AT_ERROR = {"bits_at_5_mm": "d1_rms_mm", "bits_at_5_mm_d2": "d2_rms_mm"}
+"""Columns of bits at an equal error, and the error of each."""
 AT_ERROR |= {"bits_at_5_mm_range": "range_rms_mm"}
 """Columns of bits at an equal error, and the error."""
 
 
 @TABLES.register("storage", title="What to store a sensor's data in", needs=(SPINS_OR_RECORDINGS,))
 def storage(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Every codec on clouds in metres, at the rate of least error and at an error of 5 mm; medians
-    over clouds.
+    """The table shows codecs on clouds in metres, at their most exact rate and at an error of 5 mm.
 
-    ``kept``: ``exact``; ``1 mm``, as exact as on a 1 mm grid; or ``less``, listed last. Further
-    columns: bits per return, megabits per second at the sensor's speed, RMS errors (D1, D2, D2 to
-    the true surface, ranges), the 99 % quantile and the largest of the distances (point to point)
-    in mm, numbers of returns lost and added, milliseconds per turn, and coding speed relative to
-    the sensor on one thread (2: twice as fast). ``bits_at_5_mm``, ``..._d2``, ``..._range``: bits
-    per return at an RMS error of 5 mm by D1, D2 and of the ranges, interpolated linearly on log-log
-    axes; empty if no rates enclose this error. Equal D1 favours codecs whose errors lie along the
-    rays: at the same D1 an octree has 1/√3 of their range error.
+    Values are medians over clouds. ``kept`` is ``exact``; ``1 mm``, i.e. as exact as on a 1 mm
+    grid; or ``less``. Codecs with ``less`` are listed last. Further columns of the most exact rate
+    are: bits per return, megabits per second at the sensor's speed, RMS errors in mm (D1, D2, D2 to
+    the true surface, ranges), the 99 % quantile and the largest of the point-to-point distances in
+    mm, numbers of returns lost and added, milliseconds per turn, and coding speed relative to the
+    sensor on one thread (2: twice as fast).
+
+    ``bits_at_5_mm``, ``..._d2`` and ``..._range`` are bits per return at an RMS error of 5 mm, by
+    D1, by D2 and of the ranges. They are interpolated linearly on log-log axes, and empty if no
+    rates enclose this error. Equal D1 favours codecs whose errors lie along the rays: at the same
+    D1, an octree has 1/√3 of their range error.
     """
     import pandas as pd
 

@@ -164,24 +164,27 @@ def uses(
     scan_errors: pd.DataFrame | None = None,
     margin_percent: float = MARGIN_PERCENT,
 ) -> pd.DataFrame:
-    """Codecs that serve a use, the best first, by data set.
+    """The table lists the codecs that serve a use, the best first, by data set.
 
-    ``use``: ``archive`` (lossless rates); ``within_5_mm`` (D1 RMS error of at most 5 mm); ``map``
-    (99 % of the distances between decoded points and the true surface, either way, at most 50 mm);
-    ``nearest`` (least RMS distance of a noisy scan to the true surface, D2, at the rate that is
-    best in the other scenes); ``real_time`` (5 mm, coded and decoded no slower than the sensor
-    turns, on one thread).
-    ``bpp``: fewest bits per point, interpolated on log-log axes between rates, or those of the
-    lowest rate if it is already good enough; ``error_mm``: the
-    error that the use is about; ``largest_mm``: largest distance to the original, point to point;
-    ``seconds``: to encode and decode a million points; geometric means over scenes, arithmetic ones
-    if a value is 0. ``ratio``: bits
-    (``nearest``: error) relative to the best codec, with 95 % interval by Student's t from six
-    scenes on. ``verdict``: "fewest bits" or "nearest" if the best is better than each other codec,
-    also than those that serve the use in some scenes alone (there);
-    of others, "worse", "not worse" by more than the margin, or "undecided"; "no verdict" below six
-    scenes, or if times were not measured three times without other jobs. Codecs that serve the use
-    in some scenes alone come last, without a verdict.
+    ``use`` is one of five. ``archive`` allows lossless rates only. ``within_5_mm`` allows a D1 RMS
+    error of at most 5 mm. ``map`` requires that 99 % of the distances between decoded points and
+    the true surface, either way, are at most 50 mm. ``nearest`` asks for the least RMS distance of
+    a noisy scan to the true surface (D2), at the rate that is best in the other scenes.
+    ``real_time`` allows an error of 5 mm, and requires that coding and decoding on one thread are
+    no slower than the sensor turns.
+
+    ``bpp`` is the fewest bits per point, interpolated on log-log axes between rates, or those of
+    the lowest rate if it is already good enough. ``error_mm`` is the error that the use is about.
+    ``largest_mm`` is the largest distance to the original, point to point. ``seconds`` is the time
+    to encode and decode a million points. Values are geometric means over scenes, or arithmetic
+    means if a value is 0. ``ratio`` is the number of bits (for ``nearest``, the error) relative to
+    the best codec, with a 95 % interval by Student's t from six scenes on.
+
+    ``verdict`` is "fewest bits" or "nearest" if the best codec is better than each other codec.
+    This includes codecs that serve the use only in some scenes, which are compared in these scenes.
+    The verdict on other codecs is "worse", "not worse" (by more than the margin), or "undecided".
+    It is "no verdict" below six scenes, or if times were not measured three times without other
+    jobs. Codecs that serve the use only in some scenes come last, without a verdict.
     """
     import pandas as pd
 
