@@ -52,7 +52,7 @@ class HouseRoom:
     left_out: dict[str, int]
 
     def models(self, folder: Path) -> list[Path]:
-        """Return the paths of the furniture models that the room needs, below their folder."""
+        """Return the paths, in the folder of the models, of the furniture that the room needs."""
         ids = dict.fromkeys(item.model for item in self.items if item.model is not None)
         return [_model_file(folder, model) for model in ids]
 

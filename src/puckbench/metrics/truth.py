@@ -24,6 +24,10 @@ CODE = ("puckbench.geometry.closest", "puckbench.metrics.coordinate_frames")
 class Truth:
     """The true surface of a scene, prepared so that many decoded clouds can be compared with it.
 
+    Distances from the surface to a decoded cloud start at the visible points. These are `clean` if
+    given, else `seen`, else the points of `surface`. If `surface` is a mesh, they are random
+    samples of it.
+
     Parameters
     ----------
     reference
@@ -33,9 +37,7 @@ class Truth:
     seen
         Points of the surface that the sensor saw.
     clean
-        The scan without noise: the exact intersections of its rays with the surface. Distances
-        start at these points if given, else at `seen`, else at `surface` (of a mesh, at random
-        samples).
+        The scan without noise: the exact intersections of its rays with the surface.
     """
 
     def __init__(
