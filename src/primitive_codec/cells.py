@@ -46,9 +46,9 @@ def group_by_cell(
     side
         Side of a cell, in the unit of the points.
     origin
-        A point (3,) of the cell (0, 0, 0), by default zeros.
+        Position (3,) of the cell (0, 0, 0), by default zeros.
     centred
-        Whether `origin` is the centre of that cell; by default it is the lowest corner.
+        Whether `origin` is the centre of this cell; by default, it is the lowest corner.
 
     Returns
     -------

@@ -145,6 +145,11 @@ class VoxelSearch:
         max_voxel_size
             Largest side of a voxel, in 1/1023 of the cloud's longest side. It takes precedence over
             `max_bytes`.
+
+        Returns
+        -------
+        CodedVoxels
+            The encoded voxels, with displacements if these are worth their bytes.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())

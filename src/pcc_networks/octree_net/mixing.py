@@ -1,7 +1,8 @@
-"""Context mixing of the bits of symbols; each bit is the occupancy of a child.
+"""Coding of symbols bit by bit, with probabilities from the network and from adaptive contexts.
 
-The network's probability of a bit is mixed with those of adaptive contexts, which learn the scan's
-statistics from the causal neighbourhood.
+Each bit of a symbol says whether a child is occupied. The probability that the network gives to a
+bit is mixed with those of adaptive contexts, which learn the statistics of the scan from the cells
+around a voxel.
 """
 
 from __future__ import annotations
@@ -67,10 +68,12 @@ _CHILDREN = np.array([EVEN, ODD])
 
 
 def writer(voxels: int) -> Mixer:
+    """Return a coder that encodes the symbols of at most `voxels` voxels."""
     return _new_mixer(bit_writer(_MAX_VOXEL_BYTES * voxels + 16))
 
 
 def reader(stream: bytes) -> Mixer:
+    """Return a coder that decodes a stream."""
     return _new_mixer(bit_reader(stream))
 
 
@@ -82,10 +85,24 @@ def code_symbols(
     mixer: Mixer, level: LevelState, group: int, second: bool, rows: Ints, symbols: Symbols,
     frequencies: Frequencies,
 ) -> None:  # fmt: skip
-    """Encode the symbols (m,) of voxels `rows` (m,) of a level, or decode them in place.
+    """Encode the symbols of voxels of a level, or decode them in place.
 
-    `level` must contain the voxels' causal neighbourhoods. `group` is the index of their group, and
-    `second` selects their second symbols. `frequencies` (m, 16) are the network's prediction.
+    Parameters
+    ----------
+    mixer
+        Coder from `writer` or `reader`, which decides between encoding and decoding.
+    level
+        State of the level; `find_neighbourhood` must have been called for the voxels.
+    group
+        Index of the group of the voxels.
+    second
+        Whether the second symbols are coded, instead of the first.
+    rows
+        Rows (m,) of the voxels.
+    symbols
+        Symbols (m,) of the voxels, to which a decoder writes.
+    frequencies
+        Frequencies (m, 16) that the network predicts for the values of the symbols.
     """
     _code_symbols(
         mixer, level, group, int(second), rows, symbols, frequencies, _CHILDREN, _STARTS, CELLS

@@ -1,9 +1,9 @@
-"""Inference of PCGCv1, one cube at a time per thread, arranged for vector units.
+"""Inference of PCGCv1, arranged for vector units; each thread computes one cube at a time.
 
-A vector unit computes sixteen output channels at once; layers with fewer channels compute p
+A vector unit computes sixteen output channels at once. Layers with fewer channels compute p
 adjacent voxels jointly, by a kernel of 3x3x(2 + p) voxels with stride p and p times the channels.
-Training and GPUs use the model's own layers, which take four times as long on a CPU and, as their
-sums are rounded in another order, decode other points from the same stream.
+Training and GPUs use the layers in `model` instead. On a CPU these take four times as long; since
+they round sums in another order, they would decode other points from the same stream.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ Integers = NDArray[np.int32]
 
 
 class CpuTransforms:
+    """The transforms g_a, g_s and h_a on a CPU, for one cube at a time."""
+
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
             self._empty_features: dict[tuple[int, ...], Tensor] = {}
@@ -67,7 +69,20 @@ class CpuTransforms:
             self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """Transform occupancy (side, side, side) to y_hat and z_hat, (channels, s, s, s) each."""
+        """Compute the quantised latents of a cube.
+
+        Parameters
+        ----------
+        occupied
+            Occupancy (side, side, side), 0 or 1.
+        rate
+            Index of the rate.
+
+        Returns
+        -------
+        y_hat, z_hat
+            Latent and hyper-latent, integers (channels, s, s, s).
+        """
         with torch.inference_mode():
             features = _apply_blocks(self._analysis_blocks[1], self._stride_two(occupied))
             features = _apply_blocks(
@@ -79,7 +94,8 @@ class CpuTransforms:
             return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
-        """Return features at stride 2; far from occupied voxels, copy those of an empty cube."""
+        """Return features at stride 2; far from occupied voxels, they are copied from an empty cube.
+        """
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
@@ -109,9 +125,21 @@ class CpuTransforms:
         return last.apply(_strided_conv(features, down).relu_())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """Transform y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
+        """Compute the occupancy of a cube from its latent.
 
-        Logits outside `blocks` (s, s, s) may be -inf.
+        Parameters
+        ----------
+        y_hat
+            Latent (channels, s, s, s).
+        rate
+            Index of the rate.
+        blocks
+            Mask (s, s, s) of the blocks whose voxels are needed.
+
+        Returns
+        -------
+        ndarray
+            Logits (side**3,) of all voxels, z fastest. Outside `blocks` they may be -inf.
         """
         side = blocks.shape[0] * STRIDE
         box = _bounding_box(blocks, _SYNTHESIS_MARGIN // STRIDE, _SIDE_MULTIPLE // STRIDE)
@@ -146,7 +174,8 @@ def _channels_last(features: Tensor) -> Tensor:
 
 
 def quantised(features: Tensor) -> Integers:
-    """Round features (1, c, s, s, s) to 16-bit integers (c, s, s, s)."""
+    """Round features (1, c, s, s, s) to 16-bit integers, and return them as an array (c, s, s, s).
+    """
     integers: Integers = features[0].round().clamp(-(2**15), 2**15 - 1).int().numpy()
     return integers
 
@@ -219,9 +248,9 @@ def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 
 @dataclass(frozen=True)
 class PolyphaseConv:
-    """A transposed convolution and its ReLU in polyphase form, by the parity of x and y.
+    """A transposed convolution and its ReLU, computed separately for even and odd x and y.
 
-    Four small kernels avoid products with zeros. Both parities of z are computed jointly.
+    The four smaller kernels avoid products with zeros. Even and odd z are computed jointly.
     """
 
     layers: list[list[ConvolutionKernel]]  # by the parity of x, then of y
@@ -259,7 +288,7 @@ def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
 
 @dataclass(frozen=True)
 class MatrixConv:
-    """A 1x1x1 convolution as a block-diagonal matrix for several voxels."""
+    """A 1x1x1 convolution that multiplies several voxels jointly by a block-diagonal matrix."""
 
     matrix: Tensor
     bias: Tensor
@@ -324,6 +353,9 @@ def _rows(features: Tensor) -> Tensor:
 
 
 class DeviceTransforms:
+    """The transforms g_a, g_s and h_a on a device such as a GPU, with the methods of `CpuTransforms`.
+    """
+
     def __init__(self, model: PCGCv1) -> None:
         self._model, self._device = model, device_of(model)
 

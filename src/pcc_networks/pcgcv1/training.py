@@ -43,7 +43,10 @@ _EMPTY_PER_OCCUPIED = 3.0
 
 
 def initialise(model: PCGCv1, cube_size: int) -> None:
-    """Scale a new model's weights so that each layer's output for a sphere has unit variance."""
+    """Scale the weights of a new model, so that each layer's output for a sphere has unit variance.
+
+    Some layers, which are listed in `_DEVIATIONS`, get another standard deviation.
+    """
     with torch.no_grad(), _rescaled(model):
         y = model.g_a(sphere(cube_size))
         model.h_s(model.h_a(y))
@@ -53,6 +56,7 @@ def initialise(model: PCGCv1, cube_size: int) -> None:
 
 
 def sphere(size: int) -> Tensor:
+    """Return the occupancy (1, 1, size, size, size) of a sphere in a cube."""
     axis = torch.arange(size) - (size - 1) / 2
     radius = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2).sqrt()
     return ((radius - 0.4 * size).abs() < 0.5).float()[None, None]
@@ -92,6 +96,8 @@ _MIN_RATE_WEIGHT = 0.01
 
 
 class Pcgcv1Loss(NamedTuple):
+    """The loss of a step, and the terms of which it is the sum."""
+
     total: Tensor  # minimised
     empty: Tensor  # mean cross entropy of empty voxels
     occupied: Tensor  # mean cross entropy of occupied voxels
@@ -103,6 +109,25 @@ def rate_distortion_loss(
     model: PCGCv1, x: Tensor, rate: int, lmbda: float, noise: torch.Generator,
     beta: float = BETA, rate_weight: float = 1.0,
 ) -> Pcgcv1Loss:  # fmt: skip
+    """Compute the loss of cubes at one rate.
+
+    Parameters
+    ----------
+    model
+        The network.
+    x
+        Occupancy (n, 1, size, size, size) of the cubes, 0 or 1.
+    rate
+        Index of the rate.
+    lmbda
+        Lagrangian weight of the distortion.
+    noise
+        Source of the uniform noise that replaces rounding.
+    beta
+        Weight of empty voxels in the distortion.
+    rate_weight
+        Weight of the bits, below 1 at the start of a training.
+    """
     y, z, blocks, hyper_blocks = model.latents(x, rate)
     z_hat = _with_noise(z, noise) * hyper_blocks
     y_hat = _with_noise(y, noise) * blocks
@@ -125,6 +150,7 @@ def _with_noise(values: Tensor, noise: torch.Generator) -> Tensor:
 
 
 def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
+    """Return the occupancy (n, 1, size, size, size) of clouds that are given by Morton keys."""
     cubes = np.zeros((len(clouds), 1, size, size, size), dtype=np.float32)
     for cube, keys in zip(cubes[:, 0], clouds, strict=True):
         cube[tuple(morton_voxels(keys).T)] = 1
@@ -132,6 +158,8 @@ def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
 
 
 class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
+    """Trains PCGCv1; each step is at a random rate."""
+
     training: Pcgcv1Training
 
     def __init__(self, model: PCGCv1, training: Pcgcv1Training) -> None:
@@ -149,6 +177,7 @@ class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
         return Pcgcv1Loss(*(value.detach() for value in loss))
 
     def rate_weight(self) -> float:
+        """Return the weight of the bits in the loss of the next step."""
         warm_up = self.training.rate_warm_up * self.training.steps
         return float(_MIN_RATE_WEIGHT ** max(0.0, 1 - self.done / warm_up))
 

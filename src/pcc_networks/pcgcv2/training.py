@@ -39,6 +39,8 @@ SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
 
 
 class Pcgcv2Loss(NamedTuple):
+    """The loss of a step, and the terms of which it is the sum."""
+
     total: Tensor  # minimised
     cross_entropies: tuple[Tensor, ...]  # mean bits of a candidate voxel at strides 4, 2 and 1
     bpp: Tensor  # bits of the latent per point
@@ -47,6 +49,23 @@ class Pcgcv2Loss(NamedTuple):
 def rate_distortion_loss(
     model: PCGCv2, keys: Keys, rate: int, lmbda: float, pool: ThreadPool, noise: torch.Generator
 ) -> Pcgcv2Loss:
+    """Compute the loss of a cloud at one rate.
+
+    Parameters
+    ----------
+    model
+        The network.
+    keys
+        Sorted Morton keys (n,) of the voxels.
+    rate
+        Index of the rate.
+    lmbda
+        Lagrangian weight of the distortion.
+    pool
+        Threads of the convolutions.
+    noise
+        Source of the uniform noise that replaces rounding.
+    """
     device = model.log_gains.device
     sets, child_maps = pyramid(keys, SCALES, pool)
     scaled = model.g_a(sets, child_maps, pool) * model.gain(rate)
@@ -87,6 +106,8 @@ def _occupied(parents: VoxelSet, occupied_keys: Keys) -> NDArray[np.bool_]:
 
 
 class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
+    """Trains PCGCv2; each step is at a random rate."""
+
     training: MultiRateTraining
 
     def __init__(self, model: PCGCv2, training: MultiRateTraining, pool: ThreadPool) -> None:
