@@ -58,7 +58,9 @@ class EntropyBottleneck(nn.Module):
         return values
 
     def likelihood(self, latent: Tensor) -> Tensor:
-        """Return the probability of the unit interval around each value of a latent (n, channels).
+        """Return the probability of the unit interval around each value of a latent.
+
+        Both the latent and the result have the shape (n, channels).
         """
         values = latent.T[:, None]
         lower, upper = self.logits_cumulative(values - 0.5), self.logits_cumulative(values + 0.5)

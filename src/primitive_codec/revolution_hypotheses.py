@@ -34,8 +34,7 @@ class _Hypotheses(NamedTuple):
 
 
 def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
-    """Sort samples (n, 3) by blocks of side `radius`; return their order (n,) and the sorted samples.
-    """
+    """Sort samples (n, 3) by blocks of side `radius`, and return the order (n,) with the result."""
     cells = np.floor(xyz / radius).astype(np.int64)
     return blocks_of(CellSamples(xyz, np.ones(len(xyz)), cells), 1)
 

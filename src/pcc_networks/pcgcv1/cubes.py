@@ -146,7 +146,19 @@ def pooled(blocks: Bools) -> Bools:
 
 
 def rows_of(values: NDArray[N], blocks: Bools) -> NDArray[N]:
-    """Return the values (n, channels) of arrays (m, channels, s, s, s) at true blocks (m, s, s, s).
+    """Return values at true blocks as rows.
+
+    Parameters
+    ----------
+    values
+        Values (m, channels, s, s, s).
+    blocks
+        Mask (m, s, s, s).
+
+    Returns
+    -------
+    ndarray
+        Values (n, channels) at the n true blocks.
     """
     return np.moveaxis(values, 1, -1)[blocks]
 

@@ -1,4 +1,4 @@
-"""Computation of the latent's distributions from the hyper-latent, with equal results on all machines.
+"""Computation of the latent's distributions from the hyper-latent, equal on all machines.
 
 The hyper-synthesis transform h_s is computed in integers. Weights are rounded to multiples of
 2**-16, features to multiples of 2**-12. Products and sums are integers below 2**53, which double
@@ -108,8 +108,7 @@ def _powers(level: int, max_exponent: int) -> NDArray[np.float64]:
 
 
 def likelihood(latent: Tensor, location: Tensor, scale: Tensor) -> Tensor:
-    """Return the Laplace probability of the unit interval around each value of a latent, for training.
-    """
+    """Return the Laplace probability of the unit interval around each value, for training."""
     scale = scale.clamp_min(MIN_SCALE)
     distance = (latent - location).abs()
     mass = _cumulative(0.5 - distance, scale) - _cumulative(-0.5 - distance, scale)
@@ -147,7 +146,17 @@ class IntegerHyperSynthesis:
         )
 
     def tables(self, z_hat: NDArray[np.int32]) -> TableIndexes:
-        """Return the tables of a cube's latent (channels, 2 s, 2 s, 2 s) for z_hat (channels, s, s, s).
+        """Return the frequency tables of the latent of a cube.
+
+        Parameters
+        ----------
+        z_hat
+            Hyper-latent (channels, s, s, s).
+
+        Returns
+        -------
+        TableIndexes
+            Arrays (latent channels, 2 s, 2 s, 2 s).
         """
         with torch.no_grad():
             features = (

@@ -94,8 +94,7 @@ class CpuTransforms:
             return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
-        """Return features at stride 2; far from occupied voxels, they are copied from an empty cube.
-        """
+        """Return features at stride 2; far from occupied voxels, copy those of an empty cube."""
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
@@ -174,8 +173,7 @@ def _channels_last(features: Tensor) -> Tensor:
 
 
 def quantised(features: Tensor) -> Integers:
-    """Round features (1, c, s, s, s) to 16-bit integers, and return them as an array (c, s, s, s).
-    """
+    """Round features (1, c, s, s, s) to 16-bit integers (c, s, s, s)."""
     integers: Integers = features[0].round().clamp(-(2**15), 2**15 - 1).int().numpy()
     return integers
 
@@ -353,7 +351,9 @@ def _rows(features: Tensor) -> Tensor:
 
 
 class DeviceTransforms:
-    """The transforms g_a, g_s and h_a on a device such as a GPU, with the methods of `CpuTransforms`.
+    """The transforms g_a, g_s and h_a on a device such as a GPU.
+
+    The methods are those of `CpuTransforms`.
     """
 
     def __init__(self, model: PCGCv1) -> None:

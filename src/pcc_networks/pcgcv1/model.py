@@ -116,8 +116,7 @@ class Pcgcv1Analysis(nn.Module):
 
 
 class Pcgcv1Synthesis(nn.Module):
-    """The synthesis transform g_s, which computes the logit of each voxel's occupancy from y_hat.
-    """
+    """The synthesis transform g_s, which computes each voxel's occupancy logit from y_hat."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -155,8 +154,7 @@ class HyperAnalysis(nn.Module):
 
 
 class LaplaceParameters(NamedTuple):
-    """Location and scale of the distribution of each value of y, with shape (n, c, s, s, s) each.
-    """
+    """Location and scale of the distribution of each value of y, both (n, c, s, s, s)."""
 
     location: Tensor
     scale: Tensor

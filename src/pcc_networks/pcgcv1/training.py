@@ -96,7 +96,7 @@ _MIN_RATE_WEIGHT = 0.01
 
 
 class Pcgcv1Loss(NamedTuple):
-    """The loss of a step, and the terms of which it is the sum."""
+    """The loss of a step, and the terms of which it consists."""
 
     total: Tensor  # minimised
     empty: Tensor  # mean cross entropy of empty voxels

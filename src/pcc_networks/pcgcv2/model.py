@@ -171,8 +171,7 @@ class SynthesisScale(nn.Module):
 
 
 class Pcgcv2Synthesis(nn.Module):
-    """The synthesis transform g_s, which computes occupancy from y_hat at stride 8, scale by scale.
-    """
+    """The synthesis transform g_s, which computes occupancy from y_hat, scale by scale."""
 
     def __init__(self, shape: Pcgcv2Shape) -> None:
         super().__init__()

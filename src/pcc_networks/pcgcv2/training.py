@@ -39,7 +39,7 @@ SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
 
 
 class Pcgcv2Loss(NamedTuple):
-    """The loss of a step, and the terms of which it is the sum."""
+    """The loss of a step, and the terms of which it consists."""
 
     total: Tensor  # minimised
     cross_entropies: tuple[Tensor, ...]  # mean bits of a candidate voxel at strides 4, 2 and 1

@@ -73,6 +73,7 @@ def convolution(channels: int) -> Callable[..., None]:
 @cache
 def head(channels: int) -> Callable[..., None]:
     """Compile the layers that predict the cumulative frequencies of a symbol from features."""
+
     def predict(
         features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, embedding: Floats32, symbols: Symbols,
@@ -104,7 +105,7 @@ def head(channels: int) -> Callable[..., None]:
 
 @compiled
 def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
-    """Write to `out` (17,) the cumulative frequencies of 16 logits, rounded as in the authors' program.
+    """Compute the cumulative frequencies of 16 logits, rounded as in the authors' program.
 
     The cumulative softmax is multiplied by 2^16 - 16 and rounded. Then 1 is added to the frequency
     of each value. Logits that are not finite give equal frequencies.
@@ -116,7 +117,7 @@ def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
     at
         Index of the first logit.
     out
-        Receives the cumulative frequencies.
+        Receives the 17 cumulative frequencies.
     """
     max_logit = np.float64(logits[at])
     for j in range(1, VALUES):
@@ -155,9 +156,23 @@ _NONE, _NO_SYMBOLS = np.empty(0, np.float32), np.empty(0, np.uint8)
 def prior_features(
     weights: RenoWeights, occupancy: Occupancy, table: NeighbourTable, pool: ThreadPool
 ) -> Floats32:
-    """Return the features of the voxels of a level, computed from the occupancy (n,) of their children.
+    """Return the features of the voxels of a level, which describe their occupancy.
 
-    The neighbour table is (27, n); the result is flat.
+    Parameters
+    ----------
+    weights
+        The network.
+    occupancy
+        Occupancy (n,) of the children of each voxel.
+    table
+        Neighbour table (27, n) of the voxels.
+    pool
+        Threads of the layers.
+
+    Returns
+    -------
+    ndarray
+        Features of all voxels, a flat array (n * channels,).
     """
     embedded = weights.occupancy_embedding.reshape(-1, weights.channels)[occupancy].ravel()
     return _residual_network(weights.prior, weights.channels, embedded, table, pool)

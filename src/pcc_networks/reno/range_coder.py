@@ -1,4 +1,4 @@
-"""The range coder of the authors' program (torchac), for symbols with 16-bit cumulative frequencies.
+"""The range coder of the authors' program (torchac), for symbols with 16-bit frequencies.
 
 The coder has 32 bits of precision, and ends streams as torchac does.
 

@@ -31,8 +31,7 @@ _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """What convolutions of a set of voxels need: neighbours, kernel map, threads and chunk sizes.
-    """
+    """The neighbours, threads and chunk sizes for convolutions of a set of voxels."""
 
     gather_scatter: GatherScatter
     pool: ThreadPool
@@ -45,8 +44,7 @@ class Neighbourhood:
         return self.gather_scatter.kernel_map
 
     def chunk_rows(self, channels: int) -> int:
-        """Return the number of rows that are computed at once, for features with `channels` channels.
-        """
+        """Return the number of rows that are computed at once, for this number of channels."""
         rows = self.chunk_floats // (self.kernel_map.typical_read * channels)
         return int(np.clip(rows, _MIN_ROWS, self.max_rows))
 
@@ -195,7 +193,9 @@ def _kernel_gradient(features: Tensor, gradient: Tensor, neighbourhood: Neighbou
 
 
 class SparseLayer(nn.Module):
-    """Base class of layers with a kernel (offsets, c, d), offsets with x fastest, and a bias (d,).
+    """Base class of layers with a kernel (offsets, c, d) and a bias (d,).
+
+    The offsets of the kernel are ordered with x fastest.
     """
 
     offsets = OFFSETS

@@ -262,8 +262,7 @@ def _elements_after(features: Tensor) -> int:
 
 @cache
 def _mover(width: int, is_gather: bool) -> Callable[..., None]:
-    """Compile a loop that copies features to `packed` (gather) or adds `packed` to features (scatter).
-    """
+    """Compile a loop that copies features to `packed`, or adds `packed` to features."""
 
     @compiled
     def move(

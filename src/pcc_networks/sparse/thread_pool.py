@@ -25,7 +25,9 @@ class Scratch:
         self._buffers: dict[str, Tensor] = {}
 
     def take(self, name: str, size: int) -> Tensor:
-        """Return a buffer of `size` uninitialised floats; later requests with the same name reuse it.
+        """Return a buffer of `size` uninitialised floats.
+
+        Later requests with the same name return the same memory.
         """
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size:

@@ -72,7 +72,19 @@ def unique_keys(keys: Keys) -> Keys:
 
 
 def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
-    """Return the keys (m,) of the parents of voxels with sorted keys (n,), and the map between them.
+    """Return the parents of voxels.
+
+    Parameters
+    ----------
+    keys
+        Sorted keys (n,) of the voxels.
+
+    Returns
+    -------
+    parents
+        Sorted keys (m,) of the parents.
+    child_map
+        The rows of the children of each parent.
     """
     parents = keys >> 3
     starts = np.flatnonzero(np.diff(parents, prepend=-1))
