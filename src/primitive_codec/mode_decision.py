@@ -192,7 +192,6 @@ def _encode_coarse_hybrid(
 
 
 def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.HybridCriterion:
-    """Return the functions that compare hybrid candidates."""
     # Its cost is a product of errors, ``point * plane * surface ** (1 - refinement)``: those to the
     # points, to their planes, and to the smoothed surface. `refinement` is from 0 to 1.
 
@@ -247,7 +246,7 @@ def _voxels_lose_surface(
 def _refined_budget(
     search: VoxelSearch, selected_bytes: int, settings: PrimitiveSettings
 ) -> tuple[int, float]:
-    """Return the bytes that a refined stream may take, and the largest voxel side in units."""
+    """Return how many bytes a hybrid may take, and the largest side of its voxels in units."""
     # The budget grows exponentially with the refinement. At refinement 1 voxels are at most
     # `max_voxel_size`, even if they need more than `refined_bpp`.
     low, high = bounds(search.points)

@@ -1,8 +1,9 @@
 """Coding of the plane of a leaf.
 
-A leaf either takes the plane of a neighbouring leaf, which an index signals as in the merge mode of
-video codecs, or has a new plane, which is predicted from its neighbours. A new plane is fitted to
-the whole region of the leaf (see `region_merging`), and quantised more finely for larger regions.
+A leaf either shares the plane of a neighbouring leaf, or has a new plane. A shared plane is
+signalled by an index, as in the merge mode of video codecs. A new plane is predicted from
+neighbouring planes; the encoder fits it to the whole region of the leaf (see `region_merging`).
+Planes of larger regions are quantised more finely.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def _linearise(
     matrix: Floats,
     gradient: Floats,
 ) -> float:
-    """Write the weighted normal equations (6, 6) and (6,) of a step; return the loss."""
+    """Write the weighted normal equations, (6, 6) and (6,), of a step, and return the loss."""
     # Unknowns are the origin's displacements along both perpendicular axes, the axis's tilts
     # towards them, radius, and angle; for a sphere, three displacements and the radius.
     matrix[:], gradient[:] = 0.0, 0.0

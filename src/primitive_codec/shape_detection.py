@@ -179,7 +179,7 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Repeatedly refine the hypothesis that has most inliers which no earlier hypothesis has."""
+    """Repeatedly refine the hypothesis with the most inliers that no earlier hypothesis has."""
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)

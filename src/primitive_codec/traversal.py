@@ -186,7 +186,6 @@ def _code_occupancy(
     child: tuple[int, int, int],
     level_states: tuple[Bytes, Bytes],
 ) -> int:
-    """Encode or decode whether a child is occupied."""
     # `child` holds the octant, the bits of earlier siblings' occupancy, and log2 of the side.
     faces = occupied_count = 0
     for dx in range(-1, 2):

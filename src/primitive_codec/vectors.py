@@ -27,11 +27,13 @@ def vector(array: Floats) -> Vector:
 
 @inlined
 def dot(a: Vector, b: Vector) -> float:
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def length(a: Vector) -> float:
+    """Return the Euclidean length of a vector."""
     return float(np.sqrt(dot(a, a)))
 
 
@@ -43,9 +45,11 @@ def add_multiple(a: Vector, factor: float, b: Vector) -> Vector:
 
 @inlined
 def cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
 def multiply(factor: float, a: Vector) -> Vector:
+    """Return factor * a."""
     return factor * a[0], factor * a[1], factor * a[2]

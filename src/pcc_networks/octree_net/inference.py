@@ -1,8 +1,8 @@
 """Inference of the sparse octree net in compiled layers, by chunks of a level's voxels.
 
-The results equal those of the layers in `model`, which training needs for their gradients. Those
-layers alone would take twice as long as the whole encoder takes with compiled layers. All numbers
-are integers that are stored as 32-bit floats: features and biases are in units of 2**-5, weights of
+The results equal those of the layers in `model`, which training needs for their gradients. With
+these layers, inference would take twice as long as the whole encoder takes now. All numbers are
+integers that are stored as 32-bit floats: features and biases are in units of 2**-5, weights of
 2**-9, sums of 2**-14 (see `model`).
 """
 
@@ -47,12 +47,14 @@ _ACTIVATION, _ZERO = np.float32(MAX_ACTIVATION), np.float32(0)
 
 @compiled
 def residual(total: np.float32) -> np.float32:
+    """Round a sum in units of 2**-14 to a feature in units of 2**-5, and clip it."""
     rounded = (total / _UNITS + _ROUNDER) - _ROUNDER
     return min(max(rounded, -_RESIDUAL), _RESIDUAL)
 
 
 @compiled
 def activation(feature: np.float32) -> np.float32:
+    """Apply the clipped ReLU to a feature."""
     return min(max(feature, _ZERO), _ACTIVATION)
 
 
@@ -91,6 +93,8 @@ def convolution(channels: int) -> Callable[..., None]:
 
 @cache
 def head(channels: int) -> Callable[..., None]:
+    """Compile the layers that predict the frequencies (16) of a symbol from features."""
+
     def predict(
         row_features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, powers: NDArray[np.int32],
@@ -127,6 +131,8 @@ def head(channels: int) -> Callable[..., None]:
 
 @cache
 def embedding(channels: int) -> Callable[..., None]:
+    """Compile the addition of coded symbols to features."""
+
     def embed(
         row_features: Floats32, first: int, last: int, embeddings: Floats32, symbols: Symbols
     ) -> None:
@@ -141,6 +147,8 @@ def embedding(channels: int) -> Callable[..., None]:
 
 @cache
 def scattering(channels: int) -> Callable[..., None]:
+    """Compile the copying of the features of a group to those of the level."""
+
     def scatter(
         row_features: Floats32, first: int, last: int, rows: Rows, features: Floats32,
         active: Floats32,
@@ -156,6 +164,8 @@ def scattering(channels: int) -> Callable[..., None]:
 
 @cache
 def upsampling(channels: int) -> Callable[..., None]:
+    """Compile the layer that computes the features of children from those of their parents."""
+
     def upsample(
         parents: Floats32, slots: Rows, first: int, last: int, kernel: Floats32, bias: Floats32,
         features: Floats32, active: Floats32,

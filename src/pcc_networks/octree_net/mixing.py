@@ -152,7 +152,7 @@ def _code_symbols(
 
 @compiled_in_place
 def _first_symbol(code: int, half: int) -> int:
-    """Return the first symbol of an occupancy, or 0 while that symbol is being coded."""
+    """Return the first symbol of an occupancy, or 0 if that symbol is being coded."""
     return half * (code & 1 | code >> 2 & 2 | code >> 3 & 4 | code >> 3 & 8)
 
 
@@ -163,18 +163,18 @@ def _find_contexts(
 ) -> None:  # fmt: skip
     """Compute the contexts of the bit of a voxel's child, and the rows of mixing weights.
 
-    A cell is a place of the child's size; cells share a face, an edge or a corner with the child,
-    inside its voxel or outside. The caller adds what it knows of the voxel to contexts 0, 1 and 10.
-    Each context depends on:
+    A cell is a place of the size of the child. Cells share a face, an edge or a corner with the
+    child, and lie inside or outside its voxel. The caller adds what it knows of the voxel to
+    contexts 0, 1 and 10. The contexts depend on:
 
     0. the voxel's neighbours at faces
     1. the voxel's first symbol and number of neighbours
     2. the cells that share a face
     3. the numbers of cells that share a face, an edge and a corner
-    4. the cells outside that share a face, and those two steps away
-    5. the numbers of cells far away, of those that share a face, and of those inside that share an
+    4. the cells outside that share a face, and the cells two steps away
+    5. the numbers of cells far away, of cells that share a face, and of cells inside that share an
        edge
-    6. the cells that share a face, and those outside that share an edge
+    6. the cells that share a face, and the cells outside that share an edge
     7. the cells outside that share a face, and six cells beside them
     8. the network's probability, and the cells of context 4
     9. the cells inside that share a face, which show the cloud's density

@@ -107,6 +107,7 @@ class SymbolHead(nn.Module):
         self.logits = FixedPointLayer(channels, VALUES, 1)
 
     def forward(self, features: Tensor) -> Tensor:
+        """Return the logits (n, 16) of a symbol from features (n, channels)."""
         hidden = residual(self.hidden.pointwise(activation(features)))
         return residual(self.logits.pointwise(activation(hidden)))
 

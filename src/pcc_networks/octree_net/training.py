@@ -145,6 +145,7 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
         self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> float:
+        """Do one step of the optimiser on a batch, and return the loss in bits per voxel."""
         keys = join_clouds(clouds)
         levels = (self.training.cube_size - 1).bit_length()
         loss = torch.stack(bits_per_level(self.model, keys, levels, self.pool)).sum() / len(keys)
@@ -153,6 +154,7 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
         return float(loss.detach())
 
     def row(self, loss: float) -> dict[str, float]:
+        """Return the loss of a step as a row of the training curve."""
         return {"bits_per_voxel": loss}
 
 

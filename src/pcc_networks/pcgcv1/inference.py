@@ -180,6 +180,8 @@ def quantised(features: Tensor) -> Integers:
 
 @dataclass(frozen=True)
 class ConvolutionKernel:
+    """The kernel and the bias of a convolution."""
+
     kernel: Tensor
     bias: Tensor | None
 
@@ -226,6 +228,7 @@ def _strip_conv(layer: Conv) -> StripConv:
 
 
 def joint_kernel(kernel: Tensor, voxels: int, axis: int) -> Tensor:
+    """Return a kernel that computes several adjacent voxels along an axis jointly."""
     before, after = [0, 0] * (4 - axis), [0, 0] * (axis - 2)
     shifted = [pad(kernel, (*before, k, voxels - 1 - k, *after)) for k in range(voxels)]
     return torch.cat(shifted)
@@ -306,6 +309,8 @@ def _matrix_conv(layer: PointwiseConv) -> MatrixConv:
 
 
 class InferenceVoxceptionResNet(NamedTuple):
+    """A Voxception-ResNet block whose layers are arranged for inference."""
+
     conv1_1: StripConv
     conv1_2: StripConv
     conv2_1: MatrixConv
@@ -360,11 +365,13 @@ class DeviceTransforms:
         self._model, self._device = model, device_of(model)
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
+        """Compute the quantised latents of a cube, as `CpuTransforms.analyse` does."""
         with torch.inference_mode():
             latents = self._model.latents(self._to_device(occupied)[None, None], rate)
             return quantised(latents.y.cpu()), quantised(latents.z.cpu())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
+        """Compute the occupancy of a cube from its latent, as `CpuTransforms.synthesise` does."""
         with torch.inference_mode():
             y = self._to_device(y_hat)[None].float() / self._model.gain(rate)
             logits: Floats32 = self._model.g_s(y).flatten().cpu().numpy()

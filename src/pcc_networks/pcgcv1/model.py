@@ -204,6 +204,7 @@ class PCGCv1(MultiRateNetwork):
         self.add_rates(shape.hyper_channels[1])
 
     def gain(self, rate: int) -> Tensor:
+        """Return the factors of the latent at the rate with this index, (channels, 1, 1, 1)."""
         return super().gain(rate)[:, None, None, None]
 
     def latents(self, x: Tensor, rate: int) -> Latents:

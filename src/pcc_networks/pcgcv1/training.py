@@ -168,6 +168,7 @@ class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
         super().__init__(ordered, training, parameter_groups(model))
 
     def step(self, clouds: Sequence[Keys]) -> Pcgcv1Loss:
+        """Do one step of the optimiser at a random rate, and return the loss."""
         cubes = dense_cubes(clouds, self.training.cube_size).to(self.model.log_gains.device)
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
         x = cubes.to(memory_format=torch.channels_last_3d)
@@ -182,4 +183,5 @@ class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
         return float(_MIN_RATE_WEIGHT ** max(0.0, 1 - self.done / warm_up))
 
     def row(self, loss: Pcgcv1Loss) -> dict[str, float]:
+        """Return the loss of a step and its terms as a row of the training curve."""
         return {name: float(value) for name, value in loss._asdict().items()}

@@ -107,6 +107,7 @@ class Pcgcv2Analysis(nn.Module):
         )
 
     def scale(self, scale: int) -> AnalysisScale:
+        """Return the layers of a scale, of which 0 is the finest."""
         return cast(AnalysisScale, self.scales[scale])
 
     def forward(
@@ -181,6 +182,7 @@ class Pcgcv2Synthesis(nn.Module):
         )
 
     def scale(self, scale: int) -> SynthesisScale:
+        """Return the layers of a scale, of which 0 is the coarsest."""
         return cast(SynthesisScale, self.scales[scale])
 
 

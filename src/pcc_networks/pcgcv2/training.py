@@ -115,6 +115,7 @@ class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
         self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> Pcgcv2Loss:
+        """Do one step of the optimiser at a random rate, and return the loss."""
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
         lmbda = self.training.lmbdas[rate]
         keys = join_clouds(clouds)
@@ -124,6 +125,7 @@ class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
         return Pcgcv2Loss(loss.total.detach(), cross_entropies, loss.bpp.detach())
 
     def row(self, loss: Pcgcv2Loss) -> dict[str, float]:
+        """Return the loss of a step and its terms as a row of the training curve."""
         names = ("loss", "bits_stride_4", "bits_stride_2", "bits_stride_1", "bpp")
         values = (loss.total, *loss.cross_entropies, loss.bpp)
         return {name: float(value) for name, value in zip(names, values, strict=True)}

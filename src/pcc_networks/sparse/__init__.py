@@ -1,1 +1,1 @@
-"""Sparse 3D convolution in PyTorch: voxels in Morton order, neighbour tables, chunked products."""
+"""Sparse convolutions of voxels, of which PCGCv2, the sparse octree net and RENO are built."""

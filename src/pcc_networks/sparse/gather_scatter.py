@@ -228,6 +228,7 @@ class TorchGatherScatter:
     def gather(
         self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
     ) -> Segments:
+        """Gather features as `CompiledGatherScatter.gather` does."""
         gathered: Segments = []
         for offset, (chunk_rows, neighbours) in enumerate(self._pairs(rows)):
             children = (self.kernel_map.written if at_output else self.kernel_map.read)[
@@ -240,6 +241,7 @@ class TorchGatherScatter:
     def add_products(
         self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
     ) -> None:
+        """Add products as `CompiledGatherScatter.add_products` does."""
         gathered = self.gather(features, rows, scratch)
         for offset, (chunk_rows, _) in enumerate(self._pairs(rows)):
             count = self.kernel_map.sizes[offset]

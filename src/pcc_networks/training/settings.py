@@ -146,6 +146,7 @@ class MultiRateTraining(BaseTraining):
     mean_occupied_children: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
 
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
+        """Return training examples: random cubes of clouds on grids of the given densities."""
         from pcc_networks.grid_level import on_dense_grids
         from pcc_networks.training.loop import CubeExamples
 
@@ -160,6 +161,7 @@ class MultiRateTraining(BaseTraining):
         )
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write a trained model with its Lagrangian weights to a file that `load_weights` reads."""
         from pcc_networks.weights_file import save_multi_rate
 
         save_multi_rate(path, self.network, model, self.lmbdas, card)
@@ -281,6 +283,7 @@ class OctreeNetTraining(BaseTraining):
             yield OctreeNetTrainer(on_device(model), self, pool)
 
     def examples(self, clouds: Sequence[Floats]) -> OctreeExamples:
+        """Return training examples: random cubes of clouds on grids of random scales."""
         from pcc_networks.octree_net.training import OctreeExamples
 
         coarsest, finest = self.scales
@@ -295,6 +298,7 @@ class OctreeNetTraining(BaseTraining):
         return parameters(tensors)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write a trained model to a file that `load_weights` reads."""
         from pcc_networks.octree_net.weights import save_weights
 
         save_weights(path, model, card)
