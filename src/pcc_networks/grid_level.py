@@ -19,9 +19,9 @@ from pointkit.geometry.cloud import Floats
 
 Voxels = NDArray[np.int64]
 QUARTERS = 4
-"""Levels per octave."""
+"""Number of grid levels per octave."""
 MAX_QUARTER_OCTAVES = 80
-"""Coarsest level in a stream."""
+"""Coarsest grid level that a stream can have."""
 _MIN_VOXELS = 64
 """Minimum number of voxels from which the density is estimated."""
 

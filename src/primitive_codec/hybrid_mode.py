@@ -37,7 +37,7 @@ _MAX_TANGENTIAL_DISTANCE = 1.0
 _KEEP_DISTANCES = (0, 6, 7, 8)
 """Candidate keep distances in 1/16 voxels (see `HybridHeader`)."""
 _MIN_VOXEL_SHARE = 0.1
-"""Fraction of the budget below which voxels are not worth their header."""
+"""Fraction of all bytes below which voxels are not worth their header."""
 
 _MAX_SEARCH_STEPS = 1 << 28
 """Largest number of points and boxes that a decoder compares with voxels (one or two seconds)."""

@@ -61,9 +61,9 @@ _REFINEMENT_DEFAULTS = {
     for name in ("refinement", "refined_bpp", "max_voxel_size")
 }
 _POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
-"""Limits of a chosen surface's point-to-point error, as multiples of that of undisplaced voxels:
-in the comparison of single errors, and in that of their product. A surface's error is never zero,
-because positions of points on it are not coded."""
+"""Limits of a chosen surface's point-to-point error, as multiples of the error of undisplaced
+voxels: first if single errors are compared, then if products of errors are compared. The error of a
+surface is never zero, because the positions of points on it are not coded."""
 
 
 def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | None = None) -> bytes:

@@ -63,7 +63,7 @@ NO_CRITERION = OccupancyCriterion(
     np.zeros((1, 1, 1), np.int32),
     *(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
 )
-"""Placeholder for the decoder."""
+"""Criterion that a decoder passes, which needs none."""
 
 
 @compiled

@@ -7,7 +7,7 @@ from pydantic import Field
 from pointkit.models import Model
 
 UNITS = 1023.0
-"""Units along the longest side of a cloud."""
+"""Number of units along the longest side of a cloud."""
 
 _REFERENCE_NOISE = 1.3
 """Noise, in units, for which the rates are tuned: a VLP-16 in a six-metre room."""

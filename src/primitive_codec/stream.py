@@ -27,7 +27,7 @@ from primitive_codec.octree_arrays import SPACING_UNIT
 
 MAGIC = b"PBPR"
 VERSION, HYBRID_VERSION = 5, 6
-"""Versions of surface and voxel streams, and of hybrids."""
+"""Version of surface and voxel streams, and version of hybrid streams."""
 SURFACE, VOXELS, HYBRID, ROTATED, WITH_REVOLUTIONS = 1, 2, 3, 4, 8
 """Kinds of streams, and flags added to the kind of a surface."""
 REVOLUTION_BYTES = 19

@@ -38,7 +38,7 @@ from primitive_codec.stream import (
 _MIN_VOXEL_SIZE = UNITS / (1 << 20)
 _MAX_TRIALS_PER_BUDGET = 6
 _BUDGET_SLACK = 0.04
-"""Fraction of the byte budget that the search may leave unused."""
+"""Fraction of the allowed bytes that the search may leave unused."""
 _MIN_ERROR_PER_BYTE = 0.5
 """Least relative reduction of the squared error by displacement, per relative increase in bytes."""
 _TYPICAL_SLOPE = 2.2

@@ -31,7 +31,7 @@ from pointkit.models import Model
 
 WEIGHT_UNITS = 2**9
 UNITS = 2**5
-"""Activations, residual stream and logits are multiples of 1 / UNITS."""
+"""Activations, features between layers, and logits are multiples of 1 / UNITS."""
 MAX_WEIGHT = 2**11 - 1
 """Maximum weight in units of 1 / WEIGHT_UNITS; half precision stores such weights exactly."""
 MAX_ACTIVATION = 255

@@ -1,10 +1,10 @@
-"""The stream of the sparse octree net, in this order:
+"""The stream of the sparse octree net, which contains in this order:
 
 * magic "PBON", version, CRC-32 of the rest
 * digest of the weights (8 bytes), scale (float64), origin (3 int32), grid (uint8: 0 for the
   default; or 1, followed by unit and offset, 4 float64), number of parts (uint8)
-* each part of the cloud: number of voxels (uint32) and of network-coded levels (uint8), lengths in
-  bytes of top level (uint16) and symbols (uint32), top level, symbols
+* for each part of the cloud: number of voxels (uint32), number of levels that the network codes
+  (uint8), lengths in bytes of top level (uint16) and symbols (uint32), top level, symbols
 """
 
 from __future__ import annotations

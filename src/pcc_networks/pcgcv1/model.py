@@ -1,9 +1,9 @@
-"""The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyper-prior.
+"""The network of PCGCv1, a dense autoencoder of cubes of voxels with a hyper-prior.
 
-The network follows section III and figure 5 of the paper (see `pcc_networks.pcgcv1`); layers
-have the authors' names. Gains are not in the paper (see `gains`).
+The network follows section III and figure 5 of the paper (see `pcc_networks.pcgcv1`). Layers have
+the names that the authors gave them. Gains are not in the paper (see `gains`).
 
-Padding is TensorFlow's 'same': a convolution of stride two pads one voxel at the far end only; a
+Padding is TensorFlow's 'same'. A convolution of stride two pads one voxel, at the far end. A
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 """
 

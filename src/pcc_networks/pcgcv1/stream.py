@@ -1,13 +1,15 @@
-"""The stream of PCGCv1, in this order:
+"""The stream of PCGCv1, which contains in this order:
 
 * magic "PCG1", version, CRC-32 of the rest
 * digest of the weights (8 bytes), index of the rate, scale (double), whether context mixing codes
-  the latent (1 byte), points per voxel in 256ths (2 bytes; 0: one point in the centre)
+  the latent (1 byte), points per voxel in 256ths (2 bytes; 0 means one point in the centre)
 * base-128 numbers: lengths in bytes of positions, counts, sparse voxels and latent; number of cubes
-* octree of the cubes, or of occupied blocks if the weights were trained with such blocks; number of
-  voxels to keep in each cube; octree of the voxels in sparse cubes; latent
-* each batch of cubes: CRC-32 of the tables of the latent, length of the hyper-latents in bytes
-  (base-128), hyper-latents
+* positions: octree of the cubes, or of occupied blocks if the weights were trained with such blocks
+* counts: number of voxels to keep in each cube
+* sparse voxels: octree of the voxels in cubes that the network does not code
+* latent
+* for each batch of cubes: CRC-32 of the frequency tables of the latent, length of the hyper-latents
+  in bytes (base-128), hyper-latents
 """
 
 from __future__ import annotations

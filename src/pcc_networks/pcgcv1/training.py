@@ -1,14 +1,15 @@
 """Training of PCGCv1: initial weights, the rate-distortion loss, and the optimiser step.
 
-PyTorch's initialisation gives the latent a standard deviation of 0.05, far below the noise that
-replaces rounding, and the network does not learn. Therefore each layer's weights in turn are
-divided by the standard deviation of the layer's output for an example (layer-sequential
+With PyTorch's initial weights, the latent has a standard deviation of 0.05. This is far below the
+noise that replaces rounding, and the network does not learn. Therefore the weights of each layer in
+turn are divided by the standard deviation of the layer's output for an example (layer-sequential
 unit-variance initialisation).
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
-dominates. R is the bits of latent and hyper-latent per point; D (as in the paper) is ``beta * cross
-entropy of empty voxels + cross entropy of occupied voxels``. Cross entropies are means in nats,
-without voxels that the decoder knows to be empty. Uniform noise replaces rounding.
+dominates. R is the number of bits of latent and hyper-latent per point. D is, as in the paper,
+``beta * cross entropy of empty voxels + cross entropy of occupied voxels``. Cross entropies are
+means in nats. They leave out voxels that the decoder knows to be empty. Uniform noise replaces
+rounding.
 
 References
 ----------

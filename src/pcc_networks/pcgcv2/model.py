@@ -1,7 +1,7 @@
-"""The network of PCGCv2: a sparse-convolution autoencoder with three scales.
+"""The network of PCGCv2, an autoencoder of sparse convolutions with three scales.
 
-The network follows section 3 and figure 1 of the paper (see `pcc_networks.pcgcv2`); layers
-have the authors' names. Gains are not in the paper (see `gains`).
+The network follows section 3 and figure 1 of the paper (see `pcc_networks.pcgcv2`). Layers have the
+names that the authors gave them. Gains are not in the paper (see `gains`).
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
-"""The stream of PCGCv2, in this order:
+"""The stream of PCGCv2, which contains in this order:
 
 * magic "PCG2", version, kind, CRC-32 of the rest
-* kind 0, a cloud too small for a network: its points, three little-endian doubles each
-* kind 1: digest of the weights (8 bytes), index of the rate, grid level in quarter octaves, coding
-  tools (bit 1: each parent keeps a child, bit 2: context mixing of the latent), points per voxel in
-  256ths (2 bytes; 0: one point in the centre); base-128 numbers: origin (3, signed), number of
-  blocks
-* each block of kind 1: base-128 numbers of voxels at strides 1, 2, 4 and 8, and of bytes of
-  coordinates and latent; coordinates, latent
+* if the kind is 0 (a cloud too small for a network): three little-endian doubles for each point
+* if the kind is 1: digest of the weights (8 bytes), index of the rate, grid level in quarter
+  octaves, coding tools (see `CodingTools`), points per voxel in 256ths (2 bytes; 0 means one point
+  in the centre); base-128 numbers: origin (3, signed), number of blocks
+* for each block of kind 1: base-128 numbers of voxels at strides 1, 2, 4 and 8; base-128 lengths in
+  bytes of coordinates and latent; coordinates; latent
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Training of PCGCv2: the rate-distortion loss and the optimiser step.
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
-dominates. R is the bits of the latent per point. D is the sum over scales of the candidate voxels'
-mean binary cross entropy in bits, weighted by the voxels' side (the authors weight scales equally),
-since a voxel lost at stride 4 cannot be recovered. Uniform noise replaces rounding. In training, a
-scale keeps both the occupied voxels and those that the network selects.
+dominates. R is the number of bits of the latent per point. D is a sum over the scales: the mean
+binary cross entropy of the candidate voxels in bits, multiplied by a weight. The weight is
+proportional to the side of the voxels, since a voxel that is lost at stride 4 cannot be recovered;
+the authors weight all scales equally. Uniform noise replaces rounding. In training, a scale keeps
+both the occupied voxels and the voxels that the network selects.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Sparse convolutions of voxels, of which PCGCv2, the sparse octree net and RENO are built."""
+"""Sparse 3D convolution in PyTorch, for voxels in Morton order with neighbour tables."""
