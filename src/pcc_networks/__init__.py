@@ -1,8 +1,9 @@
-"""Learned codecs of point-cloud geometry: PCGCv1, PCGCv2, a sparse octree net, and RENO.
+"""Neural networks that compress point-cloud geometry: PCGCv1, PCGCv2, sparse octree net and RENO.
 
-Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`) with `load_weights`,
-`encode` and `decode`. Damaged streams, weights of another network and points that cannot be encoded
-raise `pointkit.errors.InputError`.
+Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`) with three functions.
+`load_weights` reads trained weights, `encode` compresses points to bytes, and `decode` returns
+points from these bytes. They raise `pointkit.errors.InputError` if a stream is damaged, weights
+belong to another network, or points cannot be encoded.
 """
 
 from typing import TYPE_CHECKING

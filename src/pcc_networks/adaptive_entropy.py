@@ -1,8 +1,9 @@
-"""Context-adaptive entropy coding of a latent: contexts are mixed with the entropy model's tables.
+"""Entropy coding of a latent that adapts to the cloud.
 
-The tables treat values as independent. Adaptive contexts learn from the cloud how a voxel's latent
-depends on the neighbours' latents and occupancy. A value is coded as binary decisions: zero flag,
-sign, and magnitude in unary.
+The entropy model of a network treats the values of a latent as independent. Here, its probabilities
+are mixed with those of adaptive contexts, which learn from the cloud how the latent of a voxel
+depends on the latents and the occupancy of its neighbours. A value is coded as binary decisions:
+zero flag, sign, and magnitude in unary.
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ _MAX_VALUE_BYTES = 80
 
 
 class Prior(NamedTuple):
-    """The distributions that the entropy model gives to a latent (n, channels).
+    """The distributions that the entropy model assigns to the values of a latent (n, channels).
 
-    Frequency tables are concatenated, without their escape symbols.
+    The frequency tables are concatenated, without their escape symbols.
 
     Parameters
     ----------
@@ -62,9 +63,9 @@ class Prior(NamedTuple):
     below
         For each integer of a table, the sum of the frequencies of smaller integers.
     number
-        (n, channels), the index of each value's table.
+        (n, channels), index of the table of each value.
     centre
-        (n, channels), the value for which the table's integer is 0.
+        (n, channels), the value that corresponds to the integer 0 of the table.
     """
 
     lowest: Ints
@@ -75,14 +76,15 @@ class Prior(NamedTuple):
 
 
 class _Neighbourhood(NamedTuple):
-    """The neighbourhood of a voxel, in arrays that all voxels reuse.
+    """The neighbourhood of a voxel, in arrays that are reused for all voxels.
 
     Parameters
     ----------
     patterns
         (3,), bit masks of occupied neighbours at faces, edges and corners.
     rows, weights
-        Rows of neighbours coded before the voxel (at faces first), and their weights in means.
+        Rows of neighbours that are coded before the voxel (at faces first), and their weights in
+        means.
     counts
         (2,), numbers of these neighbours, in total and at faces.
     contexts
@@ -99,6 +101,17 @@ class _Neighbourhood(NamedTuple):
 def prior_of(
     tables: Sequence[FrequencyTable], number: NDArray[np.integer[Any]], centre: Integers
 ) -> Prior:
+    """Return the distributions of a latent (n, channels) from frequency tables.
+
+    Parameters
+    ----------
+    tables
+        The frequency tables.
+    number
+        Index (n, channels) of the table of each value.
+    centre
+        The value (n, channels) that corresponds to the integer 0 of the table.
+    """
     sums = [np.cumsum((0, *table.frequencies[:-1]), dtype=np.int64) for table in tables]
     lowest = np.array([table.lowest for table in tables], np.int64)
     first = np.cumsum((0, *map(len, sums)))
@@ -107,20 +120,22 @@ def prior_of(
 
 
 def factorised_prior(tables: Sequence[FrequencyTable], count: int) -> Prior:
-    """Return the prior of an entropy bottleneck: one table per channel for all voxels."""
+    """Return the distributions of a latent (count, channels) that has one table per channel."""
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return prior_of(tables, number, np.zeros_like(number))
 
 
 def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Prior) -> bytes:
-    """Encode a latent.
+    """Encode a latent with adaptive contexts, and return the bytes.
 
     Parameters
     ----------
     latent
         Integers (n, channels), in the order of the voxels; magnitudes are clipped to 65,555.
     neighbours
-        (27, n), neighbour table of the voxels.
+        Neighbour table (27, n) of the voxels.
+    prior
+        Distributions of the values according to the entropy model.
     """
     values = np.clip(latent, -_MAX_MAGNITUDE, _MAX_MAGNITUDE).astype(np.int64)
     bits = bit_writer(_MAX_VALUE_BYTES * values.size + 16)
@@ -129,7 +144,10 @@ def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Pr
 
 
 def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) -> Integers:
-    """Decode the latent of `encode_with_contexts`; raise InputError if the data are damaged."""
+    """Decode the latent (n, channels) that `encode_with_contexts` encoded.
+
+    Raises InputError if the data are damaged.
+    """
     values = np.zeros(prior.number.shape, np.int64)
     bits = bit_reader(data)
     _code(bits, values, neighbours, prior)
@@ -189,9 +207,10 @@ def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row:
 
 @compiled_in_place
 def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
-    """Compute the contexts of a value; the offset of a decision is added later.
+    """Compute the contexts of a value, to which the caller adds the offset of a decision.
 
-    Means and magnitudes are taken over neighbours coded before the voxel, occupancy over all:
+    Occupancy includes all neighbours; means and magnitudes only those coded before the voxel. The
+    contexts depend on:
 
     0. mean magnitude of the neighbours, and their number
     1. mean of the neighbours at faces, and the largest magnitude
@@ -240,7 +259,7 @@ def _neighbour_statistics(
 
 @compiled_in_place
 def _clipped_quotient(total: int, count: int, most: int, unknown: int) -> int:
-    """Return total / count, rounded, clipped to +-most, plus `most`; `unknown` if count is 0."""
+    """Return the rounded quotient, clipped to +-most, plus `most`, or `unknown` if count is 0."""
     if count == 0:
         return unknown
     return min(max((2 * total + count) // (2 * count), -most), most) + most
@@ -287,7 +306,7 @@ def _frequency(prior: Prior, row: int, channel: int, first: int, last: int) -> i
 def _code_decision(
     mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
-    """Encode or decode a decision; 1 and 0 have frequencies `yes` and `no` in the tables."""
+    """Encode or decode a decision, given the frequencies `yes` of 1 and `no` of 0 in the tables."""
     for place in range(len(_SIZES)):
         mixer.contexts[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
     probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048

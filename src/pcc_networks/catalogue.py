@@ -1,7 +1,7 @@
-"""Find trained weights that are shipped or in files and folders, without importing PyTorch.
+"""Lookup of trained weights by name, file or folder, without importing PyTorch.
 
 puckbench stores weights as ``*.safetensors`` with a `WeightsHeader` in the metadata. The authors of
-a network publish one file per rate, with the rate in the file's name.
+a network publish one file per rate, with the rate in the name of the file.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _PUBLISHED = (".npz", ".pth", ".pt")
 
 
 class WeightsHeader(Model):
-    """Header of a file of trained weights, as JSON in the metadata of the safetensors file."""
+    """What a file of trained weights says about itself, stored as JSON in its metadata."""
 
     network: str  # name of the `NetworkType`
     shape: dict[str, Any]  # sizes of the network
@@ -42,7 +42,10 @@ class WeightsHeader(Model):
 def header_of(path: Path) -> WeightsHeader:
     """Return the header of a file of weights, without reading the weights.
 
-    Raises InputError if the file does not exist, is damaged, or has no such header.
+    Raises
+    ------
+    InputError
+        If the file does not exist, is damaged, or has no such header.
     """
     refuse_special(path)
     try:
@@ -67,20 +70,36 @@ def _header(path: Path, _mtime: int, size: int) -> WeightsHeader:
 
 
 def shipped() -> dict[str, Path]:
-    """Return the files of the weights that come with the package, by the name of the set."""
+    """Return the files of weights that come with the package, as a mapping from names to paths."""
     folder = Path(str(files("pcc_networks").joinpath("weights")))
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
 
 def weights_path(where: str | Path) -> Path:
-    """Return the file of the shipped weights with this name, or the argument as a path."""
+    """Return the path of weights.
+
+    Parameters
+    ----------
+    where
+        Name of weights that come with the package, or the path of a file. A path is returned
+        unchanged, whether or not the file exists.
+    """
     return shipped().get(str(where), Path(where))
 
 
 def weights_files(where: str) -> list[Path]:
-    """Return weights files, of any network: a shipped set, a file, or a folder's files.
+    """Return the paths of files of weights, of any network.
 
-    Raises InputError if there is no such set, file or folder.
+    Parameters
+    ----------
+    where
+        Name of weights that come with the package, path of a file, or path of a folder. All files
+        of weights in a folder are returned, in the order of their names.
+
+    Raises
+    ------
+    InputError
+        If there is no such name, file or folder.
     """
     if where in shipped():
         return [shipped()[where]]
@@ -96,7 +115,10 @@ def weights_files(where: str) -> list[Path]:
 
 
 def weights_file(where: str) -> Path:
-    """Return the file if `weights_files` returns exactly one; otherwise raise InputError."""
+    """Return the path of the only file of weights that `weights_files` finds.
+
+    Raises InputError if there is not exactly one.
+    """
     paths = weights_files(where)
     if len(paths) != 1:
         raise InputError(f"{where}: {len(paths)} files of weights, expected one")
@@ -105,7 +127,7 @@ def weights_file(where: str) -> Path:
 
 @dataclass(frozen=True)
 class NetworkType:
-    """A kind of network, and how to recognise the files of its weights."""
+    """A network whose files of weights can be recognised by their headers or names."""
 
     name: str  # in the headers of its sets
     # regular expression of the names of the authors' files, with one group
@@ -113,28 +135,31 @@ class NetworkType:
     lmbda: Callable[[str], float] = float  # turns the group into the Lagrangian weight of the rate
 
     def has(self, path: Path) -> bool:
-        """Return whether a file has weights of this network, by its header or its name."""
+        """Return whether a file contains weights of this network."""
         if path.suffix == SUFFIX:
             return header_of(path).network == self.name
         return self._published(path) is not None
 
     def files(self, where: str) -> list[Path]:
-        """Return those of `weights_files` that have weights of this network."""
+        """Return the paths from `weights_files` that contain weights of this network."""
         return [path for path in weights_files(where) if self.has(path)]
 
     def shipped(self) -> list[Path]:
-        """Return the files of this network's weights that come with the package."""
+        """Return the paths of this network's weights that come with the package."""
         return [path for path in shipped().values() if self.has(path)]
 
     def lmbdas_of(self, path: Path) -> tuple[float, ...]:
-        """Return the Lagrangian weights of a file's rates, the lowest bitrate first."""
+        """Return the Lagrangian weights of the rates in a file, the lowest bitrate first."""
         if path.suffix == SUFFIX:
             return header_of(path).lmbdas
         match = self._published(path)
         return (self.lmbda(match[1]),) if match else ()
 
     def by_lmbda(self, where: str) -> dict[float, Path]:
-        """Return a weights file for each rate's lambda: the last by name that has this rate."""
+        """Return a mapping from the Lagrangian weight of each rate to a file with this rate.
+
+        If several files have the same rate, the last one by name is taken.
+        """
         return {lmbda: path for path in self.files(where) for lmbda in self.lmbdas_of(path)}
 
     def _published(self, path: Path) -> re.Match[str] | None:
@@ -142,7 +167,6 @@ class NetworkType:
 
 
 def _tenths(digits: str) -> float:
-    """Convert ``025`` to 0.25 and ``10`` to 10."""
     return float(f"0.{digits[1:]}" if digits.startswith("0") else digits)
 
 

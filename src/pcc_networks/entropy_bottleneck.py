@@ -1,6 +1,7 @@
-"""The entropy bottleneck, a learned distribution of integers for each channel, and range coding.
+"""The entropy bottleneck (a learned distribution for each channel of a latent), and range coding.
 
-The cumulative distribution is a small monotone network. Range coding uses its integer tables only.
+The cumulative distribution is a small monotone network. For range coding, it is converted to
+integer frequency tables.
 
 References
 ----------
@@ -33,7 +34,10 @@ _TAIL_MASS = 2.0**-20
 
 
 class EntropyBottleneck(nn.Module):
-    """Learned distributions of channels; parameters are named as in CompressAI."""
+    """Learns one distribution for each channel of a latent.
+
+    The parameters have the names that CompressAI gives them.
+    """
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -47,14 +51,17 @@ class EntropyBottleneck(nn.Module):
         self.factors = nn.ParameterList(torch.zeros(channels, b, 1) for _, b in layers)
 
     def logits_cumulative(self, values: Tensor) -> Tensor:
-        """Return the logits of P(x < value) for values (channels, 1, n)."""
+        """Return the logits of the probability P(x < value) for values (channels, 1, n)."""
         for matrix, bias, factor in zip(self.matrices, self.biases, self.factors, strict=True):
             values = softplus(matrix) @ values + bias
             values = values + factor.tanh() * values.tanh()
         return values
 
     def likelihood(self, latent: Tensor) -> Tensor:
-        """Return probabilities of unit intervals around the values of a latent (n, channels)."""
+        """Return the probability of the unit interval around each value of a latent.
+
+        Both the latent and the result have the shape (n, channels).
+        """
         values = latent.T[:, None]
         lower, upper = self.logits_cumulative(values - 0.5), self.logits_cumulative(values + 0.5)
         sign = -torch.sign(lower + upper).detach()  # the tail in which sigmoids are precise
@@ -64,13 +71,19 @@ class EntropyBottleneck(nn.Module):
 
 @dataclass(frozen=True)
 class FrequencyTable:
+    """Integer frequencies of the values of one channel, for range coding."""
+
     lowest: int  # value of the first entry
     # (n,); the last is of the escape symbol, for all values outside the table
     frequencies: NDArray[np.int32]
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Compute a table per channel in double precision; tails of probability 2**-20 are escaped."""
+    """Return a frequency table for each channel of a bottleneck.
+
+    The tables are computed in double precision. Values in tails of probability 2**-20 have no
+    entry, but share the escape symbol.
+    """
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()
         exact.load_state_dict(bottleneck.state_dict())
@@ -94,19 +107,24 @@ _WORD_BYTES = 4
 
 
 def encode_latent(latent: Integers, tables: tuple[FrequencyTable, ...]) -> bytes:
+    """Encode integers (n, channels) with a frequency table for each channel."""
     return encode_groups(zip(latent.T, tables, strict=True))
 
 
 def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -> Integers:
+    """Decode the integers (count, channels) that `encode_latent` encoded.
+
+    Raises InputError if the data are damaged.
+    """
     columns = decode_groups(data, [(count, table) for table in tables])
     return np.stack(columns, axis=1)
 
 
 def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
-    """Encode groups of integers (n,), each group with a table.
+    """Encode groups of integers (n,), each with a frequency table.
 
-    A value outside the table is coded as the escape symbol; the value, clipped to 16 bits, follows
-    the group.
+    A value outside the table is coded as the escape symbol. Such values, clipped to 16 bits, follow
+    after the group.
     """
     import constriction
 
@@ -124,13 +142,33 @@ def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
 
 
 def decode_groups(data: bytes, groups: Iterable[tuple[int, FrequencyTable]]) -> list[Integers]:
+    """Decode groups of integers that `encode_groups` encoded.
+
+    Parameters
+    ----------
+    data
+        The bytes of all groups.
+    groups
+        Number of values and frequency table of each group.
+
+    Raises
+    ------
+    InputError
+        If the data are damaged.
+    """
     with range_decoder(data, "features") as coder:
         return [_decode_group(coder, count, table) for count, table in groups]
 
 
 @contextmanager
 def range_decoder(data: bytes, part: str) -> Iterator[Any]:
-    """Open a decoder; raise InputError if the data are damaged or not read to their end."""
+    """Open a range decoder for the bytes of a part of a stream.
+
+    Raises
+    ------
+    InputError
+        If the data turn out to be damaged, or are not read to their end.
+    """
     import constriction
 
     damaged = f"the stream is damaged ({part})"

@@ -1,6 +1,7 @@
-"""One network for several rates: gains of the latent and an entropy bottleneck for each rate.
+"""Networks that serve several rates, with gains and an entropy bottleneck for each rate.
 
-The latent is multiplied by gains before rounding, and divided by gains afterwards.
+The latent is multiplied by the gains of a rate before it is rounded, and divided by them
+afterwards.
 
 References
 ----------
@@ -24,7 +25,10 @@ _RATE_LR_FACTOR = 5.0
 
 
 class MultiRateNetwork(nn.Module):
-    """A network for several rates; subclasses define layers, then call `add_rates`."""
+    """Base class of networks for several rates.
+
+    A subclass defines its layers, and then calls `add_rates`.
+    """
 
     Shape: ClassVar[type[Model]]
     shape: Any
@@ -36,6 +40,7 @@ class MultiRateNetwork(nn.Module):
         self.shape = shape
 
     def add_rates(self, bottleneck_channels: int) -> None:
+        """Create the gains and the entropy bottlenecks of all rates."""
         rates = self.shape.rates
         self.entropy_bottlenecks = nn.ModuleList(
             EntropyBottleneck(bottleneck_channels) for _ in range(rates)
@@ -43,14 +48,16 @@ class MultiRateNetwork(nn.Module):
         self.log_gains = nn.Parameter(torch.zeros(rates, self.shape.latent_channels))
 
     def entropy_bottleneck(self, rate: int) -> EntropyBottleneck:
+        """Return the entropy bottleneck of the rate with this index."""
         return cast(EntropyBottleneck, self.entropy_bottlenecks[rate])
 
     def gain(self, rate: int) -> Tensor:
+        """Return the factors of the latent (channels,) at the rate with this index."""
         return self.log_gains[rate].exp()
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Return parameter groups for the optimiser; gains and entropy bottlenecks learn faster."""
+    """Return the parameter groups of an optimiser, in which gains and bottlenecks learn faster."""
     of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     ids = set(map(id, of_rates))
     shared = [value for value in model.parameters() if id(value) not in ids]
@@ -61,7 +68,10 @@ def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
 
 
 def initialise_gains(model: MultiRateNetwork, lmbdas: Sequence[float]) -> None:
-    """Set each rate's gains to sqrt(lambda / largest lambda)."""
+    """Set all gains of each rate to sqrt(lambda / largest lambda).
+
+    Raises InputError if the model has not as many rates as `lmbdas`.
+    """
     if len(lmbdas) != model.shape.rates:
         raise InputError("the model has another number of rates than the training")
     with torch.no_grad():

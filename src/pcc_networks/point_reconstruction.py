@@ -1,11 +1,11 @@
-"""Point reconstruction for voxel codecs: place as many points as the input had.
+"""Placement of points in decoded voxels, so that a decoded cloud has as many points as the input.
 
-A decoder keeps the most likely voxels. In a sparse cloud it knows only that one or two voxels of a
-2x2x2 block of siblings were occupied, not which; in a dense cloud several points share a voxel.
+A decoder keeps the most likely voxels. In a sparse cloud, it knows that one or two of the 2x2x2
+voxels of a block were occupied, but not which. In a dense cloud, several points share a voxel.
 Therefore points are placed per block, side by side around the centroid of the occupancy
-probabilities, projected onto the plane of the neighbouring blocks. In dense clouds, blocks that are
-expected to have more voxels get more points. If the network is confident of the kept voxels, points
-are placed per voxel.
+probabilities, and are projected onto the plane of the neighbouring blocks. In dense clouds, blocks
+that are expected to have more voxels get more points. If the network is confident of the voxels
+that it keeps, points are placed per voxel instead.
 """
 
 from __future__ import annotations
@@ -45,20 +45,31 @@ CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
 
 
 class SiblingBlocks(NamedTuple):
-    """Blocks of 2x2x2 sibling voxels, with the voxels that a decoder keeps."""
+    """Blocks of 2x2x2 voxels, with each voxel's occupancy probability and whether it is kept."""
 
     positions: Voxels  # (m, 3), distinct, in blocks
     probabilities: Floats  # (m, 8), of occupancy, in the order of `CORNERS`
     kept: Bools  # (m, 8), at least one in each row
 
     def voxels(self) -> Voxels:
+        """Return the kept voxels (n, 3)."""
         block, corner = np.nonzero(self.kept)
         voxels: Voxels = 2 * self.positions[block] + CORNERS[corner]
         return voxels
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """Return blocks with kept voxels, from positions (m, 3), logits (m, 8) and `kept` (m, 8)."""
+    """Return the blocks in which at least one voxel is kept.
+
+    Parameters
+    ----------
+    positions
+        Positions (m, 3) of the blocks, in blocks.
+    logits
+        Logits (m, 8) of the occupancy of each voxel, in the order of `CORNERS`.
+    kept
+        Whether each voxel is kept (m, 8).
+    """
     from scipy.special import expit
 
     rows = kept.any(axis=1)
@@ -67,6 +78,7 @@ def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) 
 
 
 def lossless_blocks(voxels: Voxels) -> SiblingBlocks:
+    """Return the blocks of losslessly coded voxels (n, 3), whose probabilities are 0 or 1."""
     positions, block = np.unique(voxels // 2, axis=0, return_inverse=True)
     kept = np.zeros((len(positions), 8), dtype=bool)
     kept[block.ravel(), voxels % 2 @ [1, 2, 4]] = True
@@ -74,14 +86,27 @@ def lossless_blocks(voxels: Voxels) -> SiblingBlocks:
 
 
 def joined_blocks(parts: Sequence[SiblingBlocks]) -> SiblingBlocks:
+    """Concatenate blocks."""
     positions, probabilities, kept = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     return SiblingBlocks(positions, probabilities, kept)
 
 
 def points_per_voxel(points: int, voxels: int, rho: float) -> int:
-    """Return the number of points to place per decoded voxel, in 256ths (256 to 2304).
+    """Return how many points a decoder shall place in a voxel on average.
 
-    The input has `points` points in `voxels` voxels; the decoder keeps `rho` times as many voxels.
+    Parameters
+    ----------
+    points
+        Number of points of the input.
+    voxels
+        Number of occupied voxels of the input.
+    rho
+        Number of decoded voxels per occupied voxel.
+
+    Returns
+    -------
+    int
+        Points per voxel in 256ths, from 256 to 2304.
     """
     if points * rho > _MAX_POINTS:
         return UNITS
@@ -89,17 +114,35 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 
 
 def check_points_per_voxel(units: int, voxels: int) -> None:
-    """Raise InputError if `points_per_voxel` cannot return `units`; 0 (voxel centres) is valid."""
+    """Raise InputError if a stream has an impossible number of points per voxel.
+
+    Parameters
+    ----------
+    units
+        Points per voxel in 256ths, or 0 for one point in the centre of each voxel.
+    voxels
+        Number of decoded voxels.
+    """
     too_many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
     if too_many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):
         raise InputError("the stream is damaged (points of a voxel)")
 
 
 def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
-    """Return points (n, 3), in voxels, for the decoded blocks.
+    """Place points in decoded blocks.
 
-    `units` is the number of points per voxel in 256ths. Each voxel has one point in its centre if
-    `units` is 0, the voxels span 2**20 or more, or the network is confident and `units` is 256.
+    Parameters
+    ----------
+    blocks
+        The blocks with their kept voxels.
+    units
+        Points per voxel in 256ths, or 0 for one point in the centre of each voxel.
+
+    Returns
+    -------
+    ndarray
+        Points (n, 3), in voxels. Each voxel has one point in its centre if `units` is 0, if the
+        voxels span 2**20 or more, or if `units` is 256 and the network is confident.
     """
     voxels = blocks.voxels().astype(np.float64)
     if not units or np.ptp(voxels, axis=0).max() >= _MAX_SPAN:
@@ -119,10 +162,7 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 
 
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
-    """Place about `counts` (m,) points side by side around centres (m, 3), on local planes.
-
-    Centres lie within 1/2 of distinct integer positions; planes are fitted to adjacent centres.
-    """
+    """Place about `counts` (m,) points side by side around each centre (m, 3), on local planes."""
     from pointkit.geometry.tangent_planes import fit_tangent_planes
 
     voxels = np.rint(_SUBDIVISION * (centres + 0.5)).astype(np.int64)
@@ -134,10 +174,7 @@ def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
 
 
 def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]:
-    """Round counts (m,) to integers of at least 1, with about the same sum.
-
-    Counts are rounded up at the centres with the fewest neighbours, where voxels were lost.
-    """
+    """Round counts (m,) to integers of at least 1, upwards where a centre has few neighbours."""
     whole = np.floor(counts)
     remainder = int(np.rint(counts.sum()) - whole.sum())
     whole[np.argsort(neighbour_counts, kind="stable")[:remainder]] += 1
@@ -157,7 +194,7 @@ def _on_plane(centres: Floats, normals: Floats, count: int) -> Floats:
 
 
 def _square_pattern(count: int) -> Floats:
-    """Return offsets (2, count) spread evenly over a centred square of side 1."""
+    """Return offsets (2, count) that are spread evenly over a centred square of side 1."""
     if count == 2:
         return np.array([[-0.25, 0.25], [-0.25, 0.25]])
     rows = int(np.ceil(np.sqrt(count)))

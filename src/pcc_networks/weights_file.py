@@ -1,7 +1,8 @@
-"""Sets of trained weights: safetensors files with parameters, frequency tables and model card.
+"""Reading and writing of trained weights, as safetensors files with parameters and a model card.
 
-Parameters are in half precision. Integer frequency tables are computed when a set is written, since
-floating-point arithmetic differs between machines.
+Parameters are stored in half precision. Files of networks with an entropy bottleneck also contain
+its integer frequency tables. These tables are computed when a file is written, since floating-point
+arithmetic differs between machines.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ DeviceName = Literal["cpu", "cuda"]
 
 
 def why_not(name: DeviceName) -> str:
-    """Return why networks cannot run on a device, or an empty string if they can."""
+    """Return the reason why networks cannot run on a device, or an empty string if they can."""
     if name == "cpu":
         return ""
     import torch
@@ -50,9 +51,14 @@ def why_not(name: DeviceName) -> str:
 
 
 def placed(model: M, name: DeviceName) -> M:
-    """Move a model to a device; raise InputError if the device does not exist.
+    """Move a model to a device, and return it.
 
     CUDA is set to full single precision, so that sums that are exact on a CPU stay exact.
+
+    Raises
+    ------
+    InputError
+        If the device does not exist.
     """
     import torch
 
@@ -64,6 +70,7 @@ def placed(model: M, name: DeviceName) -> M:
 
 
 def device_of(model: nn.Module) -> torch.device:
+    """Return the device of a model's parameters."""
     return next(model.parameters()).device
 
 
@@ -80,6 +87,8 @@ Arrays = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class WeightsFile:
+    """The contents of a file of weights."""
+
     header: WeightsHeader
     state: dict[str, Tensor]  # parameters by name, float32
     integers: dict[str, NDArray[np.int32]]  # integer tensors by name
@@ -87,10 +96,12 @@ class WeightsFile:
 
 
 def digest_of(data: bytes) -> bytes:
+    """Return the 8 bytes by which streams name weights, from all bytes of the file."""
     return hashlib.sha256(data).digest()[:DIGEST_BYTES]
 
 
 def check_digest(weights: bytes, stream: bytes) -> None:
+    """Raise InputError if the digest in a stream differs from the digest of the weights."""
     if stream != weights:
         raise InputError(
             f"the stream was made with other weights ({stream.hex()}, here {weights.hex()})"
@@ -103,6 +114,19 @@ def write_weights(
     state: Mapping[str, Tensor],
     integers: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> None:
+    """Write a file of weights.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    header_fields
+        Fields of the `WeightsHeader`, except the check sum.
+    state
+        Parameters by name; they are rounded to half precision.
+    integers
+        Integer arrays by name, such as frequency tables.
+    """
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }
@@ -116,7 +140,13 @@ def write_weights(
 
 
 def read_weights(path: Path) -> WeightsFile:
-    """Read a set of weights; raise InputError if it is damaged or has non-finite parameters."""
+    """Read a file of weights.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or has parameters that are not finite.
+    """
     header, data = header_of(path), read_bytes(path)
     try:
         arrays = load(data)
@@ -145,6 +175,8 @@ def _is_parameter(array: NDArray[Any]) -> bool:
 
 @dataclass(frozen=True)
 class MultiRateWeights(Generic[N]):
+    """Trained weights of a network for one or several rates, with all that coding needs."""
+
     model: N
     lmbdas: tuple[float, ...]  # Lagrangian weights of the rates, lowest bitrate first
     tables: Tables  # frequency tables of the entropy bottleneck of each rate
@@ -153,12 +185,13 @@ class MultiRateWeights(Generic[N]):
 
 
 def check_rate(weights: MultiRateWeights[Any], rate: int) -> None:
+    """Raise InputError if the weights have no rate with this index."""
     if not 0 <= rate < len(weights.lmbdas):
         raise InputError(f"rate {rate}: the weights have {len(weights.lmbdas)} rates, from 0 on")
 
 
 def check_made_with(weights: MultiRateWeights[Any], digest: bytes, rate: int) -> None:
-    """Raise InputError if a stream's digest or rate does not match the weights."""
+    """Raise InputError if a stream was made with other weights, or its rate does not exist."""
     check_digest(weights.digest, digest)
     if rate >= len(weights.lmbdas):
         raise InputError("the stream is damaged (its rate)")
@@ -167,6 +200,21 @@ def check_made_with(weights: MultiRateWeights[Any], digest: bytes, rate: int) ->
 def save_multi_rate(
     path: Path, network: NetworkType, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> None:
+    """Write a trained network for several rates to a file of weights.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    network
+        The kind of network, whose name is stored.
+    model
+        The trained network.
+    lmbdas
+        Lagrangian weight of each rate, lowest bitrate first.
+    card
+        Model card, such as the training data, which is stored as JSON.
+    """
     rounded = type(model)(model.shape)
     rounded.load_state_dict({name: each.cpu().half() for name, each in model.state_dict().items()})
     header_fields = {
@@ -186,9 +234,23 @@ def load_multi_rate(
     model_type: type[N],
     load_published: Callable[[Path], N],
 ) -> MultiRateWeights[N]:
-    """Read a set trained by puckbench or, with `load_published`, a file of the network's authors.
+    """Read weights of a network for one or several rates.
 
-    Raises InputError for other files.
+    Parameters
+    ----------
+    path
+        A ``.safetensors`` file that `save_multi_rate` wrote, or a file of the network's authors.
+    network
+        The kind of network.
+    model_type
+        Class of the network.
+    load_published
+        Function that reads a file of the authors.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or of another network.
     """
     if path.suffix == SUFFIX:
         return _load_our_set(path, model_type)
@@ -219,7 +281,7 @@ def _tables_of(model: MultiRateNetwork) -> Tables:
 
 
 def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
-    """Pack tables as lowest values and lengths (rates, channels) and joined frequencies (n,)."""
+    """Return tables as lowest values and lengths (rates, channels), and all frequencies (n,)."""
     lowest = np.array([[table.lowest for table in rate] for rate in tables], np.int32)
     length = np.array([[len(table.frequencies) for table in rate] for rate in tables], np.int32)
     frequencies = np.concatenate([table.frequencies for rate in tables for table in rate])
@@ -253,7 +315,20 @@ _UNREADABLE = (
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; raise InputError (`fault`) if damaged."""
+    """Read a dictionary that PyTorch saved, without running code from the file.
+
+    Parameters
+    ----------
+    path
+        File to read.
+    fault
+        Error message if the file is damaged or is no dictionary.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or is no dictionary.
+    """
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (*_UNREADABLE, pickle.UnpicklingError) as error:

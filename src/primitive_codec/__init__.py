@@ -1,7 +1,8 @@
-"""Point-cloud codec of geometric primitives: planes in an octree, and surfaces of revolution.
+"""A codec that describes a point cloud by planes in an octree and by surfaces of revolution.
 
-`encode` encodes coordinates (n, 3) with `PrimitiveSettings`; `decode` returns points,
-`decode_surface` points with normals, `decode_mesh` labelled triangles.
+`encode` compresses coordinates (n, 3) to bytes, at the rate of a `PrimitiveSettings`. Three
+functions decompress these bytes: `decode` returns points, `decode_surface` returns points with
+normals, and `decode_mesh` returns triangles that are labelled by primitive.
 """
 
 from typing import TYPE_CHECKING

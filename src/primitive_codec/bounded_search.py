@@ -1,6 +1,7 @@
-"""Nearest neighbour search that stops after a maximum number of visited points and boxes.
+"""Nearest-neighbour search that gives up after a maximum number of visited points and boxes.
 
-The limit bounds a decoder's time: a query at the centre of a sphere would visit all its points.
+The maximum bounds the time of a decoder: a query at the centre of a sphere would otherwise visit
+all points of the sphere.
 """
 
 from __future__ import annotations
@@ -14,9 +15,22 @@ from pointkit.geometry.spatial_order import Rows
 
 
 def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[Floats, Rows] | None:
-    """Return the distances and indices (m,) of the points nearest to queries (m, 3).
+    """Find the point nearest to each query.
 
-    Return None if the queries together visit more than `max_visits` points and boxes.
+    Parameters
+    ----------
+    queries
+        Coordinates (m, 3).
+    points
+        The points to search, in a tree of boxes.
+    max_visits
+        Largest total number of points and boxes that all queries may visit.
+
+    Returns
+    -------
+    tuple of ndarray, or None
+        Distances (m,) and indices (m,) of the nearest points; None if the search exceeds
+        `max_visits`.
     """
     squared, places = np.empty(len(queries)), np.empty(len(queries), np.int64)
     if _search(queries, points, max_visits, squared, places) > max_visits:

@@ -13,13 +13,23 @@ _BITS = 21
 
 
 class CellGroups(NamedTuple):
+    """Points grouped by the cells of a grid."""
+
     cells: Ints  # (m, 3) occupied cells, sorted by x, then y, then z
     counts: Floats  # (m,) numbers of points
     means: Floats  # (m, 3) means of the points, in cells relative to the origin
     cell_of: Ints  # (n,) index of each point's cell
 
     def sorted_rows(self) -> tuple[Ints, Ints]:
-        """Return the point indices (n,) sorted by cell, and each cell's start (m,) among them."""
+        """Sort the points by cell.
+
+        Returns
+        -------
+        rows
+            Indices (n,) of the points, so that points of one cell follow each other.
+        starts
+            Position (m,) in `rows` at which each cell begins.
+        """
         counts = self.counts.astype(np.int64)
         return np.argsort(self.cell_of, kind="stable"), np.cumsum(counts) - counts
 
@@ -27,18 +37,18 @@ class CellGroups(NamedTuple):
 def group_by_cell(
     points: Floats, side: float, origin: Floats | None = None, *, centred: bool = False
 ) -> CellGroups:
-    """Group points by the cells of a grid.
+    """Group points by the cells of a grid that contain them.
 
     Parameters
     ----------
     points
         Coordinates (n, 3), n > 0, that span fewer than 2^21 cells per axis.
     side
-        Side of a cell.
+        Side of a cell, in the unit of the points.
     origin
-        Lowest corner of the cell (0, 0, 0), by default zeros.
+        Position (3,) of the cell (0, 0, 0), by default zeros.
     centred
-        Whether `origin` is the centre of that cell instead.
+        Whether `origin` is the centre of this cell; by default, it is the lowest corner.
 
     Returns
     -------
@@ -60,22 +70,23 @@ def group_by_cell(
 
 
 def centre_distances(points: Floats, origin: Floats, side: float, cells: Ints) -> Floats:
-    """Return how far points are from the centres of their cells, along the farthest axis, in cell
-    sides.
+    """Return the distance of each point from the centre of the cell that contains it.
+
+    The distance is the largest of the three coordinate differences, divided by the side of a cell.
 
     Parameters
     ----------
     points
         Coordinates (n, 3).
     origin, side
-        Centre of the cell (0, 0, 0), and side of a cell.
+        Centre (3,) of the cell (0, 0, 0), and side of a cell.
     cells
-        Occupied cells (m, 3).
+        Occupied cells (m, 3), as integer coordinates.
 
     Returns
     -------
     ndarray
-        Distances (n,), infinite for points outside the occupied cells.
+        Distances (n,), from 0 to 1/2; infinite for points that lie in no occupied cell.
     """
     low, high = bounding_corners(cells)
     positions = (points - origin) / side
@@ -90,5 +101,4 @@ def centre_distances(points: Floats, origin: Floats, side: float, cells: Ints) -
 
 
 def _cell_keys(cells: Ints) -> Ints:
-    """Pack cells (n, 3) in [0, 2^21) into integers (n,) that sort by x, then y, then z."""
     return (cells[:, 0] << 2 * _BITS) | (cells[:, 1] << _BITS) | cells[:, 2]

@@ -49,17 +49,17 @@ _PLANE_STEP_EXPONENT = 0.5
 
 
 class DecodedSurface(NamedTuple):
-    """Points of a decoded surface.
+    """Points of a decoded surface, with their normals and primitives.
 
     Attributes
     ----------
     xyz
-        Coordinates (m, 3) in the cloud's unit.
+        Coordinates (m, 3) in the unit of the encoded cloud.
     normals
         Unit normals (m, 3); their signs are arbitrary.
     primitive_index
-        Index (m,) of the primitive on which each point lies. Planes have the lowest indices, then
-        come cylinders, cones and spheres.
+        Index (m,) of the primitive on which each point lies. The planes come first; cylinders,
+        cones and spheres follow.
     """
 
     xyz: Floats
@@ -68,7 +68,7 @@ class DecodedSurface(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Decoded primitives and their occupancy maps."""
+    """The primitives and occupancy maps from which points or a mesh are made."""
 
     header: SurfaceHeader
     octree: PlaneOctree
@@ -78,11 +78,17 @@ class Patches(NamedTuple):
 def decode(stream: bytes) -> Floats:
     """Decode a stream to points.
 
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
+
     Returns
     -------
     ndarray
-        float64 (m, 3) in the cloud's unit. The points lie on the coded surfaces and in the coded
-        voxels; they are neither those of the input nor equally many.
+        Coordinates (m, 3), float64, in the unit of the encoded cloud. The points lie on the coded
+        surfaces and in the coded voxels, so their positions and their number differ from the
+        input's.
 
     Raises
     ------
@@ -99,7 +105,19 @@ def decode(stream: bytes) -> Floats:
 
 
 def decode_surface(stream: bytes) -> DecodedSurface:
-    """Decode the surface of a stream to points with normals; the voxels of a hybrid are left out.
+    """Decode the surface of a stream to points with normals.
+
+    Points of voxels, which a stream may contain in addition to the surface, are left out.
+
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
+
+    Returns
+    -------
+    DecodedSurface
+        Coordinates, normals and primitive indices of the points.
 
     Raises
     ------
@@ -110,6 +128,10 @@ def decode_surface(stream: bytes) -> DecodedSurface:
 
 
 def read_patches(stream: bytes) -> Patches:
+    """Decode the primitives and the occupancy maps of a stream, but make no points.
+
+    Raises InputError if the stream is damaged, or holds only voxels.
+    """
     header, payload = unpack_surface(stream)
     octree = empty_octree(header)
     coder = reader(payload, CONTEXTS, MIXERS)
@@ -130,7 +152,13 @@ def read_patches(stream: bytes) -> Patches:
 
 
 def reconstruct_surface(patches: Patches) -> DecodedSurface:
-    """Return points on all primitives; raise InputError unless there are 1 to `MAX_POINTS`."""
+    """Place points on all primitives.
+
+    Raises
+    ------
+    InputError
+        If there would be no points, or more than `MAX_POINTS`.
+    """
     xyz, leaf_of_point = reconstruct_planes(patches)
     leaves = patches.octree.leaves
     planes = leaves.plane_index[leaf_of_point]
@@ -143,7 +171,20 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 
 
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
-    """Return points (m, 3) on all planes, in cloud coordinates, and their leaf indices (m,)."""
+    """Place points on all planes.
+
+    Returns
+    -------
+    xyz
+        Points (m, 3) in the coordinates of the cloud.
+    leaf_of_point
+        Index (m,) of the leaf to which each point belongs.
+
+    Raises
+    ------
+    InputError
+        If there would be more than `MAX_POINTS` points.
+    """
     header, octree = patches.header, patches.octree
     count = count_points(octree, header.point_spacing)
     if count > MAX_POINTS:
@@ -154,6 +195,10 @@ def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
 
 
 def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
+    """Place points on the cylinders, cones and spheres, and return them by surface.
+
+    Raises InputError if there would be more than `MAX_REVOLUTION_POINTS` points.
+    """
     header, plane_count = patches.header, int(patches.octree.leaves.counts[1])
     count = count_revolution_points(patches, header.point_spacing)
     if count > MAX_REVOLUTION_POINTS:
@@ -167,18 +212,33 @@ def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
 
 
 def count_surface_points(patches: Patches, spacing: int) -> int:
+    """Return how many points lie on all primitives at a spacing, in columns / `SPACING_UNIT`."""
     return count_points(patches.octree, spacing) + count_revolution_points(patches, spacing)
 
 
 def count_revolution_points(patches: Patches, spacing: int) -> int:
+    """Return how many points lie on surfaces of revolution at a spacing.
+
+    The spacing is in columns / `SPACING_UNIT`.
+    """
     return sum(count_column_points(unrolled, spacing) for unrolled in patches.revolutions)
 
 
 def count_columns(leaves: Leaves) -> int:
+    """Return the number of columns in the occupancy maps of all leaves."""
     return int((leaves.side[: leaves.counts[0]] ** 2).sum())
 
 
 def empty_octree(header: SurfaceHeader, lmbda: float = 0.0) -> PlaneOctree:
+    """Allocate the octree that a header describes, for the encoder or the decoder to fill.
+
+    Parameters
+    ----------
+    header
+        Header of the surface stream.
+    lmbda
+        The encoder's weight of a bit, in squared cells; a decoder does not need it.
+    """
     levels_above_finest = np.maximum(header.finest_leaf_level - np.arange(header.depth + 1), 0)
     steps = header.plane_step / 16 * 2.0 ** (-_PLANE_STEP_EXPONENT * levels_above_finest)
     shape = np.array(header.shape, np.int64)
@@ -204,24 +264,30 @@ _NO_NODES = EncoderNodes(
 
 @compiled
 def count_points(octree: PlaneOctree, spacing: int) -> int:
+    """Return how many points lie on planes at a spacing, in columns / `SPACING_UNIT`."""
     return int(reconstruct_points(octree, spacing, np.empty((0, 3)), np.empty(0, np.int64)))
 
 
 @compiled
 def reconstruct_points(octree: PlaneOctree, spacing: int, xyz: Floats, leaf_of_point: Ints) -> int:
-    """Place points on a square grid over all occupied columns of the planes, and return their
-    number.
+    """Place points on a square grid over all occupied columns of the planes.
 
     Parameters
     ----------
     octree
         The decoded planes with their occupancy maps.
     spacing
-        Distance of the points, in columns / `SPACING_UNIT`.
+        Distance between adjacent points, in columns / `SPACING_UNIT`.
     xyz
-        Receives the points (m, 3), in cells; those beyond m are only counted.
+        Array that receives the points, in cells. If it is too short, the remaining points are only
+        counted.
     leaf_of_point
-        Receives the index (m,) of each point's leaf.
+        Array that receives the index of each point's leaf.
+
+    Returns
+    -------
+    int
+        Number of points, whether or not they fit into `xyz`.
     """
     leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)

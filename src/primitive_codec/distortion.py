@@ -1,6 +1,7 @@
-"""The encoder's estimate of the distortion of decoded points.
+"""Estimation of a decoded cloud's distortion, by which the encoder compares its candidates.
 
-The points are compared with the cloud, and with smoothed samples of the surface without noise.
+Decoded points are compared with the points of the cloud, and with smoothed samples of its surface,
+which are free of noise.
 """
 
 from __future__ import annotations
@@ -20,7 +21,12 @@ _MAX_QUERIES, _MAX_FAST_QUERIES = 20_000, 8_000
 
 
 class Distortion(NamedTuple):
-    """Mean squared errors, averaged over both directions; the unit of length is extent / 1023."""
+    """Mean squared errors of decoded points.
+
+    The unit of length is 1/1023 of the cloud's longest side.
+
+    Each is the average of two directions: from decoded points to the reference, and back.
+    """
 
     point: float  # point to point, against the cloud
     plane: float  # point to plane, against the cloud
@@ -28,17 +34,23 @@ class Distortion(NamedTuple):
 
 
 class NearestOffsets(NamedTuple):
-    """Vectors from the nearest decoded points to the cloud's points and to the smoothed samples."""
+    """Vectors from the nearest decoded point to each point and each smoothed sample."""
 
     of_points: Floats  # (a, 3)
     of_samples: Floats  # (b, 3)
 
     def nearer(self, other: NearestOffsets) -> NearestOffsets:
+        """Return for each point the shorter of the two vectors."""
         return NearestOffsets(*map(_shorter, self, other))
 
 
 @dataclass(frozen=True)
 class DistortionEstimator:
+    """Estimates distortions with respect to one cloud, from a subsample of the points.
+
+    All coordinates are in units of 1/1023 of the cloud's longest side.
+    """
+
     points: Floats  # (n, 3)
     samples: Floats  # (m, 3)
     normals: Floats  # (m, 3) of the samples
@@ -51,11 +63,23 @@ class DistortionEstimator:
     def of(
         cls, points: Floats, samples: Floats, normals: Floats, weights: Floats
     ) -> DistortionEstimator:
+        """Build an estimator with its search trees.
+
+        Parameters
+        ----------
+        points
+            Points (n, 3) of the cloud.
+        samples, normals
+            Smoothed samples of the surface and their unit normals (m, 3).
+        weights
+            Fraction (m,) of the cloud's points that each sample represents.
+        """
         point_tree, sample_tree = search_tree(points), search_tree(samples)
         normals_of_points = normals[sample_tree.query(subsample(points))[1]]
         return cls(points, samples, normals, weights, point_tree, sample_tree, normals_of_points)
 
     def nearest_offsets(self, decoded: Floats) -> NearestOffsets:
+        """Find the decoded point nearest to each point and sample, among points (k, 3)."""
         tree = search_tree(decoded)
         queries = (subsample(self.points), subsample(self.samples))
         return NearestOffsets(*(xyz - decoded[tree.query(xyz)[1]] for xyz in queries))
@@ -66,9 +90,9 @@ class DistortionEstimator:
         Parameters
         ----------
         decoded
-            Coordinates (k, 3), or a `subsample` of them if `offsets` are given.
+            Coordinates (k, 3); if `offsets` is given, a `subsample` of the decoded points suffices.
         offsets
-            The `nearest_offsets` of all decoded points, if they are known.
+            The `nearest_offsets` of all decoded points; by default they are computed.
         """
         queries = subsample(decoded)
         of_points, of_samples = offsets or self.nearest_offsets(decoded)
@@ -82,7 +106,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate `Distortion.surface` alone, faster and from fewer points."""
+        """Estimate only the error `surface` of decoded points (k, 3), from fewer points."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]
@@ -98,13 +122,14 @@ class DistortionEstimator:
 
 
 def search_tree(points: Floats) -> Any:
+    """Return a k-d tree of points (n, 3) for queries of nearest points."""
     from pykdtree.kdtree import KDTree
 
     return KDTree(np.ascontiguousarray(points), leafsize=_LEAF_SIZE)
 
 
 def subsample(rows: NDArray[Any], max_count: int = _MAX_QUERIES) -> NDArray[Any]:
-    """Return every k-th row, with the least k that leaves at most `max_count` rows."""
+    """Return every k-th row, with the smallest k that leaves at most `max_count` rows."""
     return np.ascontiguousarray(rows[:: -(-len(rows) // max_count)])
 
 

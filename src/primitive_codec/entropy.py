@@ -1,8 +1,10 @@
-"""Binary arithmetic coding with a probability mixed from three contexts.
+"""Binary arithmetic coding, in which the probability of each bit is mixed from three contexts.
 
-Adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005, "Adaptive
-weighing of context models for lossless data compression"). The arithmetic is in integers, so that
-all machines decode identically. The ``code_...`` functions encode a value, or decode and return it.
+Each context has an adaptive probability. The three are mixed in the logistic domain with learnt
+weights (Mahoney 2005, "Adaptive weighing of context models for lossless data compression"). The
+arithmetic is in integers, so that all machines decode identically. Each ``code_...`` function
+serves both directions: with a `writer` it encodes its argument, with a `reader` it decodes and
+returns it.
 """
 
 from __future__ import annotations
@@ -34,6 +36,8 @@ CONTEXTS_PER_NUMBER = 40
 
 
 class ContextCoder(NamedTuple):
+    """An arithmetic coder for one direction, with the state of its contexts and mixers."""
+
     bits: BitCoder
     probabilities: Ints  # (contexts,) of a 1
     counts: Ints  # (contexts,) numbers of coded bits
@@ -44,10 +48,20 @@ class ContextCoder(NamedTuple):
 
 
 def writer(contexts: int, mixers: int, max_bytes: int) -> ContextCoder:
+    """Return a coder that encodes.
+
+    Parameters
+    ----------
+    contexts, mixers
+        Number of contexts and of sets of mixing weights.
+    max_bytes
+        Largest length of the stream.
+    """
     return _coder(bit_writer(max_bytes), contexts, mixers)
 
 
 def reader(stream: bytes, contexts: int, mixers: int) -> ContextCoder:
+    """Return a coder that decodes a stream, with as many contexts and mixers as the writer had."""
     return _coder(bit_reader(stream), contexts, mixers)
 
 
@@ -64,12 +78,30 @@ def _coder(bits: BitCoder, contexts: int, mixers: int) -> ContextCoder:
 
 @compiled_in_place
 def is_writing(coder: ContextCoder) -> bool:
+    """Return whether a coder encodes; otherwise it decodes."""
     return bool(coder.bits.registers[WRITING] == 1)
 
 
 @compiled_in_place
 def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
-    """Encode or decode a bit with a mixer and three contexts, given by index; return the bit."""
+    """Encode or decode a bit, and adapt its contexts and its mixer.
+
+    Parameters
+    ----------
+    coder
+        Arithmetic coder of either direction.
+    bit
+        Bit to encode; ignored when decoding.
+    mixer
+        Index of the mixing weights.
+    contexts
+        Indices of the three contexts.
+
+    Returns
+    -------
+    int
+        The encoded or decoded bit.
+    """
     a, b, c = contexts
     weights, stretch = coder.weights[mixer], coder.stretch
     a_logit = stretch[coder.probabilities[a] >> 4]
@@ -98,10 +130,26 @@ def _update(coder: ContextCoder, context: int, bit: int) -> None:
 
 @compiled_in_place
 def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first_b: int) -> int:
-    """Encode or decode a signed integer: whether it is 0, its sign, and its magnitude.
+    """Encode or decode a signed integer.
 
-    Magnitudes above 12 are coded in Elias's gamma code. `CONTEXTS_PER_NUMBER` contexts are used
-    from each of `first_a` and `first_b` on, and three mixers from `mixer` on.
+    The number is coded as a zero flag, a sign and a magnitude; magnitudes above 12 in Elias's gamma
+    code.
+
+    Parameters
+    ----------
+    coder
+        Arithmetic coder of either direction.
+    value
+        Number to encode; ignored when decoding.
+    mixer
+        Index of the first of the three mixers that are used.
+    first_a, first_b
+        Indices of the first of `CONTEXTS_PER_NUMBER` contexts in each of two sets.
+
+    Returns
+    -------
+    int
+        The encoded or decoded number.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

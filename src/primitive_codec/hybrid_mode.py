@@ -1,9 +1,10 @@
-"""Hybrid mode: a surface, and voxels that locate the input points on and near the surface.
+"""Hybrid mode: codes a surface, and voxels that locate the input points on and near this surface.
 
-A surface reproduces neither the positions nor the noise of its points. Voxels reproduce both, but
-locate the surface less precisely. A hybrid moves each voxel along the normal of the nearest surface
-point, by a fraction of the distance that is sent for each class of distances. The decoder also
-keeps surface points in occupied voxels, so that the decoded cloud is as dense as the input.
+A surface alone loses the positions and the noise of the points. Voxels alone keep both, but locate
+the surface less precisely. In a hybrid, the decoder moves each voxel along the normal of the
+nearest surface point, by a fraction of their distance; the stream has one fraction for each class
+of distances. The decoder also keeps the surface points that lie in occupied voxels, so that the
+decoded cloud is as dense as the input.
 """
 
 from __future__ import annotations
@@ -36,13 +37,15 @@ _MAX_TANGENTIAL_DISTANCE = 1.0
 _KEEP_DISTANCES = (0, 6, 7, 8)
 """Candidate keep distances in 1/16 voxels (see `HybridHeader`)."""
 _MIN_VOXEL_SHARE = 0.1
-"""Fraction of the budget below which voxels are not worth their header."""
+"""Fraction of all bytes below which voxels are not worth their header."""
 
 _MAX_SEARCH_STEPS = 1 << 28
 """Largest number of points and boxes that a decoder compares with voxels (one or two seconds)."""
 
 
 class HybridCriterion(NamedTuple):
+    """The functions by which the encoder compares hybrid candidates."""
+
     nearest_offsets: Callable[[Floats], NearestOffsets]  # from decoded points (k, 3) to the cloud
     measure: Callable[
         [Floats, NearestOffsets], Distortion
@@ -51,20 +54,22 @@ class HybridCriterion(NamedTuple):
 
 
 class HybridCandidate(NamedTuple):
+    """An encoded hybrid, with its cost and distortion."""
+
     cost: float
     distortion: Distortion
     stream: bytes
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points (n, 3) of a hybrid stream.
+    """Return the points (n, 3) of a hybrid stream, in the coordinates of the cloud.
 
     Parameters
     ----------
     header
-        The stream's header, which holds its voxels.
+        Header of the hybrid stream, which contains the voxel stream.
     xyz, normals
-        Points and unit normals (m, 3) of its decoded surface.
+        Points and unit normals (m, 3) of the decoded surface.
 
     Raises
     ------
@@ -91,10 +96,26 @@ def encode(
     max_voxel_size: float,
     criterion: HybridCriterion,
 ) -> HybridCandidate | None:
-    """Encode a cloud as a surface and the finest voxels such that both fit into `max_bytes`.
+    """Add the finest voxels to a surface such that both fit into a number of bytes.
 
-    Returns None if too few bytes are left for voxels, or if voxels are too many or too far from the
-    surface.
+    Parameters
+    ----------
+    search
+        Search for the voxel size, which holds the points of the cloud.
+    surface
+        The encoded surface.
+    max_bytes
+        Largest total number of bytes.
+    max_voxel_size
+        Largest side of a voxel, in 1/1023 of the cloud's longest side, even if it takes more bytes.
+    criterion
+        Functions by which candidates are compared.
+
+    Returns
+    -------
+    HybridCandidate or None
+        None if too few bytes are left for voxels, if there are more than `MAX_HYBRID_VOXELS`, or if
+        they lie too far from the surface.
     """
     if not has_voxel_budget(surface.stream, max_bytes):
         return None
@@ -116,13 +137,14 @@ def _without_surplus(surface: CodedSurface, voxels: CodedVoxels, count: int) -> 
 
 
 def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
+    """Return whether a surface stream leaves enough of `max_bytes` for voxels."""
     return max_bytes - len(surface) >= _MIN_VOXEL_SHARE * max_bytes
 
 
 def _best_candidate(
     coded_surface: CodedSurface, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the hybrid of least cost over all keep distances, with or without displaced voxels."""
+    """Return the hybrid of least cost over keep distances, with and without displacements."""
     grid, groups, surface = coded.grid, coded.groups, coded_surface.decoded()
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
     distances = 16 * centre_distances(surface.xyz, *grid, groups.cells)
@@ -154,7 +176,7 @@ def _best_candidate(
 def _nearest_planes(
     points: Floats, xyz: Floats, normals: Floats, tree: BoxTree, cell_size: float
 ) -> LocalPlanes:
-    """Return the tangent planes at the surface points nearest to the voxels' points."""
+    """Return for each voxel point the tangent plane at the nearest surface point."""
     # Raises InputError if the search takes too long, as at the centre of a sphere, where all
     # surface points are equally near.
     nearest = nearest_within(points, tree, _MAX_SEARCH_STEPS)

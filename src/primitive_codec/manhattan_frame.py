@@ -1,4 +1,4 @@
-"""Manhattan frame: the three orthogonal axes of a scene's walls and floors."""
+"""Estimation of a Manhattan frame: the three orthogonal axes of a scene's walls and floors."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ rotation."""
 
 
 def rotation_matrix(rotation_vector: RotationVector) -> Floats:
+    """Return the rotation matrix (3, 3) of a quantised rotation vector."""
     x, y, z = (ROTATION_STEP * number for number in rotation_vector)
     angle = hypot(x, y, z)
     if angle == 0:
@@ -44,7 +45,7 @@ def rotation_matrix(rotation_vector: RotationVector) -> Floats:
 
 @compiled
 def rotate(vectors: Floats, rotation: Floats) -> Floats:
-    """Rotate vectors (n, 3) by a matrix (3, 3), with the same bits on all processors."""
+    """Rotate vectors (n, 3) by a matrix (3, 3), with identical results on all processors."""
     result = np.empty_like(vectors)
     for i in range(len(vectors)):
         x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
@@ -54,13 +55,23 @@ def rotate(vectors: Floats, rotation: Floats) -> Floats:
 
 
 def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
+    """Rotate vectors (n, 3) by the inverse of a rotation matrix (3, 3)."""
     return rotate(vectors, np.ascontiguousarray(rotation.T))
 
 
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
-    """Return the rotation that aligns most unit normals (n, 3) with the coordinate axes.
+    """Find the rotation that aligns most surface normals with the coordinate axes.
 
-    Unless it aligns many more of them than no rotation does, the result is the zero vector.
+    Parameters
+    ----------
+    normals
+        Unit normals (n, 3).
+
+    Returns
+    -------
+    tuple of int
+        Rotation vector (axis times angle) in steps of `ROTATION_STEP` radians. It is zero if no
+        rotation aligns many more normals than are aligned already.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN
@@ -88,7 +99,7 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 
 @compiled
 def _refine(normals: Floats, rotation: Floats) -> Floats:
-    """Refine a rotation by aligning normals with their nearest axes (Kabsch 1976)."""
+    """Refine a rotation by aligning each normal with its nearest axis (Kabsch 1976)."""
     # Each iteration uses normals within a smaller angle of an axis.
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:
@@ -108,7 +119,7 @@ def _refine(normals: Floats, rotation: Floats) -> Floats:
 
 @compiled
 def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
-    """Write to `rotation` the rotation nearest to a matrix, by Newton's iteration (Higham 1986)."""
+    """Replace `rotation` by the rotation nearest to a matrix (Newton's iteration, Higham 1986)."""
     # Returns False if the matrix is singular or a reflection.
     for _ in range(_MAX_ITERATIONS):
         cofactors = np.empty((3, 3))
@@ -128,7 +139,7 @@ def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
 
 
 def _quantise(rotation: Floats) -> RotationVector:
-    """Exchange and reverse axes so that a rotation's angle is least, and quantise the rotation."""
+    """Quantise a rotation, after axes are exchanged and reversed so that its angle is least."""
     order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:
         rows = np.argsort(order)

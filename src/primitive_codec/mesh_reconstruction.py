@@ -1,4 +1,4 @@
-"""Mesh reconstruction: few rectangles cover the occupied columns of each leaf's plane."""
+"""Mesh reconstruction: the occupied columns of each leaf's plane are covered by few rectangles."""
 
 from __future__ import annotations
 
@@ -41,16 +41,23 @@ columns."""
 
 
 def decode_mesh(stream: bytes) -> Mesh:
-    """Decode the surface of a stream to labelled triangles, in the cloud's unit.
+    """Decode the surface of a stream to triangles that are labelled by primitive and object.
 
-    Each triangle belongs to a primitive, with its parameters: a plane (unit normal and offset,
-    ``normal . p = offset``), a cylinder, a cone or a sphere. It also belongs to an object: planes
-    that continue each other are one segment, a surface of revolution is an object of its own.
+    Each triangle belongs to a primitive with known parameters: a plane (unit normal and offset,
+    ``normal . p = offset``), a cylinder, a cone or a sphere. Each triangle also belongs to an
+    object. Planes that continue each other form one object, called a segment. Each surface of
+    revolution is an object of its own.
+
+    Parameters
+    ----------
+    stream
+        All bytes that `encode` returned.
 
     Returns
     -------
     Mesh
-        Vertices, triangles, and the `labels` with primitives and objects.
+        Vertices in the unit of the encoded cloud, triangles, and `labels` with primitives and
+        objects.
 
     Raises
     ------
@@ -101,7 +108,17 @@ def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -
 
 
 def segment_points(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the points (m, 3) of all primitives, and their segment indices (m,)."""
+    """Place points on all primitives, and divide them into segments.
+
+    A segment is a group of planes that continue each other, or one surface of revolution.
+
+    Returns
+    -------
+    xyz
+        Points (m, 3) in the coordinates of the cloud.
+    segments
+        Index (m,) of the segment of each point.
+    """
     xyz, leaf_of_point = reconstruct_planes(patches)
     leaf_segments = _merge_leaves(patches, xyz, leaf_of_point)
     plane_segments, segments = np.unique(leaf_segments[leaf_of_point], return_inverse=True)
@@ -113,7 +130,7 @@ def segment_points(patches: Patches) -> tuple[Floats, Ints]:
 
 
 def segment_leaves(patches: Patches) -> Ints:
-    """Return each leaf's segment (n,), as the index of one leaf of the segment."""
+    """Return for each leaf the index (n,) of one leaf that represents the whole segment."""
     return _merge_leaves(patches, *reconstruct_planes(patches))
 
 
@@ -157,7 +174,7 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 
 @compiled
 def _cover_with_rectangles(octree: PlaneOctree, quads: Floats, leaf_of_quad: Ints) -> int:
-    """Write corners (m, 4, 3) and leaf indices (m,) of rectangles over all occupied columns."""
+    """Write the corners (m, 4, 3) and leaf indices (m,) of rectangles over all occupied columns."""
     # Returns the number of rectangles, which may exceed m.
     leaves, count = octree.leaves, 0
     cell = np.zeros(3, np.int64)
@@ -184,7 +201,7 @@ def _cover_with_rectangles(octree: PlaneOctree, quads: Floats, leaf_of_quad: Int
 
 @compiled
 def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
-    """Zero a rectangle of nonzero values from corner (a, b) on; return its exclusive end."""
+    """Set a rectangle of nonzero values to zero, and return its exclusive end."""
     end_b = b
     while end_b < columns.shape[1] and columns[a, end_b]:
         end_b += 1

@@ -1,8 +1,8 @@
-"""Mode decision: encodes a cloud in candidate modes and keeps the mode of least cost.
+"""Mode decision: the encoder tries several ways to code a cloud, and keeps the best.
 
-Surfaces are encoded on grids along the cloud's axes and its Manhattan frame, with or without each
-detected surface of revolution. The surface of least distortion + lambda * rate is compared with
-voxels of equally many bytes.
+Surfaces are encoded on grids along the axes of the cloud and of its Manhattan frame, with and
+without each detected surface of revolution. The surface with the least distortion + lambda * rate
+is then compared with voxels that take as many bytes.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ _REFINEMENT_DEFAULTS = {
     for name in ("refinement", "refined_bpp", "max_voxel_size")
 }
 _POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
-"""Limits of a chosen surface's point-to-point error, as multiples of that of undisplaced voxels:
-in the comparison of single errors, and in that of their product. A surface's error is never zero,
-because positions of points on it are not coded."""
+"""Limits of a chosen surface's point-to-point error, as multiples of the error of undisplaced
+voxels: first if single errors are compared, then if products of errors are compared. The error of a
+surface is never zero, because the positions of points on it are not coded."""
 
 
 def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | None = None) -> bytes:
@@ -74,15 +74,17 @@ def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | No
     points
         Coordinates (n, 3), n > 0, finite, in any unit.
     settings
-        The rate, in units of 1/1023 of the cloud's longest side; `RATES` holds eight of them.
+        The rate. Its lengths are in units of 1/1023 of the cloud's longest side. `RATES` holds
+        eight suitable sets of values.
     cache
-        A cache that is passed to every call for the same cloud. Rates that differ only in their
-        refinement then share the search for the surface; the streams are the same without it.
+        Object that is passed to all calls for the same cloud. Rates that differ only in their
+        refinement then share the search for the surface, which saves time. It does not change
+        streams.
 
     Returns
     -------
     bytes
-        A self-contained stream for `decode`, `decode_surface` and `decode_mesh`.
+        A stream that `decode`, `decode_surface` and `decode_mesh` read without further data.
     """
     low, high = bounds(points)
     if (low == high).all():
@@ -117,14 +119,15 @@ class _SearchResult(NamedTuple):
 
 
 class SurfaceCache(CostlyResult[_SearchResult]):
-    """Keeps the surface of the last cloud that was encoded, for rates that differ only in
-    refinement.
+    """Keeps the surface of the last encoded cloud, so that other rates can reuse it.
 
-    A rate without refinement repeats the search, so that its time can be measured; `saved` is the
-    cost of what the last call did not repeat.
+    Only rates with refinement reuse the surface. A rate without refinement repeats the search, so
+    that its time can be measured. `saved` is the cost of the work that the last call did not
+    repeat.
     """
 
     def search(self, points: Floats, settings: PrimitiveSettings) -> _SearchResult:
+        """Return the best surface of a cloud, from the cache if the settings allow it."""
         unrefined = settings.model_copy(update=_REFINEMENT_DEFAULTS)
         key = sha256(points.tobytes()).digest(), unrefined
         return self.of(key, partial(_search, points, unrefined), reuse=settings.refinement > 0)
@@ -141,7 +144,7 @@ def _search(points: Floats, settings: PrimitiveSettings) -> _SearchResult:
 def _select_mode(
     cloud: PreparedCloud, best: _Candidate, max_bytes: int, search: VoxelSearch
 ) -> _Selection:
-    """Select the finest surface that is better than voxels of equally many bytes."""
+    """Select the finest surface that is better than voxels of as many bytes."""
     # If no surface is better, the product of the errors (see `Distortion`) decides between voxels
     # and the coarsest surface, then between voxels and a hybrid.
     if best.coded is None:
@@ -170,7 +173,7 @@ def _encode_coarse_hybrid(
     voxels: CodedVoxels,
     search: VoxelSearch,
 ) -> bytes | None:
-    """Return the best hybrid of at most as many bytes as `voxels`, or None if it is worse."""
+    """Return the best hybrid that fits into the bytes of `voxels`, or None if voxels are better."""
     # Surfaces coarser than `coded` are tried while they improve the hybrid.
     criterion = _hybrid_criterion(cloud, 0.0)
     voxel_cost = criterion.cost(cloud.distortion(voxels.points))
@@ -189,7 +192,6 @@ def _encode_coarse_hybrid(
 
 
 def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.HybridCriterion:
-    """Return the criterion by which hybrid candidates are compared."""
     # Its cost is a product of errors, ``point * plane * surface ** (1 - refinement)``: those to the
     # points, to their planes, and to the smoothed surface. `refinement` is from 0 to 1.
 
@@ -206,7 +208,7 @@ def _hybrid_criterion(cloud: PreparedCloud, refinement: float) -> hybrid_mode.Hy
 
 
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
-    """Encode a hybrid, or voxels if voxels of equally many bytes are better."""
+    """Encode a hybrid, or voxels if voxels of as many bytes are better."""
     # If a surface was selected without refinement, `_voxels_lose_surface` decides; otherwise cost.
     cloud, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)
@@ -244,7 +246,7 @@ def _voxels_lose_surface(
 def _refined_budget(
     search: VoxelSearch, selected_bytes: int, settings: PrimitiveSettings
 ) -> tuple[int, float]:
-    """Return a refined stream's budget in bytes, and the largest side of its voxels in units."""
+    """Return how many bytes a hybrid may take, and the largest side of its voxels in units."""
     # The budget grows exponentially with the refinement. At refinement 1 voxels are at most
     # `max_voxel_size`, even if they need more than `refined_bpp`.
     low, high = bounds(search.points)
@@ -313,9 +315,11 @@ def _best_grid(cloud: PreparedCloud) -> _Candidate:
 
 
 def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
-    """Return candidates with grids along the cloud's axes and along its Manhattan frame.
+    """Return the placements of the octree's grid that the encoder tries.
 
-    Grids along the cloud's axes begin at the points' or the surface's lowest corner.
+    Two grids run along the axes of the cloud; one begins at the lowest corner of the points, the
+    other at that of the surface. If the cloud has a Manhattan frame, a third grid runs along its
+    axes.
     """
     rotation = estimate_manhattan_frame(cloud.surface.normals)
     modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]

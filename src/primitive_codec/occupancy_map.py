@@ -1,8 +1,8 @@
-"""Occupancy maps of planes: one bit per column of cells, chosen by the encoder, coded by contexts.
+"""Occupancy maps of planes, with one bit for each column of cells.
 
-As in V-PCC, a map marks the part of a plane that the surface covers. Columns run along the plane's
-dominant axis. One grid stores the states of all columns, so that contexts include neighbouring
-leaves.
+As in V-PCC, a map marks the part of a plane that the surface covers. The encoder chooses the bits,
+which are coded with contexts. Columns run along the dominant axis of the plane. The states of all
+columns are stored in one grid, so that contexts include neighbouring leaves.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _MAX_ITERATIONS = 4
 
 
 class OccupancyCriterion(NamedTuple):
-    """Smoothed samples, with which decoded points are compared, and costs. Lengths are in cells."""
+    """Samples and costs by which the encoder chooses occupied columns, in units of cells."""
 
     xyz: Floats  # (n, 3) samples
     normals: Floats  # (n, 3) unit normals
@@ -63,17 +63,26 @@ NO_CRITERION = OccupancyCriterion(
     np.zeros((1, 1, 1), np.int32),
     *(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
 )
-"""Placeholder for the decoder."""
+"""Criterion that a decoder passes, which needs none."""
 
 
 @compiled
 def code_occupancy_maps(
     coder: ContextCoder, octree: PlaneOctree, criterion: OccupancyCriterion
 ) -> None:
-    """Encode or decode the occupancy maps of all leaves, or of fewer if the stream ends early.
+    """Encode or decode the occupancy maps of all leaves.
 
-    A column's state is stored in the cell where the column crosses the plane. A leaf of one cell is
-    always occupied and takes no bit.
+    The state of a column is stored in the cell where the column crosses the plane. A leaf of one
+    cell is always occupied, and takes no bit. A decoder stops if the stream ends early.
+
+    Parameters
+    ----------
+    coder
+        Arithmetic coder; its direction decides between encoding and decoding.
+    octree
+        The octree with all planes, to whose `occupancy` the states are written.
+    criterion
+        The encoder's costs; a decoder passes `NO_CRITERION`.
     """
     leaves = octree.leaves
     for i in range(leaves.counts[0]):
@@ -96,7 +105,10 @@ def code_occupancy_maps(
 def find_plane_cell(
     geometry: OctreeGeometry, plane: Floats, axis: int, a: int, b: int, cell: Ints
 ) -> bool:
-    """Write the cell (3,) where a plane crosses column (a, b); return False outside the grid."""
+    """Find the cell where a plane crosses column (a, b), and write it to `cell` (3,).
+
+    Return False if this cell is outside the grid.
+    """
     u, v = (axis + 1) % 3, (axis + 2) % 3
     if a < 0 or b < 0 or a >= geometry.shape[u] or b >= geometry.shape[v]:
         return False
@@ -109,7 +121,10 @@ def find_plane_cell(
 
 @compiled_in_place
 def find_leaf_cell(octree: PlaneOctree, i: int, axis: int, a: int, b: int, cell: Ints) -> bool:
-    """Write the cell where a leaf's plane crosses a column; return False outside the leaf."""
+    """Find the cell where the plane of leaf `i` crosses column (a, b), and write it to `cell` (3,).
+
+    Return False if this cell is outside the leaf.
+    """
     leaves = octree.leaves
     if not find_plane_cell(octree.geometry, leaves.planes[leaves.plane_index[i]], axis, a, b, cell):
         return False
@@ -143,7 +158,7 @@ def _decide_columns(
 def _column_gain(
     plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Return a column's reduction of the distortion, a mean of four points; `p` (3,) is scratch."""
+    """Return by how much an occupied column reduces the distortion, as the mean of four points."""
     gain = 0.0
     for k in range(4):
         p_u, p_v = a + 0.25 + 0.5 * (k & 1), b + 0.25 + 0.5 * (k >> 1)
@@ -205,7 +220,10 @@ def _column_state(
 
 @compiled_in_place
 def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
-    """Return the distortion that a sampling cell of decoded points at `point` (3,) saves."""
+    """Return by how much decoded points around `point` (3,) reduce the distortion.
+
+    The points fill a sampling cell.
+    """
     row, squared = _nearest_sample(criterion, point)
     if row < 0:
         return -criterion.area_weight * criterion.max_error
@@ -253,10 +271,10 @@ def _nearest_within(
 
 @compiled
 def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, bits: Bytes) -> None:
-    """Choose the columns of a map, so that their total gain minus the cost of edges is large.
+    """Choose occupied columns of a map, so that their total gain minus the cost of edges is large.
 
-    The method is iterated conditional modes (Besag, "On the statistical analysis of dirty
-    pictures", 1986). An edge is between an occupied and an empty column.
+    An edge lies between an occupied and an empty column. The method is iterated conditional modes
+    (Besag, "On the statistical analysis of dirty pictures", 1986).
 
     Parameters
     ----------
@@ -267,7 +285,7 @@ def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, b
     surrounding
         States (n + 2, n + 2) of the columns around the map.
     bits
-        Receives 1 for occupied and 0 for empty columns (n, n).
+        Array (n, n) that receives 1 for occupied and 0 for empty columns.
     """
     side = len(gains)
     for a in range(side):

@@ -1,4 +1,4 @@
-"""Octree of a surface's samples, pruned at nodes where one plane costs less than the children."""
+"""The encoder's octree of surface samples, pruned where one plane costs less than children."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from primitive_codec.octree_arrays import Ints, Leaves
 
 
 class PlaneOctreeLevel(NamedTuple):
-    """Occupied nodes of one level in Morton order."""
+    """The occupied nodes of one octree level, in Morton order."""
 
     cells: Ints  # (n, 3) coordinates at this level
     moments: Floats  # (n, 10) of the samples
@@ -26,9 +26,25 @@ class PlaneOctreeLevel(NamedTuple):
 def build_octree(
     xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
 ) -> list[PlaneOctreeLevel]:
-    """Build an octree of samples; return its levels from the root (0) to the cells (`depth`).
+    """Build an octree of surface samples.
 
-    Each sample represents a disc of `radius` cells.
+    Parameters
+    ----------
+    xyz
+        Coordinates (n, 3) of the samples, in cells of the finest level.
+    normals
+        Unit normals (n, 3).
+    weights
+        Weights (n,) of the samples in the sum of squared distances.
+    radius
+        Radius, in cells, of the disc that each sample represents.
+    depth
+        Number of the finest level, whose nodes have side 1. The root is level 0.
+
+    Returns
+    -------
+    list of PlaneOctreeLevel
+        All levels, from the root to the finest. No node is marked as a leaf.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
     keys = morton_codes(cells, np.arange(3))
@@ -54,18 +70,20 @@ def prune_octree(
     coarsest_leaf_level: int,
     finest_leaf_level: int,
 ) -> None:
-    """Mark the nodes that become leaves, so that squared distance + lmbda * bits is least.
+    """Decide which nodes of an octree become leaves, and mark them in place.
+
+    The decision minimises the sum of squared distances to the leaves' planes plus lmbda * bits.
 
     Parameters
     ----------
     levels
-        The octree, whose `is_leaf` receives the marks.
+        Levels of the octree, from the root on; `is_leaf` of each level is overwritten.
     lmbda
         Weight of a bit, in squared cells.
     leaf_bits, split_bits
-        Estimated bits of a plane, and of a split.
+        Estimated bits of one leaf's plane, and of one split into children.
     coarsest_leaf_level, finest_leaf_level
-        Levels of the largest and the smallest leaves; level 0 is the root.
+        Levels of the largest and of the smallest leaves that are allowed; level 0 is the root.
     """
     child_costs = np.zeros(0)
     for depth in range(finest_leaf_level, -1, -1):
@@ -81,7 +99,15 @@ def prune_octree(
 
 
 def collect_leaves(levels: list[PlaneOctreeLevel]) -> tuple[Ints, Leaves]:
-    """Return the leaves' indices (n,) among the nodes of all levels, and the leaves."""
+    """List the leaves of a pruned octree.
+
+    Returns
+    -------
+    node_indices
+        Index (n,) of each leaf among the nodes of all levels, counted from the root on.
+    leaves
+        Corners and sides of the leaves; their planes are still empty.
+    """
     depth = len(levels) - 1
     corner, side, level_indices = [], [], []
     is_reached, start = np.ones(1, bool), 0
@@ -105,21 +131,23 @@ def moments_of(
     normals: Floats | None = None,
     radius: float = 0.0,
 ) -> Floats:
-    """Return the weighted moments of points, or of discs around them, for least-squares planes.
+    """Return the weighted moments of samples, to which planes can be fitted by least squares.
 
     Parameters
     ----------
     xyz
         Coordinates (n, 3).
     weights
-        Weights (n,), or one for all.
+        Weights (n,), or one number for all samples.
     normals, radius
-        Unit normals (n, 3) and the radius of the discs; by default there are only points.
+        Unit normals (n, 3) and radius, if each sample represents a disc; by default, samples are
+        points.
 
     Returns
     -------
     ndarray
-        (n, 10): sums of 1, x, y, z, xx, xy, xz, yy, yz and zz, times the weight.
+        (n, 10): 1, x, y, z, xx, xy, xz, yy, yz and zz, each multiplied by the weight. For discs,
+        the products are averages over the disc. Moments of a group are sums of these rows.
     """
     normals = np.zeros((1, 3)) if normals is None else normals
     variance, (i, j) = radius**2 / 4, (np.array([0, 0, 1]), np.array([1, 2, 2]))
@@ -133,7 +161,18 @@ def moments_of(
 
 @compiled
 def plane_errors(moments: Floats) -> Floats:
-    """Return weighted sums (n,) of squared distances to least-squares planes of moments (n, 10)."""
+    """Return the weighted sum of squared distances from each group to its best plane.
+
+    Parameters
+    ----------
+    moments
+        Moments (n, 10) of groups of samples, as `moments_of` defines them.
+
+    Returns
+    -------
+    ndarray
+        One sum (n,) for each group.
+    """
     costs: Floats = np.empty(len(moments))
     for i in range(len(moments)):
         costs[i] = distance_to_fit(moments[i])

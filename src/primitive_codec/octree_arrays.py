@@ -1,6 +1,7 @@
-"""Arrays of the octree that encoder and decoder share.
+"""Arrays of the octree that both the encoder and the decoder use.
 
-Lengths are in cells (nodes of the finest level). A column of an occupancy map is one cell wide.
+Lengths are in cells, which are nodes of the finest level. A column of an occupancy map is one cell
+wide.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ UNKNOWN, EMPTY, OCCUPIED = 0, 1, 2
 
 
 class OctreeGeometry(NamedTuple):
-    """Geometry of the octree: level 0 is the root; a node's side is 2^(depth - level) cells."""
+    """Sizes and levels of the octree.
+
+    Level 0 is the root. The side of a node is 2^(depth - level) cells.
+    """
 
     depth: int  # level of the cells
     finest_leaf_level: int  # of the smallest leaves
@@ -36,6 +40,8 @@ class OctreeGeometry(NamedTuple):
 
 
 class Leaves(NamedTuple):
+    """The leaves of the octree with their planes, of which several leaves can share one."""
+
     corner: Ints  # (n, 3)
     side: Ints  # (n,)
     plane_index: Ints  # (n,)
@@ -44,7 +50,7 @@ class Leaves(NamedTuple):
 
 
 class PlaneOctree(NamedTuple):
-    """An octree of planes, filled in while it is coded."""
+    """An octree of planes, which is filled while it is encoded or decoded."""
 
     geometry: OctreeGeometry
     leaves: Leaves
@@ -53,7 +59,7 @@ class PlaneOctree(NamedTuple):
 
 
 class EncoderNodes(NamedTuple):
-    """Octree nodes, level by level, known to the encoder only."""
+    """All octree nodes, level by level, which only the encoder knows."""
 
     moments: Floats  # (n, 10) of the samples in the node
     first_child: Ints  # (n + 1,) index of the first child
@@ -64,14 +70,17 @@ class EncoderNodes(NamedTuple):
 
 @compiled_in_place
 def leaf_at(octree: PlaneOctree, x: int, y: int, z: int) -> int:
-    """Return 1 + the index of the leaf that contains a cell, or 0 if no leaf does."""
+    """Return 1 + the index of the leaf that contains cell (x, y, z), or 0 if there is none."""
     side_log2 = octree.geometry.depth - octree.geometry.finest_leaf_level
     return int(octree.leaf_grid[x >> side_log2, y >> side_log2, z >> side_log2])
 
 
 @compiled_in_place
 def dominant_axis(plane: Floats) -> int:
-    """Return the axis nearest to a plane's normal, along which columns of occupancy maps run."""
+    """Return the axis (0, 1 or 2) nearest to the normal of a plane (4,).
+
+    Columns of the plane's occupancy map run along this axis.
+    """
     axis = 0
     for k in range(1, 3):
         if abs(plane[k]) > abs(plane[axis]):
@@ -81,15 +90,32 @@ def dominant_axis(plane: Floats) -> int:
 
 @compiled_in_place
 def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
-    """Return a plane's coordinate along `axis` at coordinates u and v along the next two axes."""
+    """Return the coordinate of a plane along an axis, at a position on the other two axes.
+
+    Parameters
+    ----------
+    plane
+        Unit normal and offset (4,).
+    axis
+        Axis along which the coordinate is measured.
+    u, v
+        Coordinates along the axes (axis + 1) % 3 and (axis + 2) % 3.
+    """
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v
     return float((plane[3] - across) / plane[axis])
 
 
 @compiled
 def first_point(column: Any, spacing: int) -> Any:
-    """Return the index of a row's first point in or after `column`, which may be an array.
+    """Return the index of the first point of a row that lies in or after a column.
 
-    Point i lies at (i + 1/2) * spacing / `SPACING_UNIT` columns.
+    Point i of a row lies at (i + 1/2) * spacing / `SPACING_UNIT` columns.
+
+    Parameters
+    ----------
+    column
+        Index of the column, or an array of indices.
+    spacing
+        Distance between adjacent points, in columns / `SPACING_UNIT`.
     """
     return (2 * SPACING_UNIT * column + spacing - 1) // (2 * spacing)

@@ -1,7 +1,9 @@
-"""Coding of a leaf's plane: a neighbouring leaf's plane, or a new plane predicted from it.
+"""Coding of the plane of a leaf.
 
-An index signals a neighbour's plane, as in the merge mode of video codecs. A new plane is fitted to
-the leaf's region (see `region_merging`), and quantised more finely for larger regions.
+A leaf either shares the plane of a neighbouring leaf, or has a new plane. A shared plane is
+signalled by an index, as in the merge mode of video codecs. A new plane is predicted from
+neighbouring planes; the encoder fits it to the whole region of the leaf (see `region_merging`).
+Planes of larger regions are quantised more finely.
 """
 
 from __future__ import annotations
@@ -44,8 +46,20 @@ def code_plane(
 ) -> None:
     """Encode or decode the plane of a leaf, and append the leaf to `octree.leaves`.
 
-    The encoder minimises squared distance + lmbda * estimated bits. `node` (4,) holds the leaf's
-    coordinates at its level and its index in `nodes`.
+    The encoder chooses the plane with the least squared distance + lmbda * estimated bits.
+
+    Parameters
+    ----------
+    coder
+        Arithmetic coder; its direction decides between encoding and decoding.
+    octree
+        The octree with the leaves that are already coded.
+    level
+        Level of the leaf.
+    node
+        Coordinates of the leaf at this level, and its index in `nodes`, together (4,).
+    nodes
+        The encoder's nodes; a decoder does not read them.
     """
     geometry, leaves = octree.geometry, octree.leaves
     side_log2 = geometry.depth - level
@@ -101,7 +115,7 @@ def _add_leaf(octree: PlaneOctree, corner: Ints, side: int, plane: int) -> None:
 
 @compiled
 def _merge_candidates(octree: PlaneOctree, corner: Ints, side: int, candidates: Ints) -> int:
-    """Write adjacent leaves' planes near a cube, longest contact first; return their number."""
+    """Write planes of leaves adjacent to a cube, longest contact first, and return their number."""
     contacts, planes = np.zeros(_MAX_CONTACTS, np.int64), np.zeros(_MAX_CONTACTS, np.int64)
     count = _count_contacts(octree, corner, side, contacts, planes)
     kept = 0
@@ -258,7 +272,10 @@ def _code_axis(coder: ContextCoder, axis: int, expected: int, has_prediction: in
 
 @compiled_in_place
 def quantise_plane(plane: Floats, cube: Cube, indices: Ints) -> None:
-    """Write a plane's quantisation indices (4,): axis, height at a cube's centre, two slopes."""
+    """Write the quantisation indices (4,) of a plane to `indices`.
+
+    They are the dominant axis, the height at the cube's centre, and two slopes.
+    """
     centre, half, step = cube
     axis = dominant_axis(plane)
     offset = plane[3] - plane[0] * centre[0] - plane[1] * centre[1] - plane[2] * centre[2]
@@ -271,6 +288,7 @@ def quantise_plane(plane: Floats, cube: Cube, indices: Ints) -> None:
 
 @compiled
 def dequantise_plane(indices: Ints, cube: Cube, plane: Floats) -> None:
+    """Write the plane (4,), unit normal and offset, that quantisation indices (4,) describe."""
     centre, half, step = cube
     axis = indices[0]
     a, b = -indices[2] * step / half, -indices[3] * step / half

@@ -29,6 +29,8 @@ _OUTLIER_DISTANCE_PER_NOISE = 6.5
 
 
 class SurfaceSamples(NamedTuple):
+    """Smoothed samples of a cloud's surface, one for each occupied cell of a sampling grid."""
+
     xyz: Floats  # (n, 3)
     normals: Floats  # (n, 3) unit normals
     point_weights: Floats  # (n,) fractions of the cloud's points
@@ -36,11 +38,17 @@ class SurfaceSamples(NamedTuple):
     area_weight: float  # fraction of the area that each sample represents
 
     def masked(self, mask: NDArray[np.bool_]) -> SurfaceSamples:
+        """Return only the samples for which the mask (n,) is true."""
         arrays = (self.xyz[mask], self.normals[mask], self.point_weights[mask])
         return SurfaceSamples(*arrays, self.spacing, self.area_weight)
 
 
 class PreparedCloud(NamedTuple):
+    """A cloud that is ready for encoding, with smoothed samples of its surface.
+
+    A unit is 1/1023 of the cloud's longest side.
+    """
+
     points: Floats  # (n, 3) in units, in Morton order
     source: Floats  # (n, 3) the same points in the input's coordinates
     corner: Floats  # (3,) least input coordinates
@@ -51,15 +59,41 @@ class PreparedCloud(NamedTuple):
     estimator: DistortionEstimator  # in units
 
     def in_units(self, points: Floats) -> Floats:
+        """Convert points (k, 3) from the input's coordinates to units."""
         return np.asarray((points - self.corner) / self.unit)
 
     def distortion(self, decoded: Floats) -> Distortion:
-        """Estimate the distortion of decoded points (k, 3), given in the input's coordinates."""
+        """Estimate the distortion of decoded points.
+
+        Parameters
+        ----------
+        decoded
+            Points (k, 3) in the input's coordinates.
+
+        Returns
+        -------
+        Distortion
+            Three mean squared errors, in squared units.
+        """
         return self.estimator.measure(self.in_units(decoded))
 
 
 def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
-    """Scale points (n, 3), not all equal, to units of 1/1023 of the extent; smooth the surface."""
+    """Scale a cloud, estimate its noise, and smooth its surface, before any mode is tried.
+
+    Parameters
+    ----------
+    points
+        Coordinates (n, 3) in any unit; at least two points must differ.
+    settings
+        The rate, before it is adapted to the noise.
+
+    Returns
+    -------
+    PreparedCloud
+        The points in units of 1/1023 of the longest side, with samples of the surface and the
+        adapted settings.
+    """
     source = points[morton_order(points)]
     corner, high = bounds(source)
     unit = float((high - corner).max()) / UNITS
@@ -72,7 +106,11 @@ def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
 
 
 def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
-    """Return a column's side in units, enlarged to suit the samples' spacing and `MAX_CELLS`."""
+    """Return the side of an occupancy map's column, in units.
+
+    The side in the settings is doubled until columns are not much narrower than the distance of the
+    samples, and until the grid has at most `MAX_CELLS` cells.
+    """
     doublings = np.log2(0.6 * surface.spacing / settings.column_size)
     column = settings.column_size * 2.0 ** max(0, np.ceil(doublings - 1e-9))
     while np.prod(np.ptp(surface.xyz, axis=0) / column + 2) > MAX_CELLS:
@@ -81,6 +119,7 @@ def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
 
 
 def axis_aligned_column_size(cloud: PreparedCloud) -> float:
+    """Return the `column_size` of a grid along the cloud's axes."""
     return column_size(cloud.surface, cloud.settings)
 
 
@@ -100,10 +139,23 @@ def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings)
 
 
 def estimate_noise(points: Floats, cell_size: float) -> float:
-    """Estimate the standard deviation of the noise; 0 if no cell has enough points.
+    """Estimate the standard deviation of the noise of points on surfaces.
 
-    The estimate is the lower quartile, weighted by points, of the cells' deviations from fitted
-    planes; curved and crossing surfaces raise only higher quantiles.
+    In each cell of a grid, a plane is fitted to the points. The estimate is the lower quartile of
+    the cells' deviations, weighted by numbers of points, because curved and crossing surfaces raise
+    only higher quantiles.
+
+    Parameters
+    ----------
+    points
+        Coordinates (n, 3).
+    cell_size
+        Side of a cell, in the unit of the points.
+
+    Returns
+    -------
+    float
+        The standard deviation in the unit of the points, or 0 if no cell has enough points.
     """
     rows, starts = group_by_cell(points, cell_size).sorted_rows()
     centred = points[rows] - points.mean(axis=0)

@@ -1,4 +1,7 @@
-"""Region merging: adjacent leaves are merged while one plane fits both, cheapest pair first."""
+"""Region merging: neighbouring leaves are merged into regions that one plane fits.
+
+The pair of regions that costs least is merged first.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from primitive_codec.octree_arrays import IndexGrid, Ints, Leaves
 
 
 class MergeLimits(NamedTuple):
-    """The largest increase of squared distance and the largest angle at which regions merge."""
+    """Limits of how much the error may grow in a merge, and of the angle between two planes."""
 
     fixed: float  # absolute
     per_weight: float  # per unit of weight of the smaller region
@@ -22,7 +25,7 @@ class MergeLimits(NamedTuple):
 
 
 class _Regions(NamedTuple):
-    """Regions, identified by the index of one of their leaves (union-find)."""
+    """Regions, each identified by the index of one of its leaves (union-find)."""
 
     moments: Floats  # (n, 10)
     planes: Floats  # (n, 4)
@@ -45,7 +48,7 @@ _Queue = list[tuple[float, int, int, int, int]]
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
-    """Merge leaves into regions; return for each leaf the moments (n, 10) of its region."""
+    """Merge leaves into regions, and return the moments (n, 10) of each leaf's region."""
     region_of = merge_regions(moments, adjacent_leaves(leaves, shape), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region_of, moments)
@@ -54,21 +57,22 @@ def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLi
 
 @compiled
 def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
-    """Merge adjacent pieces of a surface into regions, as long as one plane fits each region.
+    """Merge adjacent parts of a surface into regions, as long as one plane fits each region.
 
     Parameters
     ----------
     moments
-        Moments (n, 10) of the pieces' points.
+        Moments (n, 10) of the parts, as `octree.moments_of` defines them.
     pairs
-        Indices (m, 2) of adjacent pieces.
+        Indices (m, 2) of adjacent parts.
     limits
         How much a merge may cost.
 
     Returns
     -------
     ndarray
-        For each piece (n,) the index of one piece of its region, the same for all of them.
+        For each part, the index (n,) of the part that represents its region. Two parts belong to
+        the same region if their numbers are equal.
     """
     n = len(moments)
     regions = _Regions(
@@ -192,9 +196,19 @@ def _root(regions: _Regions, i: int) -> int:
 
 @compiled
 def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
-    """Return the pairs (m, 2), lower index first, of leaves that share a face, edge or corner.
+    """Find the pairs of leaves that share a face, an edge or a corner.
 
-    `shape` (3,) is the size of the grid in cells; leaves may extend beyond it.
+    Parameters
+    ----------
+    leaves
+        The leaves, which may extend beyond the grid.
+    shape
+        Size (3,) of the grid, in cells.
+
+    Returns
+    -------
+    ndarray
+        Indices (m, 2) of the leaves of each pair, the lower index first.
     """
     count, n = 0, leaves.counts[0]
     pairs = np.empty((16 * n + 64, 2), np.int64)

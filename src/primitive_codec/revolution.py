@@ -1,7 +1,8 @@
-"""Surfaces of revolution (cylinders, cones, spheres) with unrolled occupancy maps.
+"""Surfaces of revolution (cylinders, cones and spheres) with unrolled occupancy maps.
 
-A map's row is a ring around the axis, one cell high along the profile, with as many columns of one
-cell as fit around the ring. All lengths are in cells.
+A map is a list of rows. A row is a ring around the axis, one cell high along the profile of the
+surface. A ring is divided into as many columns, each one cell wide, as fit around it. All lengths
+are in cells.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _POSITION, _SLOPE, _RADIUS, _ANGLE = 8, 16384, 16, 20000
 
 
 class RevolutionSurface(NamedTuple):
-    """A bounded surface of revolution. Angles are in radians."""
+    """A cylinder, cone or sphere between two ends. Angles are in radians."""
 
     kind: int  # CONE (a cylinder if the angle is 0) or SPHERE
     origin: Floats  # (3,) a point on the axis, or a sphere's centre
@@ -58,30 +59,65 @@ class RevolutionSurface(NamedTuple):
     row_count: int
 
     def columns_per_row(self) -> Ints:
+        """Return the number of columns of each row (rows,)."""
         radii = self.profile(np.arange(self.row_count, dtype=np.float64) + self.first_row + 0.5)[0]
         return np.asarray(np.maximum(np.rint(2 * np.pi * radii), 0).astype(np.int64))
 
     def column_count(self) -> int:
+        """Return the number of columns of all rows."""
         return int(self.columns_per_row().sum())
 
     def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
-        """Return the radius and height above the origin at arc lengths (n,) along the profile."""
+        """Return the profile of the surface at arc lengths (n,) along it.
+
+        Returns
+        -------
+        radius
+            Distances (n,) from the axis.
+        height
+            Heights (n,) above the origin, along the axis.
+        """
         return _profile(self, arc_length)
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
+        """Return points (n, 3) and their normals (n, 3) at arc lengths (n,) and azimuths (n,)."""
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return points' arc lengths, azimuths, signed distances (n,), surface normals (n, 3)."""
+        """Return the position of points (n, 3) with respect to the surface.
+
+        Returns
+        -------
+        arc_length
+            Arc length (n,) along the profile.
+        azimuth
+            Angle (n,) around the axis.
+        distance
+            Signed distance (n,) from the surface, positive outside.
+        normals
+            Unit normals (n, 3) at the nearest points of the surface.
+        """
         return _coordinates(self, xyz)
 
 
 class UnrolledMap(NamedTuple):
+    """A surface of revolution with its occupancy map."""
+
     surface: RevolutionSurface
     bits: Bytes  # (columns,) row after row
 
     def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
-        """Return the row, position in the row, and length of the row of each occupied column."""
+        """Locate the occupied columns.
+
+        Returns
+        -------
+        row
+            Row (m,) of each occupied column.
+        column
+            Position (m,) of the column in its row.
+        columns_in_row
+            Number (m,) of all columns of this row.
+        """
         columns = self.surface.columns_per_row()
         row = np.repeat(np.arange(self.surface.row_count), columns)
         column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)
@@ -151,7 +187,14 @@ def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Float
 def distance_to(
     surface: RevolutionSurface, sine: float, cosine: float, point: Floats
 ) -> tuple[float, float, float]:
-    """Return a point's signed distance, height above the origin, and distance from the axis."""
+    """Return a point's signed distance from a surface, and its cylindrical coordinates.
+
+    Returns
+    -------
+    tuple of float
+        Signed distance from the surface, height above the origin along the axis, and distance from
+        the axis.
+    """
     x, y, z = (
         point[0] - surface.origin[0],
         point[1] - surface.origin[1],
@@ -177,7 +220,7 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal at the surface point nearest to origin + `radial`."""
+    """Return the unit normal at the surface point nearest to the point origin + `radial`."""
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)
@@ -187,6 +230,7 @@ def normal_at(
 
 @compiled
 def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors (3,) that are orthogonal to an axis and to each other."""
     start = np.zeros(3)
     start[np.abs(axis).argmin()] = 1.0
     u = cross(vector(axis), vector(start))
@@ -195,6 +239,7 @@ def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
 
 
 def pack_parameters(surface: RevolutionSurface) -> bytes:
+    """Quantise the parameters of a surface, and return them as `REVOLUTION_BYTES` bytes."""
     k = int(np.abs(surface.axis).argmax())
     direction = surface.axis / surface.axis[k]
     slopes = [direction[(k + 1) % 3] * _SLOPE, direction[(k + 2) % 3] * _SLOPE]
@@ -210,7 +255,10 @@ def pack_parameters(surface: RevolutionSurface) -> bytes:
 
 
 def is_representable(surface: RevolutionSurface) -> bool:
-    """Return whether `pack_parameters` can represent a surface; parameters may be infinite."""
+    """Return whether `pack_parameters` can represent a surface.
+
+    The parameters of the surface may be infinite or NaN; then the result is False.
+    """
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
         return False
     representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)
@@ -221,7 +269,10 @@ def is_representable(surface: RevolutionSurface) -> bool:
 
 
 def unpack_parameters(stream: bytes) -> list[RevolutionSurface]:
-    """Return the surfaces packed by `pack_parameters`; raise InputError if they are invalid."""
+    """Return the surfaces whose parameters `pack_parameters` packed.
+
+    Raises InputError if parameters are invalid or the surfaces have too many columns.
+    """
     surfaces = [
         _unpack_surface(stream[k : k + REVOLUTION_BYTES])
         for k in range(0, len(stream), REVOLUTION_BYTES)
@@ -247,6 +298,17 @@ def _unpack_surface(fields: bytes) -> RevolutionSurface:
 
 @compiled
 def code_unrolled_map(coder: ContextCoder, columns: Ints, bits: Bytes) -> None:
+    """Encode or decode the occupancy map of a surface of revolution.
+
+    Parameters
+    ----------
+    coder
+        Arithmetic coder; its direction decides between encoding and decoding.
+    columns
+        Number of columns of each row (rows,).
+    bits
+        One bit for each column, row after row. The encoder reads them, the decoder writes them.
+    """
     start, above, second = 0, -1, -1
     for row in range(len(columns)):
         count = columns[row]
@@ -286,7 +348,20 @@ def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int)
 
 
 def reconstruct_columns(unrolled: UnrolledMap, spacing: int) -> tuple[Floats, Floats]:
-    """Return points (n, 3) on the occupied columns and their normals (see `reconstruct_points`)."""
+    """Place points on the occupied columns of a surface of revolution.
+
+    Parameters
+    ----------
+    unrolled
+        The surface with its map.
+    spacing
+        Distance between adjacent points, in columns / `SPACING_UNIT`.
+
+    Returns
+    -------
+    xyz, normals
+        Points and unit normals (n, 3), in cells of the grid.
+    """
     surface, (row, column, columns_in_row) = unrolled.surface, unrolled.occupied_columns()
     rows, columns = (first_point(each, spacing) for each in (row, column))
     across = first_point(column + 1, spacing) - columns
@@ -301,6 +376,7 @@ def reconstruct_columns(unrolled: UnrolledMap, spacing: int) -> tuple[Floats, Fl
 
 
 def count_column_points(unrolled: UnrolledMap, spacing: int) -> int:
+    """Return how many points `reconstruct_columns` places."""
     row, column, _ = unrolled.occupied_columns()
     down, across = (
         first_point(each + 1, spacing) - first_point(each, spacing) for each in (row, column)
@@ -309,6 +385,7 @@ def count_column_points(unrolled: UnrolledMap, spacing: int) -> int:
 
 
 def column_corners(unrolled: UnrolledMap) -> Floats:
+    """Return the corners (m, 4, 3) of the occupied columns, in cells of the grid."""
     surface, (row, column, columns_in_row) = unrolled.surface, unrolled.occupied_columns()
     arc_length = (surface.first_row + row)[:, None] + [0, 0, 1, 1]
     azimuth = 2 * np.pi * (column[:, None] + [0, 1, 1, 0]) / columns_in_row[:, None]

@@ -1,7 +1,7 @@
 """Robust least-squares fit of a surface of revolution to samples.
 
-Levenberg-Marquardt steps minimise the sum of losses sqrt(1 + z) - 1, where z is (distance /
-`loss_scale`)^2.
+Levenberg-Marquardt steps minimise the sum of the losses sqrt(1 + z) - 1 of all samples, where z is
+(distance / `loss_scale`)^2.
 """
 
 from __future__ import annotations
@@ -30,17 +30,22 @@ _UNKNOWN_COUNT = 6
 
 @compiled
 def fit_revolution(surface: RevolutionSurface, xyz: Floats, loss_scale: float) -> RevolutionSurface:
-    """Fit a surface of revolution to points, by robust least squares.
+    """Fit a surface of revolution to points by robust least squares.
 
     Parameters
     ----------
     surface
-        Where to start. Its origin should be beside the points: the fit moves it only
-        perpendicularly to the axis, but a sphere's in all directions.
+        Surface with which the fit starts. The fit moves the origin of a cylinder or cone only
+        perpendicularly to the axis; therefore the origin should be beside the points.
     xyz
         Coordinates (n, 3).
     loss_scale
-        Distance from which on outliers count less.
+        Distance above which a point counts as an outlier and has less weight.
+
+    Returns
+    -------
+    RevolutionSurface
+        The fitted surface, with the ends of the initial one.
     """
     current = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
     trial = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
@@ -78,7 +83,7 @@ def _linearise(
     matrix: Floats,
     gradient: Floats,
 ) -> float:
-    """Write the weighted normal equations (6, 6) and (6,) of a step; return the loss."""
+    """Write the weighted normal equations, (6, 6) and (6,), of a step, and return the loss."""
     # Unknowns are the origin's displacements along both perpendicular axes, the axis's tilts
     # towards them, radius, and angle; for a sphere, three displacements and the radius.
     matrix[:], gradient[:] = 0.0, 0.0

@@ -34,6 +34,7 @@ class _Hypotheses(NamedTuple):
 
 
 def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
+    """Sort samples (n, 3) by blocks of side `radius`, and return the order (n,) with the result."""
     cells = np.floor(xyz / radius).astype(np.int64)
     return blocks_of(CellSamples(xyz, np.ones(len(xyz)), cells), 1)
 
@@ -41,25 +42,26 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return unbounded spheres, cylinders and cones through a few samples of a surface.
+    """Propose spheres, cylinders and cones that pass through a few samples of a surface.
 
-    Each seed is combined with two other samples at each of three distances.
+    Each seed is combined with two other samples, at each of three distances from the seed.
 
     Parameters
     ----------
     xyz, normals
         Samples and their unit normals (n, 3).
     seeds
-        Indices of the samples to start from.
+        Indices of the samples from which proposals start.
     spacing
-        Distance between samples.
+        Distance between adjacent samples.
     tolerance
-        Least radius; the second sample may lie twice as far off a sphere or cylinder.
+        Least radius of a proposal. The second sample may lie up to twice as far from a sphere or
+        cylinder.
 
     Returns
     -------
     ndarray
-        Hypotheses (m, 9), which `surface_of_hypothesis` reads.
+        Proposals (m, 9), which `surface_of_hypothesis` turns into surfaces without ends.
     """
     fields = np.empty((3 * len(SPANS) * len(seeds), _FIELDS))
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2
@@ -74,7 +76,10 @@ def make_hypotheses(
 
 @compiled
 def surface_of_hypothesis(fields: Floats) -> RevolutionSurface:
-    """Return the surface of a hypothesis (9,): kind, origin (3), axis (3), radius, angle."""
+    """Return the surface that a row (9,) of `make_hypotheses` describes.
+
+    The row holds kind, origin (3), axis (3), radius and angle. The surface has no rows yet.
+    """
     kind, ends = int(fields[0]), (0, 0)
     return RevolutionSurface(kind, fields[1:4], fields[4:7], fields[7], fields[8], *ends)
 
@@ -83,7 +88,7 @@ def surface_of_hypothesis(fields: Floats) -> RevolutionSurface:
 def _sample_hypotheses(
     blocks: BlockedSamples, normals: Floats, seeds: Ints, radius: float, hypotheses: _Hypotheses
 ) -> None:
-    """Write hypotheses through each seed and two samples at 0.6 to 1 times `radius`."""
+    """Append hypotheses through each seed and two samples at 0.6 to 1 times `radius`."""
     ranges = np.empty((9, 2), np.int64)
     for seed in seeds:
         block = np.searchsorted(blocks.starts, seed, side="right") - 1
@@ -99,7 +104,7 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count samples at 0.6 to 1 times `radius` from a seed."""
+    """Count the samples at 0.6 to 1 times `radius` from a seed."""
     # Also return the indices of the two samples at positions `selection` in this count.
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1

@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 
 
 class RevolutionCosts(NamedTuple):
-    """Costs, squared errors and distances for `fit_revolutions`, in cells."""
+    """Costs and limits by which `fit_revolutions` chooses columns. Lengths are in cells."""
 
     omission_error: float  # of a sample that no column represents
     tangential_weight: float  # of the squared distance in excess of a sampling cell
@@ -41,7 +41,21 @@ def to_grid(
     cell_size: float,
     grid_offset: tuple[float, float, float],
 ) -> RevolutionSurface:
-    """Transform a surface from units to cells of a rotated grid, with `corner` at `grid_offset`."""
+    """Transform a surface of revolution from the units of a cloud to the cells of a grid.
+
+    Parameters
+    ----------
+    surface
+        Surface in units of 1/1023 of the cloud's longest side.
+    rotation
+        Matrix (3, 3) from the axes of the cloud to those of the grid.
+    corner
+        Point (3,) in units, along the axes of the grid.
+    cell_size
+        Side of a cell, in units.
+    grid_offset
+        Position of `corner` in the grid, in cells.
+    """
     origin, axis = rotate(np.stack([surface.origin, surface.axis]), rotation)
     origin = (origin - corner) / cell_size + grid_offset
     return surface._replace(origin=origin, axis=axis, radius=surface.radius / cell_size)
@@ -54,23 +68,26 @@ def fit_revolutions(
     weights: Floats,
     costs: RevolutionCosts,
 ) -> tuple[list[UnrolledMap], Mask]:
-    """Bound surfaces of revolution by the samples on them, and choose their occupied columns.
+    """Assign samples to surfaces of revolution, and choose the occupied columns of these surfaces.
 
     Parameters
     ----------
     surfaces
-        Unbounded surfaces in cells; the first has the first choice of samples.
+        Surfaces in cells, without ends. A sample that fits several surfaces is assigned to the
+        first.
     xyz, normals
         Samples and their unit normals (n, 3), in cells.
     weights
         Weights (n,) of the samples, 1 on average.
     costs
-        What distortion and edges of maps cost.
+        Costs of errors, of omitted samples and of edges of maps.
 
     Returns
     -------
-    tuple
-        The maps that contain samples, and the mask (n,) of the samples that are on no map.
+    maps
+        The surfaces on which samples lie, with their ends and occupancy maps.
+    unexplained
+        Mask (n,) of the samples that lie on no occupied column.
     """
     unexplained = np.ones(len(xyz), bool)
     maps: list[UnrolledMap] = []

@@ -7,7 +7,7 @@ from pydantic import Field
 from pointkit.models import Model
 
 UNITS = 1023.0
-"""Units along the longest side of a cloud."""
+"""Number of units along the longest side of a cloud."""
 
 _REFERENCE_NOISE = 1.3
 """Noise, in units, for which the rates are tuned: a VLP-16 in a six-metre room."""
@@ -62,10 +62,15 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return settings that suit a cloud's noise, given as a standard deviation in units.
+        """Return a copy of the settings that suits the noise of a cloud.
 
-        Noise above 1.3 units enlarges leaves, columns and steps of planes in proportion, because
-        finer ones would reproduce the noise.
+        Noise above 1.3 units enlarges leaves, columns and the quantisation step of planes in
+        proportion, because finer ones would reproduce the noise.
+
+        Parameters
+        ----------
+        noise
+            Standard deviation of the noise, in units of 1/1023 of the cloud's longest side.
         """
         factor = max(noise / _REFERENCE_NOISE, 1.0)
         length_names = ("min_leaf_size", "column_size", "plane_step")

@@ -1,7 +1,8 @@
 """Detection of cylinders, cones and spheres in the smoothed samples of a surface.
 
-As in the RANSAC of Schnabel, Wahl and Klein (2007), hypotheses from two or three samples with
-normals are scored by their inliers; seeds are every k-th sample, not random ones.
+Hypotheses from two or three samples with normals are scored by their inliers, as in the RANSAC of
+Schnabel, Wahl and Klein (2007). Here the first sample of a hypothesis is not random; every k-th
+sample is used.
 """
 
 from __future__ import annotations
@@ -51,16 +52,22 @@ Mask = NDArray[np.bool_]
 def detect_revolutions(
     xyz: Floats, normals: Floats, spacing: float, tolerance: float
 ) -> list[RevolutionSurface]:
-    """Detect cylinders, cones and spheres, and bound them; those with the most samples come first.
+    """Detect cylinders, cones and spheres in the samples of a surface.
 
     Parameters
     ----------
     xyz, normals
-        Samples of a surface and their unit normals (n, 3).
+        Samples of the surface and their unit normals (n, 3).
     spacing
-        Distance between samples.
+        Distance between adjacent samples.
     tolerance
-        Largest distance of a sample that is on a surface.
+        Largest distance of an inlier from a detected surface.
+
+    Returns
+    -------
+    list of RevolutionSurface
+        The detected surfaces, at most 16, with ends that follow from their inliers. Surfaces with
+        the most inliers come first.
     """
     curved = _curved_samples(xyz, normals, spacing)
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):
@@ -77,7 +84,7 @@ def detect_revolutions(
 def bounded_inliers(
     surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float
 ) -> Mask:
-    """Return the mask (n,) of the inliers that lie between the two ends of a surface."""
+    """Return a mask (n,) of the samples that lie on a surface, between its two ends."""
     inliers = _inliers(surface, xyz, normals, tolerance)
     arc_length = surface.coordinates(xyz[inliers])[0]
     inliers[inliers] = (arc_length >= surface.first_row - 1) & (
@@ -172,7 +179,7 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Repeatedly select and refine the hypothesis with most inliers of no earlier hypothesis."""
+    """Repeatedly refine the hypothesis with the most inliers that no earlier hypothesis has."""
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)
@@ -225,7 +232,24 @@ def _height(surface: RevolutionSurface, point: Floats) -> float:
 def clip_to_inliers(
     surface: RevolutionSurface, xyz: Floats, normals: Floats, unassigned: Mask, tolerance: float
 ) -> RevolutionSurface:
-    """Bound a surface by its unassigned inliers; with too few, set its row count to 0."""
+    """Set the ends of a surface to the range of nearly all of its inliers.
+
+    Parameters
+    ----------
+    surface
+        Surface with any ends.
+    xyz, normals
+        Samples and their unit normals (n, 3).
+    unassigned
+        Mask (n,) of the samples that may be inliers.
+    tolerance
+        Largest distance of an inlier.
+
+    Returns
+    -------
+    RevolutionSurface
+        The surface with ends; it has no rows if there are too few inliers.
+    """
     inliers = unassigned & _inliers(surface, xyz, normals, tolerance)
     if inliers.sum() < _MIN_INLIERS / 2:
         return surface._replace(row_count=0)
@@ -237,7 +261,7 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the fraction of a bounded surface's patches, two spacings wide, that have samples."""
+    """Return the fraction of a surface's patches, two spacings wide, that contain samples."""
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)
     radius = surface.profile(arc_length)[0]

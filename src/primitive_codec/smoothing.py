@@ -1,4 +1,4 @@
-"""Smoothing of noisy surfaces by a moving-least-squares projection with Tukey's biweight."""
+"""Smoothing of noisy surfaces by moving least squares with Tukey's biweight."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from primitive_codec.octree_arrays import Ints
 
 
 class CellSamples(NamedTuple):
+    """Samples of a cloud, one for each occupied cell of a grid."""
+
     xyz: Floats  # (n, 3) means of the points
     counts: Floats  # (n,) numbers of points
     cells: Ints  # (n, 3)
 
 
 def downsample(points: Floats, spacing: float) -> CellSamples:
+    """Replace the points (n, 3) of each grid cell by their mean, for cells of side `spacing`."""
     groups = group_by_cell(points, spacing)
     order, starts = groups.sorted_rows()
     sums = np.add.reduceat(points[order], starts, axis=0)
@@ -31,27 +34,28 @@ def downsample(points: Floats, spacing: float) -> CellSamples:
 def smooth_samples(
     samples: CellSamples, spacing: float, radius: float, outlier_distance: float
 ) -> tuple[Floats, Floats]:
-    """Move samples of a noisy surface onto planes that are fitted robustly to their neighbours.
+    """Move the samples of a noisy surface onto planes that are robustly fitted to their neighbours.
 
-    A neighbour weighs as much as the square root of its number of points, because noise is
-    correlated within a cell; less with its distance from the sample and from the plane; and in the
-    second pass less with the angle between the normals, which preserves edges.
+    The weight of a neighbour is proportional to the square root of its number of points, because
+    noise is correlated within a cell. The weight decreases with the distance from the sample and
+    with the distance from the plane. In the second pass it also decreases with the angle between
+    the normals, which preserves edges.
 
     Parameters
     ----------
     samples
-        The samples.
+        The samples, one for each occupied cell.
     spacing
         Side of a sampling cell.
     radius
-        Distance from the sample at which neighbours have no weight.
+        Distance from the sample at which the weight of a neighbour becomes zero.
     outlier_distance
-        Distance from the plane at which neighbours have no weight.
+        Distance from the plane at which the weight of a neighbour becomes zero.
 
     Returns
     -------
-    tuple
-        Points and unit normals, (n, 3) each.
+    xyz, normals
+        The moved samples and their unit normals, (n, 3) each.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))
@@ -78,6 +82,8 @@ _SAMPLES_PER_TASK = 8192
 
 
 class BlockedSamples(NamedTuple):
+    """Samples sorted by blocks of cells, in which neighbours are found quickly."""
+
     xyz: Floats  # (n, 3)
     weights: Floats  # (n,)
     size: int  # cells along a block's side
@@ -86,6 +92,15 @@ class BlockedSamples(NamedTuple):
 
 
 def blocks_of(samples: CellSamples, size: int) -> tuple[Ints, BlockedSamples]:
+    """Sort samples by blocks of `size` cells along each side.
+
+    Returns
+    -------
+    order
+        Index (n,) of each sorted sample among the given ones.
+    blocks
+        The sorted samples.
+    """
     block_coordinates = (samples.cells - samples.cells.min(axis=0)) // size
     x, y, z = (block_coordinates.max(axis=0) + 1).tolist()
     block = (block_coordinates[:, 0] * y + block_coordinates[:, 1]) * z + block_coordinates[:, 2]
@@ -114,7 +129,6 @@ def _smooth(
     normals: Floats,
     block_range: tuple[int, int],
 ) -> None:
-    """Smooth the samples of a range of blocks."""
     # `radii` are the radius and the outlier distance; `previous` are the previous pass's samples
     # and normals (initially 0).
     xyz, previous_normals = blocks.xyz, previous[1]
@@ -151,7 +165,24 @@ def _smooth(
 
 @compiled
 def ranges_near(blocks: BlockedSamples, block: int, block_radius: int, ranges: Ints) -> Ints:
-    """Return index ranges (k, 2), one per row of blocks, of samples up to `block_radius` away."""
+    """Return index ranges of the samples in the blocks around a block.
+
+    Parameters
+    ----------
+    blocks
+        Samples sorted by block.
+    block
+        Index of the central block.
+    block_radius
+        Number of blocks to include on each side.
+    ranges
+        Memory for the result.
+
+    Returns
+    -------
+    ndarray
+        First and exclusive last index of each range, (k, 2).
+    """
     _, across, up = blocks.shape
     x, y, z = block // (across * up), block // up % across, block % up
     count = 0
@@ -230,7 +261,7 @@ def _list_neighbours(
 
 @compiled
 def _robust_plane(neighbours: Floats, count: int, outlier_distance: float, plane: Floats) -> None:
-    """Fit a plane to neighbours (4, count), reweighted by distances from the previous plane."""
+    """Fit a plane to neighbours (4, count), weighted by distance from the previous plane."""
     # `plane` (4,), initially a plane or zeros, is unchanged if no neighbour has weight.
     x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
     robust_weights = neighbours[4]

@@ -1,12 +1,13 @@
-"""Bitstream of the codec: headers of surfaces, voxels and hybrids, packed and checked.
+"""The bitstream of the codec: headers of its three kinds of streams are packed and checked here.
 
-All numbers are little endian. A stream starts with the magic ``PBPR``, a version and a kind, and
-ends with the low half of a CRC-32. Between them are:
+A stream contains a surface, voxels, or both (a hybrid). All numbers are little endian. A stream
+starts with the magic ``PBPR``, a version and a kind. It ends with the low half of a CRC-32. Between
+them are:
 
-* Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of surfaces of
-  revolution if any, arithmetic-coded payload.
-* Voxels: `_VOXELS`, `CLASSES` displacement factors unless the block size is 0, G-PCC octree.
-* Hybrid (version 6): `_HYBRID`, `CLASSES` displacement factors, surface stream, voxel stream.
+* Surface: `_SURFACE`; `_ROTATION` if the grid is rotated; the number and parameters of surfaces of
+  revolution, if there are any; the arithmetic-coded payload.
+* Voxels: `_VOXELS`; `CLASSES` displacement factors unless the block size is 0; a G-PCC octree.
+* Hybrid (version 6): `_HYBRID`, `CLASSES` displacement factors, a surface stream, a voxel stream.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from primitive_codec.octree_arrays import SPACING_UNIT
 
 MAGIC = b"PBPR"
 VERSION, HYBRID_VERSION = 5, 6
-"""Versions of surface and voxel streams, and of hybrids."""
+"""Version of surface and voxel streams, and version of hybrid streams."""
 SURFACE, VOXELS, HYBRID, ROTATED, WITH_REVOLUTIONS = 1, 2, 3, 4, 8
 """Kinds of streams, and flags added to the kind of a surface."""
 REVOLUTION_BYTES = 19
@@ -64,31 +65,39 @@ MAX_KEEP_DISTANCE = 8
 
 
 class VoxelGrid(NamedTuple):
+    """A grid of cubic voxels. The voxel (0, 0, 0) has its centre at the origin."""
+
     origin: Floats  # (3,)
     cell_size: float
 
     def rounded(self) -> VoxelGrid:
-        """Return the grid in single precision, as streams store it."""
+        """Return the grid with numbers rounded to single precision, as streams store them."""
         origin = self.origin.astype(np.float32).astype(np.float64)
         return VoxelGrid(origin, float(np.float32(self.cell_size)))
 
 
 class DisplacementTable(NamedTuple):
-    """Displacement factors by class, in 1/64 of the distance to the local plane."""
+    """Factors by which a decoder moves voxel centres towards the planes of their neighbourhoods.
+
+    A voxel belongs to one of `CLASSES` classes. A factor of 64 moves its centre onto the plane.
+    """
 
     block_size: int  # side of a block in voxels
     factors: NDArray[np.int8]  # (CLASSES,)
 
 
 class VoxelHeader(NamedTuple):
+    """The header of a voxel stream."""
+
     grid: VoxelGrid
     displacements: DisplacementTable | None
 
 
 class HybridHeader(NamedTuple):
-    """Contents of a hybrid stream.
+    """The header of a hybrid stream, which includes a surface stream and a voxel stream.
 
-    Surface points within keep_distance of an occupied voxel's centre along each axis are kept.
+    The decoder keeps a surface point if it lies, along each axis, within `keep_distance` of the
+    centre of an occupied voxel.
     """
 
     keep_distance: int  # in 1/16 voxels
@@ -98,6 +107,8 @@ class HybridHeader(NamedTuple):
 
 
 class SurfaceHeader(NamedTuple):
+    """The header of a surface stream: the grid of the octree, and the surfaces of revolution."""
+
     origin: Floats  # (3,) of the grid, along its axes
     cell_size: float  # in the cloud's unit
     shape: tuple[int, int, int]  # cells along each axis
@@ -111,15 +122,16 @@ class SurfaceHeader(NamedTuple):
     revolutions: bytes = b""  # packed surfaces of revolution
 
     def in_cloud(self, cells: Floats) -> Floats:
-        """Transform points (n, 3) from cells to the cloud's coordinates."""
+        """Convert points (n, 3) from cells of the grid to the coordinates of the cloud."""
         return self.rotate_back(cells * self.cell_size + self.origin)
 
     def rotate_back(self, vectors: Floats) -> Floats:
-        """Rotate vectors (n, 3) from the grid's axes to the cloud's."""
+        """Rotate vectors (n, 3) from the axes of the grid to the axes of the cloud."""
         return rotate_inverse(vectors, rotation_matrix(self.rotation))
 
 
 def pack_surface(header: SurfaceHeader, payload: bytes) -> bytes:
+    """Return the bytes of a surface stream."""
     is_rotated, revolutions = any(header.rotation), header.revolutions
     kind = SURFACE | (ROTATED if is_rotated else 0) | (WITH_REVOLUTIONS if revolutions else 0)
     prefix = _START.pack(MAGIC, VERSION, kind)
@@ -130,6 +142,17 @@ def pack_surface(header: SurfaceHeader, payload: bytes) -> bytes:
 
 
 def pack_voxels(grid: VoxelGrid, displacements: DisplacementTable | None, payload: bytes) -> bytes:
+    """Return the bytes of a voxel stream.
+
+    Parameters
+    ----------
+    grid
+        Grid of the voxels.
+    displacements
+        Displacement factors, or None if decoded points are the centres of the voxels.
+    payload
+        G-PCC octree of the voxels.
+    """
     block_size, factors = 0, b""
     if displacements:
         block_size, factors = displacements.block_size, displacements.factors.tobytes()
@@ -139,16 +162,22 @@ def pack_voxels(grid: VoxelGrid, displacements: DisplacementTable | None, payloa
 
 
 def pack_hybrid(header: HybridHeader) -> bytes:
+    """Return the bytes of a hybrid stream."""
     prefix = _START.pack(MAGIC, HYBRID_VERSION, HYBRID)
     prefix += _HYBRID.pack(header.keep_distance, len(header.surface)) + header.factors.tobytes()
     return _with_checksum(prefix + header.surface + header.voxels)
 
 
 def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, bytes]:
-    """Split a stream into its header and its payload.
+    """Check a stream, and split it into its header and its payload.
 
-    The header of a hybrid holds two complete streams, one of a surface and one of voxels; its
-    payload is empty.
+    Returns
+    -------
+    header
+        A header of the stream's kind. The header of a hybrid contains two complete streams, one of
+        a surface and one of voxels.
+    payload
+        The bytes after the header; none for a hybrid.
 
     Raises
     ------
@@ -185,7 +214,7 @@ def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, b
 
 
 def unpack_surface(stream: bytes) -> tuple[SurfaceHeader, bytes]:
-    """Split a surface stream, or the surface of a hybrid, into its header and its payload.
+    """Split a surface stream, or the surface stream in a hybrid, into its header and its payload.
 
     Raises
     ------
@@ -224,7 +253,7 @@ def _read_displacements(block_size: int, reader: Reader) -> DisplacementTable | 
 
 
 def is_decodable(header: SurfaceHeader) -> bool:
-    """Return whether a header is consistent and within the decoder's limits."""
+    """Return whether a header is consistent and within the limits that bound a decoder's work."""
     shape = np.array(header.shape, dtype=np.int64)
     depth, finest, coarsest = header.depth, header.finest_leaf_level, header.coarsest_leaf_level
     return bool(

@@ -74,7 +74,7 @@ _MIN_PLANE_SAMPLES = 16
 
 
 class SurfaceMode(NamedTuple):
-    """Candidate mode: placement of the octree's grid, and surfaces of revolution."""
+    """A candidate way to code a surface: a placement of the grid, and round surfaces."""
 
     rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
     grid_offset: tuple[float, float, float] = (0.5, 0.5, 0.5)  # columns from grid to surface
@@ -82,11 +82,16 @@ class SurfaceMode(NamedTuple):
 
 
 class CodedSurface(NamedTuple):
+    """An encoded surface: the stream, and the primitives that a decoder reads from it."""
+
     stream: bytes
     patches: Patches
 
     def with_points(self, count: int) -> CodedSurface:
-        """Return the surface with at most `count` points, or unchanged if none would remain."""
+        """Return the surface with a point spacing at which it decodes to at most `count` points.
+
+        If there is no such spacing that leaves a point, the surface is returned unchanged.
+        """
         spacing = _point_spacing(self.patches, count)
         if spacing is None:
             return self
@@ -95,30 +100,42 @@ class CodedSurface(NamedTuple):
         return CodedSurface(pack_surface(header, payload), self.patches._replace(header=header))
 
     def decoded(self) -> DecodedSurface:
-        """Return what the decoder reconstructs, without decoding the stream."""
+        """Return the points that the decoder will reconstruct, without decoding the stream."""
         header, _ = unpack_surface(self.stream)
         return reconstruct_surface(self.patches._replace(header=header))
 
 
 def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]:
-    """Detect cylinders, cones and spheres, in units, ordered by descending number of inliers."""
+    """Detect cylinders, cones and spheres in a cloud.
+
+    Returns
+    -------
+    tuple of RevolutionSurface
+        The surfaces in units of 1/1023 of the longest side; those with most inliers come first.
+    """
     surface = cloud.surface
     spacing, tolerance = surface.spacing, _tolerance(cloud)
     return tuple(detect_revolutions(surface.xyz, surface.normals, spacing, tolerance))
 
 
 def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
-    """Return the offset of a grid that begins at the points' lowest corner, not the surface's."""
+    """Return the offset, in columns, of a grid that begins at the points' lowest corner.
+
+    The default grid begins at the lowest corner of the smoothed surface.
+    """
     corner = np.maximum(cloud.surface.xyz.min(axis=0), 0)
     x, y, z = (0.5 + corner / axis_aligned_column_size(cloud)).tolist()
     return (x, y, z)
 
 
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
-    """Encode a cloud as a surface.
+    """Encode a cloud as a surface in a given mode.
 
-    Returns None if the stream would exceed a decoder's limits, or would decode to no points or to
-    more than the cloud has.
+    Returns
+    -------
+    CodedSurface or None
+        None if the stream would exceed the limits of a decoder, or would decode to no points or to
+        more points than the cloud has.
     """
     surface, matrix = cloud.surface, rotation_matrix(mode.rotation)
     xyz = rotate(surface.xyz, matrix)

@@ -1,7 +1,8 @@
-"""Encoding or decoding of the octree of planes level by level, from the root down.
+"""Encoding and decoding of the octree of planes, level by level from the root.
 
-A node is a leaf with a plane, or is split. Planes are predicted from neighbouring planes, and
-therefore chosen during the traversal.
+Each occupied node is either a leaf with a plane, or is split into children. A leaf's plane is
+predicted from planes that are already coded; therefore the encoder chooses planes during this
+traversal.
 """
 
 from __future__ import annotations
@@ -32,10 +33,22 @@ MIXERS = _OCTANT_MIXER + 8
 
 @compiled
 def code_octree(coder: ContextCoder, octree: PlaneOctree, nodes: EncoderNodes) -> bool:
-    """Encode or decode all levels of the octree; write the leaves and their grid.
+    """Encode or decode all levels of the octree, and fill `octree` with the leaves.
 
-    Return False if leaves exceed the allocation, nodes exceed `MAX_NODES`, or the stream ends
-    early.
+    Parameters
+    ----------
+    coder
+        Arithmetic coder; its direction decides between encoding and decoding.
+    octree
+        An empty octree, to which leaves, planes and the grid of leaf indices are written.
+    nodes
+        The encoder's nodes; a decoder does not read them.
+
+    Returns
+    -------
+    bool
+        False if there are more leaves than `octree` has room for or more nodes than `MAX_NODES`, or
+        if the stream ends early.
     """
     geometry, capacity = octree.geometry, len(octree.leaves.side)
     # A row is a node: its coordinates at its level, and its index in `nodes`.
@@ -65,7 +78,7 @@ def _code_leaves(
     coder: ContextCoder, octree: PlaneOctree, level: int, level_nodes: Ints, states: Bytes,
     nodes: EncoderNodes,
 ) -> bool:  # fmt: skip
-    """Encode or decode which nodes are leaves, and the leaves' planes."""
+    """Encode or decode which nodes of a level are leaves, and the planes of these leaves."""
     # A leaf's index in `level_nodes` becomes -1.
     leaves = octree.leaves
     for i in range(len(level_nodes)):
@@ -85,7 +98,7 @@ def _code_splits(
     coder: ContextCoder, geometry: OctreeGeometry, level: int, level_nodes: Ints,
     level_states: tuple[Bytes, Bytes], nodes: EncoderNodes, children: Ints,
 ) -> int:  # fmt: skip
-    """Encode or decode the occupied children of split nodes."""
+    """Encode or decode the occupied children of the split nodes of a level."""
     # Return the number of children, or -1 if they are too many or the stream ends early.
     count, side_log2, is_writer = 0, geometry.depth - level - 1, is_writing(coder)
     for i in range(len(level_nodes)):
@@ -173,7 +186,6 @@ def _code_occupancy(
     child: tuple[int, int, int],
     level_states: tuple[Bytes, Bytes],
 ) -> int:
-    """Encode or decode a child's occupancy."""
     # `child` holds the octant, the bits of earlier siblings' occupancy, and log2 of the side.
     faces = occupied_count = 0
     for dx in range(-1, 2):
@@ -193,7 +205,7 @@ def _code_occupancy(
 
 @compiled_in_place
 def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
-    """Return a child node's state: 0 empty, 1 unknown (parent is coded later), 2 occupied."""
+    """Return 0 if a child is empty, 1 if its parent is coded later, and 2 if it is occupied."""
     states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:
         return 0

@@ -1,8 +1,9 @@
-"""Voxel mode: voxels of a G-PCC octree, displaced along normals, for clouds without surfaces.
+"""Voxel mode: codes clouds without surfaces as voxels of a G-PCC octree, displaced along normals.
 
-A voxel's local plane is fitted to the voxels around it. Most points of a voxel lie on the same side
-of the voxel's centre as the plane. The encoder sends a displacement factor, the fraction of the
-distance that minimises the squared error, for each class of distance and surface thickness.
+The decoder fits a local plane to the voxels around each voxel. Most points of a voxel lie on the
+same side of its centre as this plane. Therefore the decoder moves the centre towards the plane by a
+fraction of their distance. Voxels are divided into classes by this distance and by the thickness of
+the surface; the encoder sends for each class the fraction that minimises the squared error.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from primitive_codec.stream import (
 _MIN_VOXEL_SIZE = UNITS / (1 << 20)
 _MAX_TRIALS_PER_BUDGET = 6
 _BUDGET_SLACK = 0.04
-"""Fraction of the byte budget that the search may leave unused."""
+"""Fraction of the allowed bytes that the search may leave unused."""
 _MIN_ERROR_PER_BYTE = 0.5
 """Least relative reduction of the squared error by displacement, per relative increase in bytes."""
 _TYPICAL_SLOPE = 2.2
@@ -51,11 +52,15 @@ FACTOR_ONE = 64
 
 
 class Trial(NamedTuple):
+    """A voxel size that was tried, with the number of bytes that it took."""
+
     voxel_size: float
     byte_count: int  # length of the stream
 
 
 class CodedVoxels(NamedTuple):
+    """A cloud that was encoded as voxels, with the points that a decoder will return."""
+
     grid: VoxelGrid
     groups: CellGroups  # the cloud's points by voxel
     payload: bytes  # G-PCC octree
@@ -64,21 +69,22 @@ class CodedVoxels(NamedTuple):
 
     @classmethod
     def of(cls, points: Floats, voxel_size: float) -> CodedVoxels:
-        """Encode points as voxels without displacements."""
+        """Encode points (n, 3) as voxels without displacements."""
         grid = VoxelGrid(bounds(points)[0], voxel_size).rounded()
         groups = voxelise(points, grid)
         return cls(grid, groups, encode_voxels(groups.cells), _to_cloud(groups.cells, grid))
 
     @property
     def stream(self) -> bytes:
+        """The complete voxel stream."""
         return pack_voxels(self.grid, self.displacements, self.payload)
 
     def most_bytes(self) -> int:
-        """Return the length of the stream with displacements."""
+        """Return the length that the stream has with displacements, in bytes."""
         return VOXEL_HEADER_BYTES + CLASSES + len(self.payload)
 
     def displaced(self) -> CodedVoxels:
-        """Return the voxels with displacements, if these reduce the error enough for their cost."""
+        """Return the voxels with displacements, or unchanged if these gain too little."""
         groups = self.groups
         if len(groups.cells) > MAX_DISPLACED:
             return self
@@ -91,35 +97,59 @@ class CodedVoxels(NamedTuple):
         return self._replace(points=points, displacements=fitted.table)
 
     def undisplaced(self) -> CodedVoxels:
+        """Return the voxels without displacements, so that decoded points are voxel centres."""
         return self._replace(displacements=None, points=_to_cloud(self.groups.cells, self.grid))
 
 
 def voxelise(points: Floats, grid: VoxelGrid) -> CellGroups:
+    """Group points (n, 3) by the voxels of a grid."""
     return group_by_cell(points, grid.cell_size, grid.origin, centred=True)
 
 
 def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
+    """Return the voxel stream of points (n, 3) for a voxel size in the unit of the points."""
     return CodedVoxels.of(points, voxel_size).displaced().stream
 
 
 class VoxelSearch:
-    """Search for the voxel size that fits a byte budget, starting from earlier trials."""
+    """Finds the voxel size with which a cloud takes a given number of bytes.
+
+    Parameters
+    ----------
+    points
+        Coordinates (n, 3).
+    trials
+        Voxel sizes whose bytes are already known; they make the search shorter.
+    """
 
     def __init__(self, points: Floats, trials: Iterable[Trial] = ()) -> None:
         self.points, self.trials = points, list(trials)
         self._coded: dict[float, CodedVoxels] = {}
 
     def byte_count_at(self, voxel_size: float) -> int:
-        """Return the largest byte count of a stream with this voxel size."""
+        """Return the most bytes that a stream with this voxel size takes.
+
+        The voxel size is in the unit of the points.
+        """
         trial = Trial(voxel_size, CodedVoxels.of(self.points, voxel_size).most_bytes())
         self.trials.append(trial)
         return trial.byte_count
 
     def encode_to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
-        """Encode the finest voxels that take at most about `max_bytes` bytes.
+        """Encode a cloud with the finest voxels that take at most about `max_bytes` bytes.
 
-        Their side is at most `max_voxel_size`, in 1/1023 of the extent, even if that takes more
-        bytes.
+        Parameters
+        ----------
+        max_bytes
+            Largest length of the stream.
+        max_voxel_size
+            Largest side of a voxel, in 1/1023 of the cloud's longest side. It takes precedence over
+            `max_bytes`.
+
+        Returns
+        -------
+        CodedVoxels
+            The encoded voxels, with displacements if these are worth their bytes.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())
@@ -174,19 +204,28 @@ def _next_voxel_size(trials: list[Trial], max_bytes: int) -> float:
 
 
 def decode(header: VoxelHeader, payload: bytes) -> Floats:
+    """Return the points (m, 3) of a voxel stream, in the coordinates of the cloud."""
     is_displaced = header.displacements is not None
     voxels = decode_voxels(payload, MAX_DISPLACED) if is_displaced else decode_voxels(payload)
     return _reconstruct(header, voxels)
 
 
 class DecodedVoxels(NamedTuple):
+    """The voxels of a decoded stream, with one point for each voxel."""
+
     grid: VoxelGrid
     voxels: Ints  # (m, 3)
     points: Floats  # (m, 3) displaced, in the cloud's coordinates
 
 
 def read_voxels(stream: bytes) -> DecodedVoxels:
-    """Decode a voxel stream; raise InputError if of another kind or over `MAX_HYBRID_VOXELS`."""
+    """Decode a voxel stream that is part of a hybrid.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged or of another kind, or has more than `MAX_HYBRID_VOXELS` voxels.
+    """
     header, payload = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
@@ -205,7 +244,11 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 
 
 def voxel_weights(groups: CellGroups) -> Floats:
-    """Return voxel weights (m,): half in proportion to numbers of points, half equal."""
+    """Return the weights (m,) of voxels in the squared error.
+
+    One half of the total weight is proportional to the numbers of points; the other is equal for
+    all voxels.
+    """
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 
@@ -224,7 +267,17 @@ def _slope(a: Trial, b: Trial) -> float:
 
 
 class LocalPlanes(NamedTuple):
-    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, and classes (m,)."""
+    """The plane near each voxel, towards which the voxel's centre is moved.
+
+    Attributes
+    ----------
+    normals
+        Unit normals (m, 3).
+    distances
+        Signed distances (m,) from the planes to the voxels' centres, in voxels.
+    classes
+        Class (m,) of each voxel, which selects its displacement factor.
+    """
 
     normals: Floats
     distances: Floats
@@ -233,17 +286,41 @@ class LocalPlanes(NamedTuple):
     def displace(
         self, points: Floats | Ints, factors: NDArray[np.int8], side: float = 1.0
     ) -> Floats:
-        """Move points (m, 3) towards their planes by ``factors[class] / FACTOR_ONE * distance``.
+        """Move points towards their planes.
 
-        `side` is the side of a voxel.
+        Parameters
+        ----------
+        points
+            Points (m, 3), one for each plane.
+        factors
+            Displacement factor of each class; `FACTOR_ONE` moves a voxel's centre onto its plane.
+        side
+            Side of a voxel, in the unit of the points.
+
+        Returns
+        -------
+        ndarray
+            The moved points (m, 3).
         """
         displacement = factors[self.classes] / FACTOR_ONE * self.distances * side
         return np.asarray(points - displacement[:, None] * self.normals)
 
     def fit_factors(self, offsets: Floats, weights: Floats) -> tuple[NDArray[np.int8], float]:
-        """Return the least-squares factors (CLASSES,), and the reduction of the squared error.
+        """Return the displacement factors that minimise the squared error.
 
-        `offsets` (m, 3) are voxels minus the means of their points.
+        Parameters
+        ----------
+        offsets
+            For each voxel (m, 3), its centre minus the mean of its points, in voxels.
+        weights
+            Weights (m,) of the voxels.
+
+        Returns
+        -------
+        factors
+            Factor of each class, int8 (CLASSES,).
+        gain
+            By how much the factors reduce the weighted sum of squared errors.
         """
         residuals = (offsets * self.normals).sum(axis=1)
         products = np.bincount(self.classes, weights * residuals * self.distances, CLASSES)
@@ -255,14 +332,21 @@ class LocalPlanes(NamedTuple):
 
 
 def displace(voxels: Ints, table: DisplacementTable) -> Floats:
-    """Return the displaced centres (m, 3) of voxels (m, 3), in voxels."""
+    """Return the displaced centres (m, 3) of voxels (m, 3), both in voxels."""
     return _local_planes(voxels, table.block_size).displace(voxels, table.factors)
 
 
 class FittedTable(NamedTuple):
-    """A table that displaces voxels along the normals of local planes.
+    """A displacement table that was fitted to a cloud, and what it achieves.
 
-    `gain` is the reduction of the squared error, `displaced` the voxels' centres (m, 3) afterwards.
+    Attributes
+    ----------
+    table
+        Block size and displacement factors.
+    gain
+        By how much the table reduces the weighted sum of squared errors.
+    displaced
+        The moved centres (m, 3) of the voxels, in voxels.
     """
 
     table: DisplacementTable
@@ -271,7 +355,17 @@ class FittedTable(NamedTuple):
 
 
 def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
-    """Fit the factors and the block size to the means of the voxels' points by least squares."""
+    """Find the block size and the displacement factors with the least squared error.
+
+    Parameters
+    ----------
+    voxels
+        Voxels (m, 3), as integer coordinates.
+    means
+        Mean (m, 3) of the points of each voxel, in voxels.
+    weights
+        Weights (m,) of the voxels.
+    """
     offsets = voxels - means
 
     def fit(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:

@@ -1,4 +1,8 @@
-"""Sparse octree net: lossless coding of voxels by a network that a CPU can train."""
+"""Sparse octree net: a network that codes voxels without loss, and that a CPU can train.
+
+`load_weights` reads trained weights, `encode` compresses points to bytes, and `decode` returns
+points.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,7 @@
-"""Causal neighbourhood of a voxel's children: cells that are known before the children are coded.
+"""The cells around a voxel whose occupancy is known before the voxel's children are coded.
 
-A voxel's children are the inner eight of 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16 z`` of a
-mask. A cell is unknown while its parent is occupied but not coded yet.
+The children of a voxel are the inner eight of 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16 z``
+of a mask. A cell is unknown if its parent is occupied, but the parent's children are not coded yet.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _BITS = np.left_shift(1, np.arange(64))
 
 
 class CellMasks(NamedTuple):
-    """Indices of cells, and sets of cells as 64-bit masks."""
+    """Tables of the cells around a voxel: their indices, and sets of them as 64-bit masks."""
 
     # (27, 256), occupied children of the neighbour at each offset, by their occupancy
     occupied: Ints
@@ -37,6 +37,8 @@ class CellMasks(NamedTuple):
 
 
 class LevelState(NamedTuple):
+    """What is known of the voxels of a level while their children are coded."""
+
     neighbours: NeighbourTable  # (27, n), neighbour table
     codes: NDArray[np.uint8]  # (n,), occupancy of children, a bit each
     done: NDArray[np.bool_]  # (n,), whether all children are known
@@ -49,6 +51,7 @@ class LevelState(NamedTuple):
 
 
 def empty_state(neighbours: NeighbourTable) -> LevelState:
+    """Return the state of a level before any children are coded, for a neighbour table (27, n)."""
     count = neighbours.shape[1]
     codes, *counts = np.zeros((4, count), np.uint8)
     occupied, unknown = np.empty((2, count), np.int64)
@@ -56,7 +59,7 @@ def empty_state(neighbours: NeighbourTable) -> LevelState:
 
 
 def find_neighbourhood(level: LevelState, rows: Ints) -> None:
-    """Compute the causal neighbourhoods of voxels, before their first symbols are coded."""
+    """Find the occupied and unknown cells around voxels `rows` (m,), and write them to `level`."""
     _find_neighbourhood(level, rows, CELLS)
 
 
@@ -87,10 +90,7 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 
 @compiled_in_place
 def _share_outside_layer(outside: int, count: int) -> int:
-    """Return 0, 1 or 2: a small, medium or large share of neighbours outside the voxel's layer.
-
-    The layer is normal to an axis. The share is 18 / 26 if all 26 neighbours are occupied.
-    """
+    """Return 0, 1 or 2 for a small, medium or large share of neighbours outside a voxel's layer."""
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
 

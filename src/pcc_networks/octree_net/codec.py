@@ -1,4 +1,4 @@
-"""Encoding and decoding of points with the sparse octree net, level by level from the top."""
+"""Encoding and decoding with the sparse octree net, from the coarsest level to the finest."""
 
 from __future__ import annotations
 
@@ -48,7 +48,22 @@ _MAX_TOP = 64
 
 
 def encode_part(keys: Keys, model: OctreeNet) -> CodedPart:
-    """Encode voxels given as Morton keys; the result does not depend on the number of threads."""
+    """Encode one part of a cloud.
+
+    The result does not depend on the number of threads.
+
+    Parameters
+    ----------
+    keys
+        Morton keys (n,) of the voxels, sorted and distinct.
+    model
+        The network.
+
+    Raises
+    ------
+    InputError
+        If the octree has more nodes than a decoder accepts for so few bytes.
+    """
     levels = [keys]
     while len(levels[-1]) > _MAX_TOP:
         levels.append(parents_of(levels[-1])[0])
@@ -64,6 +79,10 @@ def encode_part(keys: Keys, model: OctreeNet) -> CodedPart:
 
 
 def decode_part(part: CodedPart, model: OctreeNet) -> Keys:
+    """Decode one part of a cloud, and return the Morton keys (n,) of its voxels.
+
+    Raises InputError if the part is damaged.
+    """
     mixer = reader(part.symbols)
     keys = _traverse(model, mixer, _top_keys(part), part.levels, part.count, max_nodes(part))
     if len(keys) != part.count or not read_to_its_end(mixer.bits):
@@ -75,9 +94,9 @@ def _traverse(
     model: OctreeNet, mixer: Mixer, keys: Keys, levels: int, max_voxels: int, nodes_left: int,
     finer: Sequence[Keys] = (),
 ) -> Keys:  # fmt: skip
-    """Code the levels below the top level, and return the finest level's keys.
+    """Encode or decode the levels below the top level, and return the keys of the finest level.
 
-    An encoder gives the keys of the coded levels in `finer`, finest first.
+    An encoder passes the keys of these levels in `finer`, the finest first.
     """
     network = compiled_network(model)
     with thread_pool() as pool:
@@ -108,9 +127,9 @@ def _code_group(
     mixer: Mixer, state: LevelState, group: CompiledGroup, number: int, rows: Rows,
     symbols: Symbols, pool: ThreadPool,
 ) -> None:  # fmt: skip
-    """Encode a level's symbols (2, n) at the rows of a group, or decode them in place.
+    """Encode the symbols (2, n) of a level at the rows of a group, or decode them in place.
 
-    Meanwhile other threads predict the next chunks.
+    Meanwhile, other threads predict the symbols of the next chunks of rows.
     """
 
     def predict_first(chunk: slice) -> Frequencies:
@@ -142,6 +161,7 @@ def _top_keys(part: CodedPart) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int = MAX_VOXELS) -> list[Keys]:
+    """Split keys (n,) into parts of at most `max_voxels`."""
     return [keys[first : first + max_voxels] for first in range(0, len(keys), max_voxels)]
 
 
@@ -151,24 +171,24 @@ def encode(
     scale: float = 1.0,
     grid: InputGrid = DEFAULT_GRID,
 ) -> bytes:
-    """Round points to a grid, and encode the grid's voxels without loss.
+    """Round points to a grid, and encode the voxels of the grid without loss.
 
     Parameters
     ----------
     points
-        Points (n, 3), n >= 1. Points of the same voxel are merged.
+        Points (n, 3), n >= 1. Points in the same voxel are merged.
     weights
-        Weights of `load_weights`.
+        Weights that `load_weights` returned.
     scale
-        Number of steps of the coded grid per step of the input's grid: ``grid.unit / scale`` is the
-        length of a step.
+        Number of steps of the coded grid per step of the input's grid. The step of the coded grid
+        is ``grid.unit / scale``.
     grid
         Step and origin of the input's grid, by default 1 and (0, 0, 0).
 
     Returns
     -------
     bytes
-        The stream, which contains all that `decode` needs but the weights.
+        The stream, which contains all that `decode` needs except the weights.
 
     Raises
     ------
@@ -186,7 +206,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: OctreeNetWeights) -> Floats:
-    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
+    """Decode a stream that `encode` of the sparse octree net returned.
 
     Parameters
     ----------
@@ -197,8 +217,9 @@ def decode(stream: bytes, weights: OctreeNetWeights) -> Floats:
 
     Returns
     -------
-    array of float64
-        Points (m, 3) in the encoder's units: the distinct points of its grid, in Morton order.
+    ndarray
+        Points (m, 3), float64, in the units of the encoded points: one for each occupied voxel of
+        the coded grid, in Morton order.
 
     Raises
     ------

@@ -1,8 +1,9 @@
 """Inference of the sparse octree net in compiled layers, by chunks of a level's voxels.
 
-Results equal those of the model's own layers, which training needs for their gradients, but these
-alone take twice as long as all of the encoder. All numbers are integers stored as 32-bit floats:
-features and biases are in units of 2**-5, weights of 2**-9, sums of 2**-14 (see `model`).
+The results equal those of the layers in `model`, which training needs for their gradients. With
+these layers, inference would take twice as long as the whole encoder takes now. All numbers are
+integers that are stored as 32-bit floats: features and biases are in units of 2**-5, weights of
+2**-9, sums of 2**-14 (see `model`).
 """
 
 from __future__ import annotations
@@ -46,12 +47,14 @@ _ACTIVATION, _ZERO = np.float32(MAX_ACTIVATION), np.float32(0)
 
 @compiled
 def residual(total: np.float32) -> np.float32:
+    """Round a sum in units of 2**-14 to a feature in units of 2**-5, and clip it."""
     rounded = (total / _UNITS + _ROUNDER) - _ROUNDER
     return min(max(rounded, -_RESIDUAL), _RESIDUAL)
 
 
 @compiled
 def activation(feature: np.float32) -> np.float32:
+    """Apply the clipped ReLU to a feature."""
     return min(max(feature, _ZERO), _ACTIVATION)
 
 
@@ -90,6 +93,8 @@ def convolution(channels: int) -> Callable[..., None]:
 
 @cache
 def head(channels: int) -> Callable[..., None]:
+    """Compile the layers that predict the frequencies (16) of a symbol from features."""
+
     def predict(
         row_features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, powers: NDArray[np.int32],
@@ -126,6 +131,8 @@ def head(channels: int) -> Callable[..., None]:
 
 @cache
 def embedding(channels: int) -> Callable[..., None]:
+    """Compile the addition of coded symbols to features."""
+
     def embed(
         row_features: Floats32, first: int, last: int, embeddings: Floats32, symbols: Symbols
     ) -> None:
@@ -140,6 +147,8 @@ def embedding(channels: int) -> Callable[..., None]:
 
 @cache
 def scattering(channels: int) -> Callable[..., None]:
+    """Compile the copying of the features of a group to those of the level."""
+
     def scatter(
         row_features: Floats32, first: int, last: int, rows: Rows, features: Floats32,
         active: Floats32,
@@ -155,6 +164,8 @@ def scattering(channels: int) -> Callable[..., None]:
 
 @cache
 def upsampling(channels: int) -> Callable[..., None]:
+    """Compile the layer that computes the features of children from those of their parents."""
+
     def upsample(
         parents: Floats32, slots: Rows, first: int, last: int, kernel: Floats32, bias: Floats32,
         features: Floats32, active: Floats32,
@@ -192,13 +203,15 @@ Matrix = tuple[Floats32, Floats32]
 
 @dataclass(frozen=True)
 class CompiledFeatures:
+    """Features of all voxels of a level."""
+
     all: Floats32  # (n * channels,)
     active: Floats32  # their activations
 
 
 @dataclass(frozen=True)
 class CompiledPredictor:
-    """A model's integer weights in flat arrays, for compiled layers."""
+    """The network with its weights as integers in flat arrays, for inference by compiled layers."""
 
     channels: int
     root: Floats32  # features of a voxel of the top level
@@ -210,12 +223,14 @@ class CompiledPredictor:
     upsampling: Matrix  # from parents to children
 
     def root_features(self, count: int) -> CompiledFeatures:
+        """Return the features of the `count` voxels of the top level."""
         features = np.tile(self.root, count)
         return CompiledFeatures(features, features.clip(0, MAX_ACTIVATION))
 
     def convolved(
         self, features: CompiledFeatures, table: NeighbourTable, pool: ThreadPool
     ) -> CompiledFeatures:
+        """Apply the convolutions that precede the first group of a level."""
         for layer in self.convolutions:
             features = self._convolved(layer, features, table, pool)
         return features
@@ -239,12 +254,14 @@ class CompiledPredictor:
     def group(
         self, number: int, rows: Rows, features: CompiledFeatures, table: NeighbourTable
     ) -> CompiledGroup:
+        """Return the predictor of the group with this number, for the voxels at `rows`."""
         group_features = np.empty(len(rows) * self.channels, np.float32)
         return CompiledGroup(self, number, rows, features, table, group_features)
 
     def child_features(
         self, features: CompiledFeatures, slots: Rows, pool: ThreadPool
     ) -> CompiledFeatures:
+        """Return the features of the children at slots (m,) from those of their parents."""
         size = len(slots) * self.channels
         result = CompiledFeatures(np.empty(size, np.float32), np.empty(size, np.float32))
         upsample = upsampling(self.channels)
@@ -258,6 +275,7 @@ class CompiledPredictor:
 
 
 def compiled_network(model: OctreeNet) -> CompiledPredictor:
+    """Convert a network for inference."""
     embeddings = (model.first_embedding, model.second_embedding)
     return CompiledPredictor(
         model.shape.channels,
@@ -290,6 +308,8 @@ def _integers(values: Tensor, units: int) -> Floats32:
 
 @dataclass(frozen=True)
 class CompiledGroup:
+    """Predicts the symbols of the voxels of a group, chunk by chunk."""
+
     network: CompiledPredictor
     number: int
     rows: Rows
@@ -298,6 +318,7 @@ class CompiledGroup:
     group_features: Floats32  # (m * channels,), features of the group's voxels
 
     def predict_first(self, chunk: slice) -> Frequencies:
+        """Return the frequencies (k, 16) of the first symbols of a chunk of voxels."""
         channels, features = self.network.channels, self.features
         if self.number:
             convolution(channels)(
@@ -309,10 +330,12 @@ class CompiledGroup:
         return self._predict(0, chunk)
 
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
+        """Return the frequencies (k, 16) of the second symbols, given the first symbols (k,)."""
         self._embed(0, chunk, first)
         return self._predict(1, chunk)
 
     def update(self, chunk: slice, second: Symbols) -> None:
+        """Add the second symbols (k,) to the features, for the groups that follow."""
         self._embed(1, chunk, second)
         scattering(self.network.channels)(
             self.group_features, chunk.start, chunk.stop, self.rows, self.features.all,

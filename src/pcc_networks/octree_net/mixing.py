@@ -1,7 +1,8 @@
-"""Context mixing of the bits of symbols; each bit is the occupancy of a child.
+"""Coding of symbols bit by bit, with probabilities from the network and from adaptive contexts.
 
-The network's probability of a bit is mixed with those of adaptive contexts, which learn the scan's
-statistics from the causal neighbourhood.
+Each bit of a symbol says whether a child is occupied. The probability that the network gives to a
+bit is mixed with those of adaptive contexts, which learn the statistics of the scan from the cells
+around a voxel.
 """
 
 from __future__ import annotations
@@ -67,10 +68,12 @@ _CHILDREN = np.array([EVEN, ODD])
 
 
 def writer(voxels: int) -> Mixer:
+    """Return a coder that encodes the symbols of at most `voxels` voxels."""
     return _new_mixer(bit_writer(_MAX_VOXEL_BYTES * voxels + 16))
 
 
 def reader(stream: bytes) -> Mixer:
+    """Return a coder that decodes a stream."""
     return _new_mixer(bit_reader(stream))
 
 
@@ -82,10 +85,24 @@ def code_symbols(
     mixer: Mixer, level: LevelState, group: int, second: bool, rows: Ints, symbols: Symbols,
     frequencies: Frequencies,
 ) -> None:  # fmt: skip
-    """Encode the symbols (m,) of voxels `rows` (m,) of a level, or decode them in place.
+    """Encode the symbols of voxels of a level, or decode them in place.
 
-    `level` must contain the voxels' causal neighbourhoods. `group` is the index of their group, and
-    `second` selects their second symbols. `frequencies` (m, 16) are the network's prediction.
+    Parameters
+    ----------
+    mixer
+        Coder from `writer` or `reader`, which decides between encoding and decoding.
+    level
+        State of the level; `find_neighbourhood` must have been called for the voxels.
+    group
+        Index of the group of the voxels.
+    second
+        Whether the second symbols are coded, instead of the first.
+    rows
+        Rows (m,) of the voxels.
+    symbols
+        Symbols (m,) of the voxels, to which a decoder writes.
+    frequencies
+        Frequencies (m, 16) that the network predicts for the values of the symbols.
     """
     _code_symbols(
         mixer, level, group, int(second), rows, symbols, frequencies, _CHILDREN, _STARTS, CELLS
@@ -135,7 +152,7 @@ def _code_symbols(
 
 @compiled_in_place
 def _first_symbol(code: int, half: int) -> int:
-    """Return the first symbol of an occupancy, or 0 while that symbol is being coded."""
+    """Return the first symbol of an occupancy, or 0 if that symbol is being coded."""
     return half * (code & 1 | code >> 2 & 2 | code >> 3 & 4 | code >> 3 & 8)
 
 
@@ -146,18 +163,18 @@ def _find_contexts(
 ) -> None:  # fmt: skip
     """Compute the contexts of the bit of a voxel's child, and the rows of mixing weights.
 
-    A cell is a place of the child's size; cells share a face, an edge or a corner with the child,
-    inside its voxel or outside. The caller adds what it knows of the voxel to contexts 0, 1 and 10.
-    Each context depends on:
+    A cell is a place of the size of the child. Cells share a face, an edge or a corner with the
+    child, and lie inside or outside its voxel. The caller adds what it knows of the voxel to
+    contexts 0, 1 and 10. The contexts depend on:
 
     0. the voxel's neighbours at faces
     1. the voxel's first symbol and number of neighbours
     2. the cells that share a face
     3. the numbers of cells that share a face, an edge and a corner
-    4. the cells outside that share a face, and those two steps away
-    5. the numbers of cells far away, of those that share a face, and of those inside that share an
+    4. the cells outside that share a face, and the cells two steps away
+    5. the numbers of cells far away, of cells that share a face, and of cells inside that share an
        edge
-    6. the cells that share a face, and those outside that share an edge
+    6. the cells that share a face, and the cells outside that share an edge
     7. the cells outside that share a face, and six cells beside them
     8. the network's probability, and the cells of context 4
     9. the cells inside that share a face, which show the cloud's density

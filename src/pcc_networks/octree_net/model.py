@@ -1,10 +1,12 @@
-"""The sparse octree net, which predicts the symbols of voxels, level by level, from features.
+"""The sparse octree net, which predicts which children of each voxel are occupied.
 
-All levels share the weights. Children's features are computed from their parents'. A level's voxels
-are coded in groups; a convolution before each group uses the symbols of previous groups.
+It proceeds level by level, from the coarsest voxels to the finest. All levels share the weights.
+The features of children are computed from those of their parents. The occupancy of a voxel is coded
+as two symbols (see `symbols`). The voxels of a level are coded in groups; before each group, a
+convolution uses the symbols of the previous groups.
 
 The arithmetic is fixed-point, which floating-point hardware computes exactly: weights are multiples
-of 2**-9, activations of 2**-5. A layer's sums, in units of 2**-14, are below 2**24; single
+of 2**-9, activations of 2**-5. The sums of a layer, in units of 2**-14, are below 2**24. Single
 precision computes such sums exactly, in any order, on any processor.
 
 References
@@ -29,7 +31,7 @@ from pointkit.models import Model
 
 WEIGHT_UNITS = 2**9
 UNITS = 2**5
-"""Activations, residual stream and logits are multiples of 1 / UNITS."""
+"""Activations, features between layers, and logits are multiples of 1 / UNITS."""
 MAX_WEIGHT = 2**11 - 1
 """Maximum weight in units of 1 / WEIGHT_UNITS; half precision stores such weights exactly."""
 MAX_ACTIVATION = 255
@@ -48,29 +50,30 @@ class _StraightThrough(torch.autograd.Function):
 
 
 def quantised(values: Tensor, units: int = UNITS) -> Tensor:
-    """Round to multiples of 1 / units, ties to even; gradients pass unchanged."""
+    """Round values to multiples of 1 / units, ties to even; gradients pass unchanged."""
     result: Tensor = _StraightThrough.apply(values, units)  # type: ignore[no-untyped-call]
     return result
 
 
 def quantised_weight(values: Tensor) -> Tensor:
+    """Clip weights to the allowed range, and round them to multiples of 1 / WEIGHT_UNITS."""
     bound = MAX_WEIGHT / WEIGHT_UNITS
     return quantised(values.clamp(-bound, bound), WEIGHT_UNITS)
 
 
 def residual(values: Tensor) -> Tensor:
-    """Clip sums and round them to units of the residual stream (the features between layers)."""
+    """Clip and round sums to features, which are multiples of 1 / UNITS."""
     bound = MAX_RESIDUAL / UNITS
     return quantised(values.clamp(-bound, bound))
 
 
 def activation(values: Tensor) -> Tensor:
-    """Apply the clipped ReLU (8-bit results) to the residual stream, before a layer."""
+    """Apply the clipped ReLU to the features that a layer reads."""
     return values.clamp(0, MAX_ACTIVATION / UNITS)
 
 
 def largest_sum(kernel: Tensor, bias: Tensor) -> int:
-    """Return the largest possible sum of layer output and residual stream, in units of 2**-14."""
+    """Return a bound of the sums that a layer can produce, in units of 2**-14."""
     rows = kernel.detach().double().flatten(0, -2).abs().sum(dim=0) * WEIGHT_UNITS
     bound = rows * MAX_ACTIVATION + bias.detach().double().abs() * (WEIGHT_UNITS * UNITS)
     return int(bound.max()) + MAX_RESIDUAL * WEIGHT_UNITS
@@ -84,16 +87,19 @@ class OctreeNetShape(Model):
 
 
 class FixedPointLayer(SparseLayer):
+    """A sparse 3x3x3 or pointwise convolution in fixed-point arithmetic."""
+
     def forward(self, active: Tensor, neighbourhood: Neighbourhood) -> Tensor:
         kernel, bias = quantised_weight(self.kernel), quantised(self.bias)
         return convolve(active[:, None], kernel, bias, neighbourhood)[:, 0]
 
     def pointwise(self, active: Tensor) -> Tensor:
+        """Apply the layer as a pointwise convolution."""
         return active @ quantised_weight(self.kernel[0]) + quantised(self.bias)
 
 
 class SymbolHead(nn.Module):
-    """Two pointwise layers from features to the base-2 logits of a symbol."""
+    """Computes the base-2 logits of a symbol from features, by two pointwise layers."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -101,6 +107,7 @@ class SymbolHead(nn.Module):
         self.logits = FixedPointLayer(channels, VALUES, 1)
 
     def forward(self, features: Tensor) -> Tensor:
+        """Return the logits (n, 16) of a symbol from features (n, channels)."""
         hidden = residual(self.hidden.pointwise(activation(features)))
         return residual(self.logits.pointwise(activation(hidden)))
 
@@ -108,8 +115,8 @@ class SymbolHead(nn.Module):
 class OctreeNet(nn.Module):
     """The sparse octree net, a PyTorch module in fixed-point arithmetic.
 
-    It predicts, level by level from the coarsest, which of a voxel's eight children are occupied.
-    Features have the shape (n, channels), a row for each voxel of a level.
+    It predicts which of the eight children of each voxel are occupied, level by level from the
+    coarsest. Features have the shape (n, channels), with a row for each voxel of a level.
     """
 
     def __init__(self, shape: OctreeNetShape) -> None:
@@ -126,9 +133,11 @@ class OctreeNet(nn.Module):
         self.upsampling = FixedPointLayer(channels, channels, CHILDREN)
 
     def root_features(self, count: int) -> Tensor:
+        """Return the features (count, channels) of the voxels of the top level."""
         return quantised(self.root).repeat(count, 1)
 
     def convolved(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        """Apply the convolutions that precede the first group of a level."""
         for layer in self.convolutions:
             features = residual(features + layer(activation(features), neighbourhood))
         return features
@@ -136,18 +145,42 @@ class OctreeNet(nn.Module):
     def group_features(
         self, group: int, features: Tensor, rows: Tensor, neighbourhood: Neighbourhood
     ) -> Tensor:
+        """Return the features of the voxels of a group.
+
+        Parameters
+        ----------
+        group
+            Index of the group.
+        features
+            Features (n, channels) of all voxels of the level.
+        rows
+            Rows (m,) of the voxels of the group.
+        neighbourhood
+            Neighbours of all voxels of the level.
+        """
         if group == 0:
             return features[rows]
         convolved = self.group_convolutions[group - 1](activation(features), neighbourhood)
         return residual((features + convolved)[rows])
 
     def with_first(self, features: Tensor, first: Tensor) -> Tensor:
+        """Return features to which first symbols have been added, to predict second symbols."""
         return residual(features + quantised(self.first_embedding)[first])
 
     def with_second(self, features: Tensor, second: Tensor) -> Tensor:
+        """Return features to which second symbols have been added, for later groups."""
         return residual(features + quantised(self.second_embedding)[second])
 
     def child_features(self, features: Tensor, slots: Tensor) -> Tensor:
+        """Return the features of children from those of their parents.
+
+        Parameters
+        ----------
+        features
+            Features (n, channels) of the parents.
+        slots
+            For each child (m,), 8 times the row of the parent plus the number of the child.
+        """
         active = activation(features)
         kernel, bias = quantised_weight(self.upsampling.kernel), quantised(self.upsampling.bias)
         parent, child = slots >> 3, slots & 7
@@ -157,6 +190,7 @@ class OctreeNet(nn.Module):
         return residual(result + bias)
 
     def check_exact(self) -> None:
+        """Raise InputError if the weights are so large that sums might be inexact."""
         layers = [module for module in self.modules() if isinstance(module, FixedPointLayer)]
         for layer in layers:
             kernel, bias = quantised_weight(layer.kernel), quantised(layer.bias)
@@ -169,4 +203,5 @@ def _convolutions(count: int, channels: int) -> nn.ModuleList:
 
 
 def as_index(symbols: Symbols | NDArray[Any], like: Tensor) -> Tensor:
+    """Convert an array to a tensor of 64-bit integers on the device of another tensor."""
     return torch.from_numpy(symbols.astype("int64")).to(like.device)

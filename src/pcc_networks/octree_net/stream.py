@@ -1,10 +1,10 @@
-"""The stream of the sparse octree net, in this order:
+"""The stream of the sparse octree net, which contains in this order:
 
 * magic "PBON", version, CRC-32 of the rest
 * digest of the weights (8 bytes), scale (float64), origin (3 int32), grid (uint8: 0 for the
   default; or 1, followed by unit and offset, 4 float64), number of parts (uint8)
-* each part of the cloud: number of voxels (uint32) and of network-coded levels (uint8), lengths in
-  bytes of top level (uint16) and symbols (uint32), top level, symbols
+* for each part of the cloud: number of voxels (uint32), number of levels that the network codes
+  (uint8), lengths in bytes of top level (uint16) and symbols (uint32), top level, symbols
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ _PART = struct.Struct("<IBHI")
 
 @dataclass(frozen=True)
 class CodedPart:
+    """A part of a cloud that was encoded separately."""
+
     count: int  # number of voxels
     levels: int  # that the network codes
     top: bytes  # coded voxels of the top level
@@ -51,7 +53,7 @@ class CodedPart:
 
 @dataclass(frozen=True)
 class OctreeNetStream:
-    """The parts of a stream, still coded, and the numbers in its header."""
+    """The numbers in the header of a stream, and its parts, which are still encoded."""
 
     digest: bytes  # of the weights
     scale: float
@@ -61,7 +63,10 @@ class OctreeNetStream:
 
 
 def write_stream(content: OctreeNetStream) -> bytes:
-    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
+    """Return the bytes of a stream.
+
+    Raises InputError if there are more voxels than a decoder accepts.
+    """
     if sum(part.count for part in content.parts) > _MAX_TOTAL:
         raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
     _check(content.parts)
@@ -77,10 +82,12 @@ def write_stream(content: OctreeNetStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> OctreeNetStream:
-    """Divide a stream into its parts, of which nothing is decoded yet.
+    """Divide a stream into its header and its parts, without decoding the parts.
 
-    Returns an `OctreeNetStream`. Raises InputError if the stream is damaged, or of another codec or
-    version.
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or of another codec or version.
     """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, scale, x, y, z, has_grid = _HEADER.unpack(reader.take(_HEADER.size))
@@ -108,7 +115,7 @@ def _read_part(reader: Reader) -> CodedPart:
 
 
 def max_nodes(part: CodedPart) -> int:
-    """Return the maximum number of voxels that a part has on all levels above the finest."""
+    """Return how many voxels a decoder accepts on all levels of a part above the finest."""
     return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
 
 

@@ -1,7 +1,8 @@
-"""Occupancy of a voxel's eight children as two 4-bit symbols, and groups of voxels.
+"""Division of a voxel's occupancy into two symbols, and of a level's voxels into groups.
 
-The first symbol holds the four children with an even sum of coordinates, the second those with an
-odd sum. Only children of different symbols share faces, so that one symbol predicts the other.
+An occupancy says which of the eight children of a voxel are occupied. The first symbol (4 bits)
+holds the four children with an even sum of coordinates, the second symbol those with an odd sum.
+Children share faces only with children of the other symbol, so that one symbol predicts the other.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _CODES = np.arange(256)
 
 
 def _half(children: tuple[int, ...]) -> Symbols:
-    """Return, for each of the 256 occupancies, the symbol that four of the children form."""
+    """Return the symbol that four of the children form, for each of the 256 occupancies."""
     bits = (_CODES[:, None] >> np.array(children)) & 1
     return np.asarray(bits @ (1 << np.arange(len(children))), dtype=np.uint8)
 
@@ -36,15 +37,20 @@ _CODE[_FIRST, _SECOND] = _CODES
 
 
 def symbols_of(keys: Keys) -> tuple[Symbols, Symbols]:
+    """Return the first and second symbols (m,) of the parents of voxels with sorted keys (n,)."""
     codes = occupancies(keys)
     return _FIRST[codes], _SECOND[codes]
 
 
 def groups_of(keys: Keys) -> list[NDArray[np.int64]]:
-    """Return the ascending rows of each group; opposite corners of a 2x2x2 block share a group."""
+    """Return the rows of each group, for voxels with keys (n,).
+
+    Opposite corners of a 2x2x2 block belong to the same group.
+    """
     group = _GROUP[keys & 7]
     return [np.flatnonzero(group == g) for g in range(GROUPS)]
 
 
 def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
+    """Return the slots (see `sparse.voxels`) of the children that symbols (m,) declare occupied."""
     return slots_of_occupancies(_CODE[first, second])

@@ -1,7 +1,7 @@
-"""Training of the sparse octree net: examples, the loss (bits of symbols), and the optimiser step.
+"""Training of the sparse octree net: examples, loss, and optimiser step.
 
-Training uses the codec's fixed-point arithmetic, so that rounding weights to integers changes
-nothing.
+The loss is the number of bits of the symbols. Training uses the fixed-point arithmetic of the
+codec; therefore nothing changes when weights are later rounded to integers.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from pointkit.geometry.cloud import Floats
 
 @dataclass(frozen=True)
 class OctreeExamples(CubeExamples):
-    """Training examples: random cubes of points (n, 3) on grids of random scales."""
+    """Random cubes that are cut from clouds of points (n, 3), on grids of random scales."""
 
     cube_size: int = 128
     batch_size: int = 2
@@ -74,7 +74,24 @@ _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
 
 
 def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
-    """Return the bits of the symbols of `levels` levels above the voxels, coarsest level first."""
+    """Return the bits that the network needs for a cloud.
+
+    Parameters
+    ----------
+    model
+        The network.
+    keys
+        Morton keys (n,) of the voxels of the finest level.
+    levels
+        Number of coarser levels.
+    pool
+        Threads of the convolutions.
+
+    Returns
+    -------
+    list of Tensor
+        Bits of the symbols of each coarser level, the coarsest first.
+    """
     device = model.root.device
     sets, child_maps = pyramid(keys, levels, pool)
     features = model.root_features(len(sets[-1]))
@@ -119,6 +136,8 @@ def _bits(logits: Tensor, symbols: Tensor) -> Tensor:
 
 
 class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
+    """Trains a sparse octree net; the loss of a step is in bits per voxel."""
+
     max_gradient_norm = 1.0
 
     def __init__(self, model: OctreeNet, training: BaseTraining, pool: ThreadPool) -> None:
@@ -126,6 +145,7 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
         self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> float:
+        """Do one step of the optimiser on a batch, and return the loss in bits per voxel."""
         keys = join_clouds(clouds)
         levels = (self.training.cube_size - 1).bit_length()
         loss = torch.stack(bits_per_level(self.model, keys, levels, self.pool)).sum() / len(keys)
@@ -134,11 +154,12 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
         return float(loss.detach())
 
     def row(self, loss: float) -> dict[str, float]:
+        """Return the loss of a step as a row of the training curve."""
         return {"bits_per_voxel": loss}
 
 
 def limit_weights(model: OctreeNet) -> None:
-    """Scale down the weights of output features whose sums might become inexact."""
+    """Scale down the weights of output features whose sums might otherwise become inexact."""
     with torch.no_grad():
         for layer in model.modules():
             if isinstance(layer, FixedPointLayer):

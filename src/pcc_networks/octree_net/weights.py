@@ -16,7 +16,17 @@ from pointkit.models import parsed
 
 @dataclass(frozen=True)
 class OctreeNetWeights:
-    """Trained weights of the sparse octree net, with their name in streams and model card."""
+    """Trained weights of the sparse octree net, ready for `encode` and `decode`.
+
+    Attributes
+    ----------
+    model
+        The network with its parameters.
+    digest
+        8 bytes by which streams name the weights.
+    card
+        Model card, such as the training data.
+    """
 
     model: OctreeNet
     digest: bytes
@@ -24,16 +34,16 @@ class OctreeNetWeights:
 
 
 def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
-    """Write a network's weights, as integers, to a safetensors file.
+    """Write the weights of a network, as integers, to a safetensors file.
 
     Parameters
     ----------
     path
-        File to write; an existing file is replaced as a whole.
+        File to write; an existing file is replaced.
     model
         The trained network.
     card
-        Model card, such as the training data, that is kept in the file's header as JSON.
+        Model card, such as the training data, which is stored in the header of the file as JSON.
 
     Raises
     ------
@@ -60,7 +70,7 @@ def load_weights(where: str | Path) -> OctreeNetWeights:
     Parameters
     ----------
     where
-        Name of a set that comes with the package (``sparse_octree_net_rooms``), or the path of a
+        Name of weights that come with the package (``sparse_octree_net_rooms``), or the path of a
         file that `save_weights` wrote.
 
     Returns
@@ -71,7 +81,8 @@ def load_weights(where: str | Path) -> OctreeNetWeights:
     Raises
     ------
     InputError
-        If the file is damaged, of another network, or has weights too large for exact sums.
+        If the file is damaged or of another network, or if its weights are too large for exact
+        sums.
     """
     path = weights_path(where)
     contents = read_weights(path)
@@ -88,6 +99,7 @@ def load_weights(where: str | Path) -> OctreeNetWeights:
 
 
 def parameters(integers: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Convert the integers of a file of weights to parameters of an `OctreeNet`."""
     return {
         name: value.round().clamp(-MAX_WEIGHT, MAX_WEIGHT) / _units(name)
         for name, value in integers.items()

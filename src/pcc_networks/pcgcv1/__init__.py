@@ -1,4 +1,7 @@
-"""PCGCv1: learned point-cloud geometry coding of dense cubes with a hyper-prior.
+"""PCGCv1: a network that codes a cloud's geometry in dense cubes of voxels, with a hyper-prior.
+
+`load_weights` reads trained weights, `encode` compresses points to bytes, and `decode` returns
+points.
 
 References
 ----------

@@ -84,41 +84,42 @@ def encode(
     ----------
     points
         Points (n, 3), n >= 1, in steps of the finest grid. Points are rounded to the grid, and
-        those in the same voxel are merged.
+        points in the same voxel are merged.
     weights
-        Weights of `load_weights`.
+        Weights that `load_weights` returned.
     rate
         Index of the rate in ``weights.lmbdas``; 0 has the fewest bits.
     scale
-        Factor by which points are multiplied before anything else.
+        Factor by which all coordinates are multiplied first.
     mean_occupied_children
-        The grid is coarsened until a voxel of twice the side holds this many voxels, on average
-        (see `choose_grid_level`). By default, and for 1 or less, it is the finest grid.
+        The grid is coarsened until a voxel of twice the side contains this many voxels on average
+        (see `choose_grid_level`). For 1 (the default) or less, the finest grid is kept.
     grid_level_offset
-        Octaves by which the grid is then coarsened further, or refined if negative; an octave
+        Octaves by which the grid is then coarsened further, or refined if negative. An octave
         doubles the side of a voxel.
     rho
         Number of decoded voxels per occupied voxel.
     min_points
         Minimum number of voxels in a cube that the network codes.
     sparse_cubes
-        Whether to code the voxels of other cubes without loss; the authors' program drops them.
+        Whether to code the voxels of cubes with fewer voxels without loss. If False, they are
+        dropped, as in the authors' program.
     context_mixing
-        Whether to adapt the distributions of the latent to what was coded before.
+        Whether to code the latent with adaptive contexts, which learn from the cloud.
     point_reconstruction
-        Whether to decode about as many points as were encoded, on the surface that the decoded
-        voxels show. Otherwise, one point is decoded at the centre of each voxel.
+        Whether the decoder shall place about as many points as were encoded, on the surface that
+        the decoded voxels show. If False, it places one point at the centre of each voxel.
 
     Returns
     -------
     bytes
-        The stream, which contains all that `decode` needs but the weights.
+        The stream, which contains all that `decode` needs except the weights.
 
     Raises
     ------
     InputError
-        If points are not finite, exceed 30-bit integers, or are all dropped, or the weights do not
-        have the rate.
+        If points are not finite, exceed 30-bit integers or are all dropped, or if the weights do
+        not have the rate.
     """
     check_points(points, "pcgcv1.encode")
     check_rate(weights, rate)
@@ -171,7 +172,9 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv1Weights) -> Floats:
-    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
+    """Decode a stream that `encode` of PCGCv1 returned.
+
+    The options of the encoder are stored in the stream.
 
     Parameters
     ----------
@@ -182,15 +185,16 @@ def decode(stream: bytes, weights: Pcgcv1Weights) -> Floats:
 
     Returns
     -------
-    array of float64
-        Points (m, 3) in the encoder's units: as many as were encoded, about, or one at the centre
-        of each decoded voxel, as the encoder chose.
+    ndarray
+        Points (m, 3), float64, in the units of the encoded points. With `point_reconstruction`,
+        there are about as many as were encoded; without, there is one at the centre of each decoded
+        voxel.
 
     Raises
     ------
     InputError
-        If the stream is damaged, or was made with other weights, or this machine computes
-        other probabilities than the encoder's.
+        If the stream is damaged or was made with other weights, or if this machine computes other
+        probabilities than the machine of the encoder.
     """
     content = read_stream(stream)
     check_made_with(weights, content.digest, content.rate)
@@ -223,7 +227,7 @@ def _analyse(
     first: int,
     pool: ThreadPool,
 ) -> tuple[CubeBatch, Integers, TableIndexes]:
-    """Return the batch of cubes from `first` on, its latents (n, channels), and their tables."""
+    """Return a batch's coded hyper-latents, its latents (n, channels) and their table indexes."""
 
     def code_cube(cube: int) -> tuple[Integers, Integers, TableIndexes]:
         x = occupancy(cubes.keys_of(first + cube), cubes.side)

@@ -33,18 +33,29 @@ _INCREMENT = 4
 
 
 def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> bytes:
-    """Encode hyper-latents (cubes, channels, s, s, s) where `is_coded` (cubes, s, s, s) is true."""
+    """Encode the hyper-latents of cubes.
+
+    Parameters
+    ----------
+    z_hat
+        Integers (cubes, channels, s, s, s).
+    is_coded
+        Mask (cubes, s, s, s) of the positions that are coded.
+    tables
+        Frequency table of each channel.
+    """
     return encode_latent(np.moveaxis(z_hat, 1, -1)[is_coded], tables)
 
 
 def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> Integers:
+    """Decode the hyper-latents (cubes, channels, s, s, s) of cubes; they are 0 where not coded."""
     z_hat = np.zeros((*is_coded.shape, len(tables)), dtype=np.int32)
     z_hat[is_coded] = decode_latent(data, int(is_coded.sum()), tables)
     return np.ascontiguousarray(np.moveaxis(z_hat, -1, 1))
 
 
 class LatentPositions(NamedTuple):
-    """Positions in all cubes at which the latent is coded with context mixing."""
+    """The positions in all cubes at which the latent is coded with context mixing."""
 
     order: Int64s  # (n,), from the order of cubes to Morton order
     neighbours: NeighbourTable  # (27, n), in Morton order
@@ -53,9 +64,16 @@ class LatentPositions(NamedTuple):
 def encode_conditional(
     y_hat: Integers, indexes: TableIndexes, positions: LatentPositions | None = None
 ) -> bytes:
-    """Encode a latent (n, channels); `indexes` holds each value's frequency table and centre.
+    """Encode a latent whose distributions depend on the hyper-latent.
 
-    Context mixing codes the latent if `positions` are given; otherwise, y_hat may have any shape.
+    Parameters
+    ----------
+    y_hat
+        Integers (n, channels); any shape is allowed without `positions`.
+    indexes
+        Frequency table and centre of each value.
+    positions
+        Positions of the rows, if adaptive contexts shall be mixed with the tables.
     """
     if positions is not None:
         prior = _prior(indexes, positions.order)
@@ -71,6 +89,10 @@ def encode_conditional(
 def decode_conditional(
     data: bytes, indexes: TableIndexes, positions: LatentPositions | None = None
 ) -> Integers:
+    """Decode the latent that `encode_conditional` encoded with the same indexes and positions.
+
+    Raises InputError if the data are damaged.
+    """
     y_hat = np.empty(indexes.table.shape, np.int32)
     if positions is not None:
         prior = _prior(indexes, positions.order)
@@ -90,7 +112,11 @@ def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, 
 
 
 def latent_positions(support: CodedCubes) -> LatentPositions | None:
-    """Return the positions, or None if there are none or too many, or they are too far apart."""
+    """Return the positions at which the latent of cubes is coded.
+
+    The result is None if context mixing is impossible, because there are no positions, too many
+    positions, or positions too far apart.
+    """
     cube, *inside = np.nonzero(support.blocks)
     if not 0 < len(cube) <= _MAX_POSITIONS:
         return None
@@ -110,11 +136,15 @@ def _prior(indexes: TableIndexes, order: Int64s) -> Prior:
 
 
 def checksum(indexes: TableIndexes) -> int:
+    """Return the CRC-32 of table indexes, by which a decoder detects different results."""
     return zlib.crc32(indexes.centre.tobytes(), zlib.crc32(indexes.table.tobytes()))
 
 
 def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
-    """Encode integers from 1 to `max_value`: first the bit length, adaptively, then the bits."""
+    """Encode integers from 1 to `max_value`.
+
+    The bit length of each integer is coded with adaptive frequencies; its lower bits follow.
+    """
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()
@@ -129,6 +159,10 @@ def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
 
 
 def decode_counts(data: bytes, number: int, max_value: int) -> list[int]:
+    """Decode the `number` integers that `encode_counts` encoded.
+
+    Raises InputError if the data are damaged.
+    """
     counts, frequencies = [], np.ones(max_value.bit_length())
     with range_decoder(data, "counts") as coder:
         for _ in range(number):

@@ -1,11 +1,12 @@
-"""The distribution of the latent given the hyper-latent, with equal results on every machine.
+"""Computation of the latent's distributions from the hyper-latent, equal on all machines.
 
-The hyper-synthesis transform h_s is computed in integers: weights are rounded to multiples of
-2**-16, features of 2**-12; products and sums are integers below 2**53, exact in double precision
-(see the reference of `octree_net.model`). It gives each latent value's location and scale in units
-of 2**-12, which select one of 1,024 integer tables of Laplace distributions: one of 16 offsets
-between two integers and one of 64 scales. A correctly rounded exponential and multiplications give
-the same tables on every machine.
+The hyper-synthesis transform h_s is computed in integers. Weights are rounded to multiples of
+2**-16, features to multiples of 2**-12. Products and sums are integers below 2**53, which double
+precision computes exactly (see the reference of `octree_net.model`). The transform gives the
+location and the scale of each latent value in units of 2**-12. These select one of 1,024 integer
+tables of Laplace distributions, with 16 offsets between two integers and 64 scales. The tables are
+equal on every machine, since they are computed from a correctly rounded exponential by
+multiplications.
 """
 
 from __future__ import annotations
@@ -43,10 +44,13 @@ Int64s = NDArray[np.int64]
 
 
 class TableIndexes(NamedTuple):
+    """The frequency table of each latent value, and the integer on which the table is centred."""
+
     table: NDArray[np.uint16]  # number of the table
     centre: NDArray[np.int32]  # integer on which the table is centred
 
     def rows(self, blocks: NDArray[np.bool_]) -> TableIndexes:
+        """Return the indexes (n, channels) at true blocks (m, s, s, s)."""
         return TableIndexes(rows_of(self.table, blocks), rows_of(self.centre, blocks))
 
 
@@ -54,10 +58,12 @@ Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
 
 
 def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
+    """Join table indexes by a function that joins arrays, such as `numpy.concatenate`."""
     return TableIndexes(*map(join, zip(*parts, strict=True)))
 
 
 def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:
+    """Return the table indexes for locations and scales in units of 2**-12."""
     step = UNIT_BITS - OFFSET_BITS
     offset = (location + (1 << step - 1)) >> step
     level = np.searchsorted(_scale_borders(), scale)
@@ -82,7 +88,7 @@ def _scale_borders() -> Int64s:
 
 @cache
 def laplace_table(number: int) -> FrequencyTable:
-    """Return the table with this number; its integers are relative to the centre."""
+    """Return the frequency table with this number, whose integers are relative to its centre."""
     level, offset = number >> OFFSET_BITS, number & (OFFSETS - 1)
     scale = float(_scale(Decimal(level)))
     reach = int(scale * _TAIL_SCALES) + 1
@@ -126,7 +132,10 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses a latent's frequency tables; raises InputError if sums might be inexact."""
+    """The hyper-synthesis transform h_s in integer arithmetic, which selects frequency tables.
+
+    Raises InputError if the weights are so large that sums might be inexact.
+    """
 
     def __init__(self, network: HyperSynthesis) -> None:
         self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)
@@ -137,7 +146,18 @@ class IntegerHyperSynthesis:
         )
 
     def tables(self, z_hat: NDArray[np.int32]) -> TableIndexes:
-        """Return table indexes of y (channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
+        """Return the frequency tables of the latent of a cube.
+
+        Parameters
+        ----------
+        z_hat
+            Hyper-latent (channels, s, s, s).
+
+        Returns
+        -------
+        TableIndexes
+            Arrays (latent channels, 2 s, 2 s, 2 s).
+        """
         with torch.no_grad():
             features = (
                 torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS

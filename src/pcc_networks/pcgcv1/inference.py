@@ -1,9 +1,9 @@
-"""Inference of PCGCv1, one cube at a time per thread, arranged for vector units.
+"""Inference of PCGCv1, arranged for vector units; each thread computes one cube at a time.
 
-A vector unit computes sixteen output channels at once; layers with fewer channels compute p
+A vector unit computes sixteen output channels at once. Layers with fewer channels compute p
 adjacent voxels jointly, by a kernel of 3x3x(2 + p) voxels with stride p and p times the channels.
-Training and GPUs use the model's own layers, which take four times as long on a CPU and, as their
-sums are rounded in another order, decode other points from the same stream.
+Training and GPUs use the layers in `model` instead. On a CPU these take four times as long; since
+they round sums in another order, they would decode other points from the same stream.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ Integers = NDArray[np.int32]
 
 
 class CpuTransforms:
+    """The transforms g_a, g_s and h_a on a CPU, for one cube at a time."""
+
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
             self._empty_features: dict[tuple[int, ...], Tensor] = {}
@@ -67,7 +69,20 @@ class CpuTransforms:
             self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """Transform occupancy (side, side, side) to y_hat and z_hat, (channels, s, s, s) each."""
+        """Compute the quantised latents of a cube.
+
+        Parameters
+        ----------
+        occupied
+            Occupancy (side, side, side), 0 or 1.
+        rate
+            Index of the rate.
+
+        Returns
+        -------
+        y_hat, z_hat
+            Latent and hyper-latent, integers (channels, s, s, s).
+        """
         with torch.inference_mode():
             features = _apply_blocks(self._analysis_blocks[1], self._stride_two(occupied))
             features = _apply_blocks(
@@ -109,9 +124,21 @@ class CpuTransforms:
         return last.apply(_strided_conv(features, down).relu_())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """Transform y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
+        """Compute the occupancy of a cube from its latent.
 
-        Logits outside `blocks` (s, s, s) may be -inf.
+        Parameters
+        ----------
+        y_hat
+            Latent (channels, s, s, s).
+        rate
+            Index of the rate.
+        blocks
+            Mask (s, s, s) of the blocks whose voxels are needed.
+
+        Returns
+        -------
+        ndarray
+            Logits (side**3,) of all voxels, z fastest. Outside `blocks` they may be -inf.
         """
         side = blocks.shape[0] * STRIDE
         box = _bounding_box(blocks, _SYNTHESIS_MARGIN // STRIDE, _SIDE_MULTIPLE // STRIDE)
@@ -153,6 +180,8 @@ def quantised(features: Tensor) -> Integers:
 
 @dataclass(frozen=True)
 class ConvolutionKernel:
+    """The kernel and the bias of a convolution."""
+
     kernel: Tensor
     bias: Tensor | None
 
@@ -199,6 +228,7 @@ def _strip_conv(layer: Conv) -> StripConv:
 
 
 def joint_kernel(kernel: Tensor, voxels: int, axis: int) -> Tensor:
+    """Return a kernel that computes several adjacent voxels along an axis jointly."""
     before, after = [0, 0] * (4 - axis), [0, 0] * (axis - 2)
     shifted = [pad(kernel, (*before, k, voxels - 1 - k, *after)) for k in range(voxels)]
     return torch.cat(shifted)
@@ -219,9 +249,9 @@ def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 
 @dataclass(frozen=True)
 class PolyphaseConv:
-    """A transposed convolution and its ReLU in polyphase form, by the parity of x and y.
+    """A transposed convolution and its ReLU, computed separately for even and odd x and y.
 
-    Four small kernels avoid products with zeros. Both parities of z are computed jointly.
+    The four smaller kernels avoid products with zeros. Even and odd z are computed jointly.
     """
 
     layers: list[list[ConvolutionKernel]]  # by the parity of x, then of y
@@ -259,7 +289,7 @@ def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
 
 @dataclass(frozen=True)
 class MatrixConv:
-    """A 1x1x1 convolution as a block-diagonal matrix for several voxels."""
+    """A 1x1x1 convolution that multiplies several voxels jointly by a block-diagonal matrix."""
 
     matrix: Tensor
     bias: Tensor
@@ -279,6 +309,8 @@ def _matrix_conv(layer: PointwiseConv) -> MatrixConv:
 
 
 class InferenceVoxceptionResNet(NamedTuple):
+    """A Voxception-ResNet block whose layers are arranged for inference."""
+
     conv1_1: StripConv
     conv1_2: StripConv
     conv2_1: MatrixConv
@@ -324,15 +356,22 @@ def _rows(features: Tensor) -> Tensor:
 
 
 class DeviceTransforms:
+    """The transforms g_a, g_s and h_a on a device such as a GPU.
+
+    The methods are those of `CpuTransforms`.
+    """
+
     def __init__(self, model: PCGCv1) -> None:
         self._model, self._device = model, device_of(model)
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
+        """Compute the quantised latents of a cube, as `CpuTransforms.analyse` does."""
         with torch.inference_mode():
             latents = self._model.latents(self._to_device(occupied)[None, None], rate)
             return quantised(latents.y.cpu()), quantised(latents.z.cpu())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
+        """Compute the occupancy of a cube from its latent, as `CpuTransforms.synthesise` does."""
         with torch.inference_mode():
             y = self._to_device(y_hat)[None].float() / self._model.gain(rate)
             logits: Floats32 = self._model.g_s(y).flatten().cpu().numpy()

@@ -1,9 +1,9 @@
-"""The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyper-prior.
+"""The network of PCGCv1, a dense autoencoder of cubes of voxels with a hyper-prior.
 
-The network follows section III and figure 5 of the paper (see `pcc_networks.pcgcv1`); layers
-have the authors' names. Gains are not in the paper (see `gains`).
+The network follows section III and figure 5 of the paper (see `pcc_networks.pcgcv1`). Layers have
+the names that the authors gave them. Gains are not in the paper (see `gains`).
 
-Padding is TensorFlow's 'same': a convolution of stride two pads one voxel at the far end only; a
+Padding is TensorFlow's 'same'. A convolution of stride two pads one voxel, at the far end. A
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 """
 
@@ -40,12 +40,14 @@ class Pcgcv1Shape(Model):
 
 
 class Conv(nn.Conv3d):
+    """A 3x3x3 convolution that keeps the size."""
+
     def __init__(self, channels: int, out: int) -> None:
         super().__init__(channels, out, 3, padding=1)
 
 
 class PointwiseConv(nn.Conv3d):
-    """1x1x1 convolution as a matrix product, whose gradient PyTorch computes faster."""
+    """A 1x1x1 convolution as a matrix product, whose gradient PyTorch computes faster."""
 
     def __init__(self, channels: int, out: int) -> None:
         super().__init__(channels, out, 1)
@@ -56,7 +58,7 @@ class PointwiseConv(nn.Conv3d):
 
 
 class StridedConv(nn.Conv3d):
-    """3x3x3 convolution of stride two: (n, c, 2 s, 2 s, 2 s) to (n, d, s, s, s)."""
+    """A 3x3x3 convolution of stride two: (n, c, 2 s, 2 s, 2 s) to (n, d, s, s, s)."""
 
     def __init__(self, channels: int, out: int, bias: bool = True) -> None:
         super().__init__(channels, out, 3, stride=2, bias=bias)
@@ -66,7 +68,7 @@ class StridedConv(nn.Conv3d):
 
 
 class TransposedConv(nn.ConvTranspose3d):
-    """Transposed 3x3x3 convolution of stride two: (n, c, s, s, s) to (n, d, 2 s, 2 s, 2 s)."""
+    """A transposed 3x3x3 convolution of stride two: (n, c, s, s, s) to (n, d, 2 s, 2 s, 2 s)."""
 
     def __init__(self, channels: int, out: int) -> None:
         super().__init__(channels, out, 3, stride=2)
@@ -76,7 +78,7 @@ class TransposedConv(nn.ConvTranspose3d):
 
 
 class VoxceptionResNet(nn.Module):
-    """Voxception-ResNet block: two branches of half the channels, added to the input."""
+    """A Voxception-ResNet block, which adds two branches of half the channels to its input."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -98,7 +100,7 @@ def _blocks(channels: int, count: int) -> nn.Sequential:
 
 
 class Pcgcv1Analysis(nn.Module):
-    """Analysis transform g_a from occupancy to the latent y at stride 4."""
+    """The analysis transform g_a, which computes the latent y at stride 4 from occupancy."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -114,7 +116,7 @@ class Pcgcv1Analysis(nn.Module):
 
 
 class Pcgcv1Synthesis(nn.Module):
-    """Synthesis transform g_s from y_hat to an occupancy logit of each voxel."""
+    """The synthesis transform g_s, which computes each voxel's occupancy logit from y_hat."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -138,7 +140,7 @@ def _transformed(
 
 
 class HyperAnalysis(nn.Module):
-    """Hyper-analysis transform h_a from the latent y to the hyper-latent z at stride 8."""
+    """The hyper-analysis transform h_a, which computes the hyper-latent z at stride 8 from y."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -152,14 +154,14 @@ class HyperAnalysis(nn.Module):
 
 
 class LaplaceParameters(NamedTuple):
-    """Location and scale of the distribution of each value of y, (n, c, s, s, s) each."""
+    """Location and scale of the distribution of each value of y, both (n, c, s, s, s)."""
 
     location: Tensor
     scale: Tensor
 
 
 class HyperSynthesis(nn.Module):
-    """Hyper-synthesis transform h_s from z_hat to the distributions of y."""
+    """The hyper-synthesis transform h_s, which computes the distributions of y from z_hat."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -176,6 +178,8 @@ class HyperSynthesis(nn.Module):
 
 
 class Latents(NamedTuple):
+    """The latent y and the hyper-latent z of cubes, and where they are coded."""
+
     y: Tensor
     z: Tensor
     blocks: Tensor  # ones where y is coded, else zeros
@@ -185,9 +189,9 @@ class Latents(NamedTuple):
 class PCGCv1(MultiRateNetwork):
     """The network PCGCv1, a PyTorch module with the parameters of one or several rates.
 
-    It has transforms g_a from a cube's occupancy to the latent y, g_s back, h_a from y to the
-    hyper-latent z, and h_s from z to the distributions of y; for each rate, gains of y and an
-    entropy bottleneck of z.
+    It consists of four transforms. g_a computes the latent y from the occupancy of a cube, and g_s
+    computes occupancy from y. h_a computes the hyper-latent z from y, and h_s computes the
+    distributions of y from z. Each rate has gains of y and an entropy bottleneck of z.
     """
 
     Shape = Pcgcv1Shape
@@ -200,10 +204,19 @@ class PCGCv1(MultiRateNetwork):
         self.add_rates(shape.hyper_channels[1])
 
     def gain(self, rate: int) -> Tensor:
+        """Return the factors of the latent at the rate with this index, (channels, 1, 1, 1)."""
         return super().gain(rate)[:, None, None, None]
 
     def latents(self, x: Tensor, rate: int) -> Latents:
-        """Transform cubes x (n, 1, size, size, size) to y, times the gains of a rate, and z."""
+        """Compute the latents of cubes.
+
+        Parameters
+        ----------
+        x
+            Occupancy (n, 1, size, size, size) of the cubes, 0 or 1.
+        rate
+            Index of the rate, by whose gains y is multiplied.
+        """
         blocks = coded_blocks(self.shape, x)
         hyper_blocks = max_pool3d(blocks, 2)
         y = self.g_a(x) * self.gain(rate) * blocks
@@ -211,6 +224,9 @@ class PCGCv1(MultiRateNetwork):
 
 
 def coded_blocks(shape: Pcgcv1Shape, x: Tensor) -> Tensor:
-    """Return ones where the latent of cubes x (n, 1, size, size, size) is coded, else zeros."""
+    """Return 1 where the latent of cubes is coded, else 0.
+
+    The occupancy `x` has the shape (n, 1, size, size, size), the result (n, 1, s, s, s).
+    """
     blocks = max_pool3d(x, STRIDE)
     return blocks if shape.occupied_blocks else torch.ones_like(blocks)

@@ -1,13 +1,15 @@
-"""The stream of PCGCv1, in this order:
+"""The stream of PCGCv1, which contains in this order:
 
 * magic "PCG1", version, CRC-32 of the rest
 * digest of the weights (8 bytes), index of the rate, scale (double), whether context mixing codes
-  the latent (1 byte), points per voxel in 256ths (2 bytes; 0: one point in the centre)
+  the latent (1 byte), points per voxel in 256ths (2 bytes; 0 means one point in the centre)
 * base-128 numbers: lengths in bytes of positions, counts, sparse voxels and latent; number of cubes
-* octree of the cubes, or of occupied blocks if the weights were trained with such blocks; number of
-  voxels to keep in each cube; octree of the voxels in sparse cubes; latent
-* each batch of cubes: CRC-32 of the tables of the latent, length of the hyper-latents in bytes
-  (base-128), hyper-latents
+* positions: octree of the cubes, or of occupied blocks if the weights were trained with such blocks
+* counts: number of voxels to keep in each cube
+* sparse voxels: octree of the voxels in cubes that the network does not code
+* latent
+* for each batch of cubes: CRC-32 of the frequency tables of the latent, length of the hyper-latents
+  in bytes (base-128), hyper-latents
 """
 
 from __future__ import annotations
@@ -37,13 +39,15 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class CubeBatch:
+    """The coded hyper-latents of a batch of cubes."""
+
     check: int  # CRC-32 of the tables of the latent
     hyper: bytes  # coded z_hat
 
 
 @dataclass(frozen=True)
 class Pcgcv1Stream:
-    """The parts of a PCGCv1 stream, still coded, and the numbers in its header."""
+    """The numbers in the header of a PCGCv1 stream, and its parts, which are still encoded."""
 
     digest: bytes  # of the weights
     rate: int  # index among those of the weights
@@ -59,7 +63,10 @@ class Pcgcv1Stream:
 
 
 def write_stream(content: Pcgcv1Stream) -> bytes:
-    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
+    """Return the bytes of a stream.
+
+    Raises InputError if there are more cubes than a decoder accepts for so few bytes.
+    """
     parts = (content.positions, content.counts, content.sparse, content.latent)
     numbers = [*map(len, parts), content.cubes]
     body = _HEADER.pack(
@@ -85,7 +92,17 @@ def _max_cubes(body: bytes) -> int:
 
 
 def check_work(content: Pcgcv1Stream, side: int, decoded_voxels: int) -> None:
-    """Raise InputError if decoding takes too long for the size of the stream."""
+    """Raise InputError if decoding would take too long for the size of a stream.
+
+    Parameters
+    ----------
+    content
+        The stream.
+    side
+        Number of voxels along an edge of a cube.
+    decoded_voxels
+        Number of voxels that the decoder keeps.
+    """
     size = len(content.positions) + len(content.counts) + len(content.latent)
     size += sum(len(batch.hyper) for batch in content.batches)
     if content.cubes * side**3 > _VOXELS + _VOXELS_PER_BYTE * size:
@@ -95,15 +112,17 @@ def check_work(content: Pcgcv1Stream, side: int, decoded_voxels: int) -> None:
 
 
 def max_sparse(content: Pcgcv1Stream) -> int:
-    """Return the maximum number of losslessly coded voxels; each takes over half a bit."""
+    """Return the maximum number of losslessly coded voxels that a decoder accepts."""
     return min(_SPARSE + _SPARSE_PER_BYTE * len(content.sparse), 2**21)
 
 
 def read_stream(stream: bytes) -> Pcgcv1Stream:
-    """Divide a stream into its parts, of which nothing is decoded yet.
+    """Divide a stream into its header and its parts, without decoding the parts.
 
-    Returns a `Pcgcv1Stream`. Raises InputError if the stream is damaged, or of another codec or
-    version.
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or of another codec or version.
     """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, rate, scale, context_mixing, points_per_voxel = _HEADER.unpack(

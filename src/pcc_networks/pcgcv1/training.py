@@ -1,14 +1,15 @@
 """Training of PCGCv1: initial weights, the rate-distortion loss, and the optimiser step.
 
-PyTorch's initialisation gives the latent a standard deviation of 0.05, far below the noise that
-replaces rounding, and the network does not learn. Therefore each layer's weights in turn are
-divided by the standard deviation of the layer's output for an example (layer-sequential
+With PyTorch's initial weights, the latent has a standard deviation of 0.05. This is far below the
+noise that replaces rounding, and the network does not learn. Therefore the weights of each layer in
+turn are divided by the standard deviation of the layer's output for an example (layer-sequential
 unit-variance initialisation).
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
-dominates. R is the bits of latent and hyper-latent per point; D (as in the paper) is ``beta * cross
-entropy of empty voxels + cross entropy of occupied voxels``. Cross entropies are means in nats,
-without voxels that the decoder knows to be empty. Uniform noise replaces rounding.
+dominates. R is the number of bits of latent and hyper-latent per point. D is, as in the paper,
+``beta * cross entropy of empty voxels + cross entropy of occupied voxels``. Cross entropies are
+means in nats. They leave out voxels that the decoder knows to be empty. Uniform noise replaces
+rounding.
 
 References
 ----------
@@ -43,7 +44,10 @@ _EMPTY_PER_OCCUPIED = 3.0
 
 
 def initialise(model: PCGCv1, cube_size: int) -> None:
-    """Scale a new model's weights so that each layer's output for a sphere has unit variance."""
+    """Scale the weights of a new model, so that each layer's output for a sphere has unit variance.
+
+    Some layers, which are listed in `_DEVIATIONS`, get another standard deviation.
+    """
     with torch.no_grad(), _rescaled(model):
         y = model.g_a(sphere(cube_size))
         model.h_s(model.h_a(y))
@@ -53,6 +57,7 @@ def initialise(model: PCGCv1, cube_size: int) -> None:
 
 
 def sphere(size: int) -> Tensor:
+    """Return the occupancy (1, 1, size, size, size) of a sphere in a cube."""
     axis = torch.arange(size) - (size - 1) / 2
     radius = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2).sqrt()
     return ((radius - 0.4 * size).abs() < 0.5).float()[None, None]
@@ -92,6 +97,8 @@ _MIN_RATE_WEIGHT = 0.01
 
 
 class Pcgcv1Loss(NamedTuple):
+    """The loss of a step, and the terms of which it consists."""
+
     total: Tensor  # minimised
     empty: Tensor  # mean cross entropy of empty voxels
     occupied: Tensor  # mean cross entropy of occupied voxels
@@ -103,6 +110,25 @@ def rate_distortion_loss(
     model: PCGCv1, x: Tensor, rate: int, lmbda: float, noise: torch.Generator,
     beta: float = BETA, rate_weight: float = 1.0,
 ) -> Pcgcv1Loss:  # fmt: skip
+    """Compute the loss of cubes at one rate.
+
+    Parameters
+    ----------
+    model
+        The network.
+    x
+        Occupancy (n, 1, size, size, size) of the cubes, 0 or 1.
+    rate
+        Index of the rate.
+    lmbda
+        Lagrangian weight of the distortion.
+    noise
+        Source of the uniform noise that replaces rounding.
+    beta
+        Weight of empty voxels in the distortion.
+    rate_weight
+        Weight of the bits, below 1 at the start of a training.
+    """
     y, z, blocks, hyper_blocks = model.latents(x, rate)
     z_hat = _with_noise(z, noise) * hyper_blocks
     y_hat = _with_noise(y, noise) * blocks
@@ -125,6 +151,7 @@ def _with_noise(values: Tensor, noise: torch.Generator) -> Tensor:
 
 
 def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
+    """Return the occupancy (n, 1, size, size, size) of clouds that are given by Morton keys."""
     cubes = np.zeros((len(clouds), 1, size, size, size), dtype=np.float32)
     for cube, keys in zip(cubes[:, 0], clouds, strict=True):
         cube[tuple(morton_voxels(keys).T)] = 1
@@ -132,6 +159,8 @@ def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
 
 
 class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
+    """Trains PCGCv1; each step is at a random rate."""
+
     training: Pcgcv1Training
 
     def __init__(self, model: PCGCv1, training: Pcgcv1Training) -> None:
@@ -140,6 +169,7 @@ class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
         super().__init__(ordered, training, parameter_groups(model))
 
     def step(self, clouds: Sequence[Keys]) -> Pcgcv1Loss:
+        """Do one step of the optimiser at a random rate, and return the loss."""
         cubes = dense_cubes(clouds, self.training.cube_size).to(self.model.log_gains.device)
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
         x = cubes.to(memory_format=torch.channels_last_3d)
@@ -149,8 +179,10 @@ class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
         return Pcgcv1Loss(*(value.detach() for value in loss))
 
     def rate_weight(self) -> float:
+        """Return the weight of the bits in the loss of the next step."""
         warm_up = self.training.rate_warm_up * self.training.steps
         return float(_MIN_RATE_WEIGHT ** max(0.0, 1 - self.done / warm_up))
 
     def row(self, loss: Pcgcv1Loss) -> dict[str, float]:
+        """Return the loss of a step and its terms as a row of the training curve."""
         return {name: float(value) for name, value in loss._asdict().items()}

@@ -1,4 +1,4 @@
-"""Weights of PCGCv1: sets trained by puckbench, and the authors' archives with renamed parameters.
+"""Reading of trained weights of PCGCv1, from puckbench's files and from the authors' archives.
 
 In the authors' NumPy archives, kernels have axes (d, h, w, in, out), or (d, h, w, out, in) in
 transposed convolutions.
@@ -62,21 +62,22 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
     Parameters
     ----------
     where
-        Name of a set that comes with the package (``pcgcv1_mixed``), or the path of a file: a set
-        written by `Pcgcv1Training.export`, or an archive (``.npz``) of the network's authors.
+        Name of weights that come with the package (``pcgcv1_mixed``), or the path of a file. The
+        file was either written by `Pcgcv1Training.export`, or is an archive (``.npz``) of the
+        network's authors.
     device
-        Device on which the network runs, ``cpu`` or ``cuda``. The transform h_s stays on the CPU,
-        where its sums are exact.
+        Device on which the network runs, ``cpu`` or ``cuda``. The hyper-synthesis transform stays
+        on the CPU, where its sums are exact.
 
     Returns
     -------
     Pcgcv1Weights
-        The network with its parameters, and all that `encode` and `decode` need of it.
+        The network with its parameters, for `encode` and `decode`.
 
     Raises
     ------
     InputError
-        If the file is damaged or of another network, or the device does not exist.
+        If the file is damaged or of another network, or if the device does not exist.
     """
     path = weights_path(where)
     weights = load_multi_rate(path, PCGCV1, PCGCv1, load_published)
@@ -88,7 +89,10 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
 
 
 def load_published(path: Path) -> PCGCv1:
-    """Read an archive of the authors' variables; raise InputError if it is not one."""
+    """Read an archive of the authors, and return the network.
+
+    Raises InputError if the file is not such an archive.
+    """
     variables = _read(path)
     model = PCGCv1(Pcgcv1Shape())
     try:

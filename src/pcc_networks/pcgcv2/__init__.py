@@ -1,4 +1,7 @@
-"""PCGCv2: multiscale learned point-cloud geometry coding with sparse convolutions.
+"""PCGCv2: a network that codes the geometry of a cloud at several scales, by sparse convolutions.
+
+`load_weights` reads trained weights, `encode` compresses points to bytes, and `decode` returns
+points.
 
 References
 ----------

@@ -66,34 +66,34 @@ def encode(
     ----------
     points
         Points (n, 3), n >= 1, in steps of the finest grid. Points are rounded to the grid, and
-        those in the same voxel are merged. Up to 64 points are stored as they are.
+        points in the same voxel are merged. Clouds of up to 64 points are stored without loss.
     weights
-        Weights of `load_weights`.
+        Weights that `load_weights` returned.
     rate
         Index of the rate in ``weights.lmbdas``; 0 has the fewest bits.
     mean_occupied_children
-        The grid is coarsened until a voxel of twice the side holds this many voxels, on average
-        (see `choose_grid_level`). By default, and for 1 or less, it is the finest grid.
+        The grid is coarsened until a voxel of twice the side contains this many voxels on average
+        (see `choose_grid_level`). For 1 (the default) or less, the finest grid is kept.
     grid_level_offset
-        Octaves by which the grid is then coarsened further, or refined if negative; an octave
+        Octaves by which the grid is then coarsened further, or refined if negative. An octave
         doubles the side of a voxel.
     rho
         Number of decoded voxels per occupied voxel.
     tools
-        Coding tools that the authors' program lacks; ``CodingTools(0)`` codes as it does.
+        Coding tools that the authors' program does not have. ``CodingTools(0)`` uses none of them.
     point_reconstruction
-        Whether to decode about as many points as were encoded, on the surface that the decoded
-        voxels show. Otherwise, one point is decoded at the centre of each voxel.
+        Whether the decoder shall place about as many points as were encoded, on the surface that
+        the decoded voxels show. If False, it places one point at the centre of each voxel.
 
     Returns
     -------
     bytes
-        The stream, which contains all that `decode` needs but the weights.
+        The stream, which contains all that `decode` needs except the weights.
 
     Raises
     ------
     InputError
-        If points are not finite, exceed 32-bit integers, or span more than 2**20 voxels, or the
+        If points are not finite, exceed 32-bit integers or span more than 2**20 voxels, or if the
         weights do not have the rate.
     """
     check_points(points, "pcgcv2.encode")
@@ -117,7 +117,9 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv2Weights) -> Floats:
-    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
+    """Decode a stream that `encode` of PCGCv2 returned.
+
+    The options of the encoder are stored in the stream.
 
     Parameters
     ----------
@@ -128,9 +130,10 @@ def decode(stream: bytes, weights: Pcgcv2Weights) -> Floats:
 
     Returns
     -------
-    array of float64
-        Points (m, 3) in the encoder's units: as many as were encoded, about, or one at the centre
-        of each decoded voxel, as the encoder chose.
+    ndarray
+        Points (m, 3), float64, in the units of the encoded points. With `point_reconstruction`,
+        there are about as many as were encoded; without, there is one at the centre of each decoded
+        voxel.
 
     Raises
     ------
@@ -200,7 +203,20 @@ def _coarse_keys(block: CodedBlock) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int) -> list[Keys]:
-    """Split sorted keys between voxels of stride 8 into equal parts of about `max_voxels`."""
+    """Split Morton keys into parts of about `max_voxels` that are coded separately.
+
+    Parameters
+    ----------
+    keys
+        Sorted Morton keys (n,) of voxels.
+    max_voxels
+        Approximate largest number of voxels of a part.
+
+    Returns
+    -------
+    list of ndarray
+        Keys of each part. Voxels in the same 8x8x8 cube stay together.
+    """
     parts = -(-len(keys) // max_voxels)
     borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
     targets = np.arange(1, parts) * len(keys) // parts

@@ -1,9 +1,9 @@
 """Inference of PCGCv2 without gradients; on a CPU, with fused layers.
 
-Pointwise convolutions are computed within an adjacent 3x3x3 convolution; biases and ReLUs are
-applied while a chunk of rows is in the cache; layers reuse memory. Training and GPUs use the
-model's own layers, whose sums are rounded in another order: with them, the streams that exist would
-decode to points with other last digits, and voxels of nearly equal probability be exchanged.
+Pointwise convolutions are computed within an adjacent 3x3x3 convolution. Biases and ReLUs are
+applied while a chunk of rows is in the cache. Layers reuse memory. Training and GPUs use the layers
+in `model` instead, which round sums in another order. With these layers, existing streams would
+decode to points with other last digits, and voxels of nearly equal probability would be exchanged.
 """
 
 from __future__ import annotations
@@ -53,12 +53,15 @@ _CHUNK_ROWS = 4096
 
 @dataclass(frozen=True)
 class FusedConvolution:
+    """The matrices and the bias of a convolution, arranged for rows of one or eight children."""
+
     matrices: Matrices
     centre: Tensor  # of the row itself (children * c, children * d)
     bias: Tensor  # (children * d,)
 
 
 def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
+    """Arrange the parameters of a convolution for rows of one or eight children."""
     matrices = matrices_of(layer.kernel.detach(), kernel_map)
     return FusedConvolution(
         matrices, matrices[CENTRE], layer.bias.detach().repeat(kernel_map.children)
@@ -66,7 +69,10 @@ def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
 
 
 def fused_branches(block: InceptionResNet, kernel_map: KernelMap) -> FusedConvolution:
-    """Fuse the first layers of both branches: conv0_0's central matrix also computes conv1_0."""
+    """Fuse the first layers of both branches of a block into one convolution.
+
+    The central matrix of conv0_0 also computes conv1_0.
+    """
     neighbour_matrices = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
     channels, quarter = block.conv0_0.kernel.shape[1:]
     pointwise = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
@@ -84,7 +90,21 @@ def convolved(
     out: Tensor,
     relu: bool,
 ) -> Tensor:
-    """Convolve features (n, children, c), write to `out` (n, children, d), and return it."""
+    """Convolve features, and return `out`.
+
+    Parameters
+    ----------
+    features
+        Input features (n, children, c).
+    layer
+        The convolution.
+    neighbourhood
+        Neighbours of the rows.
+    out
+        Memory (n, children, d) for the result.
+    relu
+        Whether to apply a ReLU to the result.
+    """
 
     def work(rows: slice, scratch: Scratch) -> None:
         sums = out[rows]
@@ -118,7 +138,21 @@ def residual_block(
     hidden: Tensor,
     out: Tensor,
 ) -> Tensor:
-    """Apply a block to features (n, children, c); `hidden` (n, children, c / 2) is workspace."""
+    """Apply an Inception-ResNet block, and return `out`.
+
+    Parameters
+    ----------
+    features
+        Input features (n, children, c).
+    block
+        The block.
+    neighbourhood
+        Neighbours of the rows.
+    hidden
+        Working memory (n, children, c / 2).
+    out
+        Memory (n, children, c) for the result.
+    """
     convolved(
         features, fused_branches(block, neighbourhood.kernel_map), neighbourhood, hidden, relu=True
     )
@@ -145,6 +179,8 @@ def residual_block(
 
 
 class FeatureBuffers(NamedTuple):
+    """Working memory of the layers of a scale."""
+
     first: Tensor
     second: Tensor
     hidden: Tensor
@@ -170,16 +206,20 @@ def _residual_blocks(
 
 @dataclass(frozen=True)
 class AnalysisResult:
+    """The latent of a cloud, and the voxels to which it belongs."""
+
     y: NDArray[np.float32]  # (m, latent_channels), the latent
     coarse: VoxelSet  # voxels at stride 8
     counts: tuple[int, int, int]  # voxels at strides 1, 2 and 4
 
 
 def is_fused(model: PCGCv2) -> bool:
+    """Return whether a model runs on the CPU, where layers are fused."""
     return device_of(model).type == "cpu"
 
 
 def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
+    """Compute the latent of the voxels with sorted Morton keys (n,), before gains and rounding."""
     sets, child_maps = pyramid(keys, SCALES, pool)
     if is_fused(model):
         features = _conv0(model, sets[0], pool)
@@ -253,9 +293,27 @@ def synthesise(
     pool: ThreadPool,
     child_per_parent: bool = True,
 ) -> SiblingBlocks:
-    """Apply g_s to y_hat (m, latent_channels), already divided by the gains, at voxels of stride 8.
+    """Compute occupied voxels from a latent by the transform g_s.
 
-    `counts` are the numbers of voxels that `kept_children` keeps at strides 1, 2 and 4.
+    Parameters
+    ----------
+    model
+        The network.
+    y_hat
+        Latent (m, latent_channels), already divided by the gains.
+    coarse
+        Voxels of the latent, at stride 8.
+    counts
+        Numbers of voxels to keep at strides 1, 2 and 4.
+    pool
+        Threads of the convolutions.
+    child_per_parent
+        Whether each voxel keeps at least its most likely child.
+
+    Returns
+    -------
+    SiblingBlocks
+        The voxels at stride 1 that are kept, with their probabilities.
     """
     if is_fused(model):
         # one allocation for the largest scale

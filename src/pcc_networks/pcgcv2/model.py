@@ -1,7 +1,7 @@
-"""The network of PCGCv2: a sparse-convolution autoencoder with three scales.
+"""The network of PCGCv2, an autoencoder of sparse convolutions with three scales.
 
-The network follows section 3 and figure 1 of the paper (see `pcc_networks.pcgcv2`); layers
-have the authors' names. Gains are not in the paper (see `gains`).
+The network follows section 3 and figure 1 of the paper (see `pcc_networks.pcgcv2`). Layers have the
+names that the authors gave them. Gains are not in the paper (see `gains`).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Pcgcv2Shape(Model):
 
 
 class InceptionResNet(nn.Module):
-    """Inception-ResNet block of features (n, children, c): two branches, added to the input."""
+    """An Inception-ResNet block, which adds two branches to its input features (n, children, c)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -62,6 +62,8 @@ class InceptionResNet(nn.Module):
 
 
 class InceptionResNetBlocks(nn.ModuleList):
+    """A sequence of Inception-ResNet blocks."""
+
     def __init__(self, channels: int, count: int) -> None:
         super().__init__(InceptionResNet(channels) for _ in range(count))
 
@@ -75,6 +77,8 @@ class InceptionResNetBlocks(nn.ModuleList):
 
 
 class AnalysisScale(nn.Module):
+    """One scale of the analysis transform, which halves the resolution."""
+
     def __init__(self, channels: int, inner: int, out: int, blocks: int) -> None:
         super().__init__()
         self.down = StridedConvolution(channels, inner)
@@ -90,7 +94,7 @@ class AnalysisScale(nn.Module):
 
 
 class Pcgcv2Analysis(nn.Module):
-    """Analysis transform g_a: from occupied voxels to the latent y at stride 8."""
+    """The analysis transform g_a, which computes the latent y at stride 8 from occupied voxels."""
 
     def __init__(self, shape: Pcgcv2Shape) -> None:
         super().__init__()
@@ -103,12 +107,21 @@ class Pcgcv2Analysis(nn.Module):
         )
 
     def scale(self, scale: int) -> AnalysisScale:
+        """Return the layers of a scale, of which 0 is the finest."""
         return cast(AnalysisScale, self.scales[scale])
 
     def forward(
         self, sets: Sequence[VoxelSet], child_maps: Sequence[ChildMap], pool: ThreadPool
     ) -> Tensor:
-        """Transform the voxels of strides 1, 2, 4 and 8 (`pyramid`) to y (m, latent_channels)."""
+        """Return the latent y (m, latent_channels) of a cloud.
+
+        Parameters
+        ----------
+        sets, child_maps
+            Voxels of strides 1, 2, 4 and 8, and the maps between them, from `pyramid`.
+        pool
+            Threads of the convolutions.
+        """
         kernel = self.conv0.kernel
         around = [
             neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool, kernel.device)
@@ -121,6 +134,8 @@ class Pcgcv2Analysis(nn.Module):
 
 
 class SynthesisScale(nn.Module):
+    """One scale of the synthesis transform, which doubles the resolution."""
+
     def __init__(self, channels: int, inner: int, blocks: int) -> None:
         super().__init__()
         self.up = GenerativeTransposedConvolution(channels, inner)
@@ -131,7 +146,24 @@ class SynthesisScale(nn.Module):
     def forward(
         self, features: Tensor, parents: VoxelSet, pool: ThreadPool
     ) -> tuple[Tensor, Tensor]:
-        """Transform features (m, c) to features (m, 8, d) and logits (m, 8) of all children."""
+        """Compute features and occupancy of all children of voxels.
+
+        Parameters
+        ----------
+        features
+            Features (m, c) of the parents.
+        parents
+            The parents.
+        pool
+            Threads of the convolutions.
+
+        Returns
+        -------
+        features
+            Features (m, 8, d) of the children.
+        logits
+            Logits (m, 8) of the occupancy of the children.
+        """
         table, kernel_map = parents.neighbours, block_kernel_map()
         neighbourhood = neighbourhood_of(table, kernel_map, pool, features.device)
         children = self.conv(self.up(features).relu(), neighbourhood).relu()
@@ -140,7 +172,7 @@ class SynthesisScale(nn.Module):
 
 
 class Pcgcv2Synthesis(nn.Module):
-    """Synthesis transform g_s: from y_hat at stride 8 to occupancy, scale by scale."""
+    """The synthesis transform g_s, which computes occupancy from y_hat, scale by scale."""
 
     def __init__(self, shape: Pcgcv2Shape) -> None:
         super().__init__()
@@ -150,14 +182,15 @@ class Pcgcv2Synthesis(nn.Module):
         )
 
     def scale(self, scale: int) -> SynthesisScale:
+        """Return the layers of a scale, of which 0 is the coarsest."""
         return cast(SynthesisScale, self.scales[scale])
 
 
 class PCGCv2(MultiRateNetwork):
     """The network PCGCv2, a PyTorch module with the parameters of one or several rates.
 
-    It has an analysis transform g_a from voxels to the latent y, a synthesis transform g_s back
-    and, for each rate, gains of y and an entropy bottleneck.
+    The analysis transform g_a computes the latent y from voxels, and the synthesis transform g_s
+    computes voxels from y. Each rate has gains of y and an entropy bottleneck.
     """
 
     Shape = Pcgcv2Shape

@@ -1,13 +1,12 @@
-"""The stream of PCGCv2, in this order:
+"""The stream of PCGCv2, which contains in this order:
 
 * magic "PCG2", version, kind, CRC-32 of the rest
-* kind 0, a cloud too small for a network: its points, three little-endian doubles each
-* kind 1: digest of the weights (8 bytes), index of the rate, grid level in quarter octaves, coding
-  tools (bit 1: each parent keeps a child, bit 2: context mixing of the latent), points per voxel in
-  256ths (2 bytes; 0: one point in the centre); base-128 numbers: origin (3, signed), number of
-  blocks
-* each block of kind 1: base-128 numbers of voxels at strides 1, 2, 4 and 8, and of bytes of
-  coordinates and latent; coordinates, latent
+* if the kind is 0 (a cloud too small for a network): three little-endian doubles for each point
+* if the kind is 1: digest of the weights (8 bytes), index of the rate, grid level in quarter
+  octaves, coding tools (see `CodingTools`), points per voxel in 256ths (2 bytes; 0 means one point
+  in the centre); base-128 numbers: origin (3, signed), number of blocks
+* for each block of kind 1: base-128 numbers of voxels at strides 1, 2, 4 and 8; base-128 lengths in
+  bytes of coordinates and latent; coordinates; latent
 """
 
 from __future__ import annotations
@@ -40,13 +39,15 @@ _HEADER = struct.Struct("<8sBBBH")
 
 @dataclass(frozen=True)
 class CodedBlock:
+    """A block of voxels that was encoded separately."""
+
     counts: tuple[int, int, int, int]  # voxels at strides 1, 2, 4 and 8
     coordinates: bytes  # voxels at stride 8, coded losslessly
     latent: bytes  # coded y_hat
 
 
 class CodingTools(IntFlag):
-    """Coding tools that the authors' program does not have."""
+    """Coding tools of PCGCv2 that the authors' program does not have."""
 
     CHILD_PER_PARENT = 1
     """Each voxel keeps at least its most likely child. Without this tool, it may keep none."""
@@ -59,7 +60,7 @@ ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
 
 @dataclass(frozen=True)
 class Pcgcv2Stream:
-    """The blocks of a PCGCv2 stream, still coded, and the numbers in its header."""
+    """The numbers in the header of a PCGCv2 stream, and its blocks, which are still encoded."""
 
     digest: bytes  # of the weights
     rate: int  # index among those of the weights
@@ -71,15 +72,20 @@ class Pcgcv2Stream:
 
     @property
     def voxels(self) -> int:
+        """Number of decoded voxels."""
         return sum(block.counts[0] for block in self.blocks)
 
 
 def write_raw(points: Floats) -> bytes:
+    """Return the bytes of a stream that stores points (n, 3) without a network."""
     return _FRAMING.framed(points.astype("<f8").tobytes(), bytes([_RAW]))
 
 
 def write_coded(coded: Pcgcv2Stream) -> bytes:
-    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
+    """Return the bytes of a stream.
+
+    Raises InputError if there are more voxels or blocks than a decoder accepts for so few bytes.
+    """
     numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
@@ -92,10 +98,17 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Divide a stream into its parts, of which nothing is decoded yet.
+    """Divide a stream into its header and its blocks, without decoding the blocks.
 
-    Returns a `Pcgcv2Stream`; of a cloud that was too small for the network, its points (n, 3).
-    Raises InputError if the stream is damaged, or of another codec or version.
+    Returns
+    -------
+    Pcgcv2Stream or ndarray
+        The contents of the stream; or points (n, 3), if the cloud was too small for the network.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or of another codec or version.
     """
     kind, body = _FRAMING.unframed(stream)
     return _read_raw(body) if kind[0] == _RAW else _read_coded(body)
@@ -148,10 +161,7 @@ def _read_block(reader: Reader) -> CodedBlock:
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
-    """Raise InputError if the numbers of voxels at strides 1, 2, 4 and 8 are impossible.
-
-    Voxels at strides 4 and 8 have one to eight children on average, voxels at stride 2 up to eight.
-    """
+    """Raise InputError if the numbers of voxels at strides 1, 2, 4 and 8 are impossible."""
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (
         1 <= stride_8 <= stride_4 <= 8 * stride_8

@@ -1,10 +1,11 @@
 """Training of PCGCv2: the rate-distortion loss and the optimiser step.
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
-dominates. R is the bits of the latent per point. D is the sum over scales of the candidate voxels'
-mean binary cross entropy in bits, weighted by the voxels' side (the authors weight scales equally),
-since a voxel lost at stride 4 cannot be recovered. Uniform noise replaces rounding. In training, a
-scale keeps both the occupied voxels and those that the network selects.
+dominates. R is the number of bits of the latent per point. D is a sum over the scales: the mean
+binary cross entropy of the candidate voxels in bits, multiplied by a weight. The weight is
+proportional to the side of the voxels, since a voxel that is lost at stride 4 cannot be recovered;
+the authors weight all scales equally. Uniform noise replaces rounding. In training, a scale keeps
+both the occupied voxels and the voxels that the network selects.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
 
 
 class Pcgcv2Loss(NamedTuple):
+    """The loss of a step, and the terms of which it consists."""
+
     total: Tensor  # minimised
     cross_entropies: tuple[Tensor, ...]  # mean bits of a candidate voxel at strides 4, 2 and 1
     bpp: Tensor  # bits of the latent per point
@@ -47,6 +50,23 @@ class Pcgcv2Loss(NamedTuple):
 def rate_distortion_loss(
     model: PCGCv2, keys: Keys, rate: int, lmbda: float, pool: ThreadPool, noise: torch.Generator
 ) -> Pcgcv2Loss:
+    """Compute the loss of a cloud at one rate.
+
+    Parameters
+    ----------
+    model
+        The network.
+    keys
+        Sorted Morton keys (n,) of the voxels.
+    rate
+        Index of the rate.
+    lmbda
+        Lagrangian weight of the distortion.
+    pool
+        Threads of the convolutions.
+    noise
+        Source of the uniform noise that replaces rounding.
+    """
     device = model.log_gains.device
     sets, child_maps = pyramid(keys, SCALES, pool)
     scaled = model.g_a(sets, child_maps, pool) * model.gain(rate)
@@ -87,6 +107,8 @@ def _occupied(parents: VoxelSet, occupied_keys: Keys) -> NDArray[np.bool_]:
 
 
 class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
+    """Trains PCGCv2; each step is at a random rate."""
+
     training: MultiRateTraining
 
     def __init__(self, model: PCGCv2, training: MultiRateTraining, pool: ThreadPool) -> None:
@@ -94,6 +116,7 @@ class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
         self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> Pcgcv2Loss:
+        """Do one step of the optimiser at a random rate, and return the loss."""
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
         lmbda = self.training.lmbdas[rate]
         keys = join_clouds(clouds)
@@ -103,6 +126,7 @@ class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
         return Pcgcv2Loss(loss.total.detach(), cross_entropies, loss.bpp.detach())
 
     def row(self, loss: Pcgcv2Loss) -> dict[str, float]:
+        """Return the loss of a step and its terms as a row of the training curve."""
         names = ("loss", "bits_stride_4", "bits_stride_2", "bits_stride_1", "bpp")
         values = (loss.total, *loss.cross_entropies, loss.bpp)
         return {name: float(value) for name, value in zip(names, values, strict=True)}

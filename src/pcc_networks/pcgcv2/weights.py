@@ -30,21 +30,21 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights
     Parameters
     ----------
     where
-        Name of a set that comes with the package (``pcgcv2_objects`` or ``pcgcv2_rooms``), or the
-        path of a file: a set written by `Pcgcv2Training.export`, or a checkpoint (``.pth``) of the
-        network's authors.
+        Name of weights that come with the package (``pcgcv2_objects`` or ``pcgcv2_rooms``), or the
+        path of a file. The file was either written by `Pcgcv2Training.export`, or is a checkpoint
+        (``.pth``) of the network's authors.
     device
         Device on which the network runs, ``cpu`` or ``cuda``.
 
     Returns
     -------
     Pcgcv2Weights
-        The network with its parameters, and all that `encode` and `decode` need of it.
+        The network with its parameters, for `encode` and `decode`.
 
     Raises
     ------
     InputError
-        If the file is damaged or of another network, or the device does not exist.
+        If the file is damaged or of another network, or if the device does not exist.
     """
     path = weights_path(where)
     weights = load_multi_rate(path, PCGCV2, PCGCv2, load_published)
@@ -53,10 +53,15 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights
 
 
 def load_published(path: Path) -> PCGCv2:
-    """Read a checkpoint of the authors; raise InputError if it is not one.
+    """Read a checkpoint of the authors, and return the network.
 
-    Denormal weights, which slow some processors down a hundredfold, become zeros; results do not
-    change.
+    Denormal weights are set to zero, because they slow some processors down a hundredfold. Results
+    do not change.
+
+    Raises
+    ------
+    InputError
+        If the file is not such a checkpoint.
     """
     checkpoint = _read(path)
     model = PCGCv2(Pcgcv2Shape())

@@ -1,6 +1,7 @@
-"""RENO: lossless coding of LiDAR voxels by sparse convolutions.
+"""RENO: a network that codes the voxels of a LiDAR scan without loss, by sparse convolutions.
 
-`load_weights` reads a checkpoint of the authors.
+`load_weights` reads a checkpoint of the authors, `encode` compresses points to bytes, and `decode`
+returns points.
 
 References
 ----------

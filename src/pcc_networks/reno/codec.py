@@ -1,6 +1,6 @@
-"""Encoding of points in millimetres to RENO streams, and decoding.
+"""Encoding and decoding of points in millimetres with RENO.
 
-The grid is that of the authors' program: coordinates relative to a corner, at -131,072 mm on each
+The grid is that of the authors' program. Coordinates relative to a corner, at -131,072 mm on each
 axis, are divided by the grid step (posQ in the program) and rounded, ties to even.
 """
 
@@ -59,7 +59,22 @@ OTHER_RESULT = (
 
 
 def encode_tree(keys: Keys, weights: RenoWeights) -> CodedTree:
-    """Encode voxels given as Morton keys; the result does not depend on the number of threads."""
+    """Encode the octree of voxels.
+
+    The result does not depend on the number of threads.
+
+    Parameters
+    ----------
+    keys
+        Morton keys (n,) of the voxels, sorted and distinct.
+    weights
+        The network.
+
+    Raises
+    ------
+    InputError
+        If there are too many voxels.
+    """
     levels = list(_levels(keys))
     base, occupancy = levels[0]
     symbols: list[bytes] = []
@@ -79,7 +94,10 @@ def encode_tree(keys: Keys, weights: RenoWeights) -> CodedTree:
 
 
 def decode_tree(tree: CodedTree, weights: RenoWeights) -> Keys:
-    """Decode the keys of voxels; raise InputError if they differ from the encoded keys."""
+    """Decode an octree, and return the Morton keys (n,) of its voxels.
+
+    Raises InputError if the keys differ from those that were encoded.
+    """
 
     def code(number: int, frequencies: Cumulative) -> Symbols:
         return decode_symbols(tree.symbols[number], frequencies)
@@ -138,27 +156,28 @@ OFFSET = 131072
 
 
 def encode(points: Floats, weights: RenoWeights, posq: float) -> bytes:
-    """Round points to a grid, and encode the grid's voxels without loss.
+    """Round points to a grid, and encode the voxels of the grid without loss.
 
     Parameters
     ----------
     points
-        Points (n, 3), n >= 1, in mm. Points of the same voxel are merged.
+        Points (n, 3), n >= 1, in mm. Points in the same voxel are merged.
     weights
-        Weights of `load_weights`.
+        Weights that `load_weights` returned.
     posq
-        Step of the grid in mm, called posQ by the authors: a positive number in half precision.
+        Step of the grid in mm, which the authors call posQ. It must be a positive number that half
+        precision represents exactly.
 
     Returns
     -------
     bytes
-        The stream: an identifying header, then that of the authors' program.
+        The stream, which contains all that `decode` needs except the weights. It is a short header,
+        followed by a stream of the authors' program.
 
     Raises
     ------
     InputError
-        If the points are not finite or need more than 20 bits per coordinate, or `posq` is not a
-        positive number in half precision.
+        If points are not finite or need more than 20 bits per coordinate, or if `posq` is invalid.
     """
     check_points(points, "reno.encode")
     if float(np.float16(posq)) != posq or posq <= 0:
@@ -174,7 +193,7 @@ def encode(points: Floats, weights: RenoWeights, posq: float) -> bytes:
 
 
 def decode(stream: bytes, weights: RenoWeights) -> Floats:
-    """Decode a stream of `encode`; the stream says on which grid and with which tools it was made.
+    """Decode a stream that `encode` of RENO returned.
 
     Parameters
     ----------
@@ -185,14 +204,14 @@ def decode(stream: bytes, weights: RenoWeights) -> Floats:
 
     Returns
     -------
-    array of float64
-        Points (m, 3), in mm: the distinct points of the encoder's grid, in Morton order.
+    ndarray
+        Points (m, 3), float64, in mm: one for each occupied voxel of the grid, in Morton order.
 
     Raises
     ------
     InputError
-        If the stream is damaged, or was made with other weights, or this machine computes
-        otherwise than the encoder's.
+        If the stream is damaged or was made with other weights, or if this machine computes other
+        results than the machine of the encoder.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
@@ -203,10 +222,7 @@ def decode(stream: bytes, weights: RenoWeights) -> Floats:
 
 
 def _grid_offsets(points: Floats) -> NDArray[np.int64]:
-    """Return each axis's distance from the grid's corner to the origin, in units of 131,072 mm.
-
-    The distance is 1, as in the authors' program, unless coordinates exceed +-131,072 mm.
-    """
+    """Return each axis's distance from the grid's corner to the origin, in units of 131,072 mm."""
     least, most = points.min(axis=0), points.max(axis=0)
     is_near = (least >= -OFFSET) & (most < OFFSET)
     return np.where(is_near, 1, -np.floor(least / OFFSET)).astype(np.int64)

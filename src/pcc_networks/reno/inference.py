@@ -1,8 +1,8 @@
-"""Compiled layers of RENO: convolutions, and heads that return cumulative frequencies.
+"""Inference of RENO in compiled layers, which return cumulative frequencies of symbols.
 
-Encoder and decoder agree to the last bit: the order of IEEE 754 operations does not depend on the
-number of threads (see `add_products`), and the exponential function, which libraries round
-differently, is computed here.
+Encoder and decoder agree to the last bit. The order of IEEE 754 operations does not depend on the
+number of threads (see `add_products`). The exponential function, which libraries round differently,
+is computed here.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 
 @cache
 def convolution(channels: int) -> Callable[..., None]:
-    """Compile a 3x3x3 convolution and ReLU; a residual may be added before the ReLU.
+    """Compile a 3x3x3 convolution with ReLU, before which a residual may be added.
 
     Features outside the set of voxels are zero. A sum starts with the residual; neighbours follow
     in the order of offsets, x fastest.
@@ -72,6 +72,8 @@ def convolution(channels: int) -> Callable[..., None]:
 
 @cache
 def head(channels: int) -> Callable[..., None]:
+    """Compile the layers that predict the cumulative frequencies of a symbol from features."""
+
     def predict(
         features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, embedding: Floats32, symbols: Symbols,
@@ -103,10 +105,19 @@ def head(channels: int) -> Callable[..., None]:
 
 @compiled
 def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
-    """Compute the cumulative frequencies (17,) of 16 logits, rounded as in the authors' program.
+    """Compute the cumulative frequencies of 16 logits, rounded as in the authors' program.
 
-    The cumulative softmax is multiplied by 2^16 - 16 and rounded; then 1 is added to each value's
-    frequency. Logits that are not finite give equal frequencies.
+    The cumulative softmax is multiplied by 2^16 - 16 and rounded. Then 1 is added to the frequency
+    of each value. Logits that are not finite give equal frequencies.
+
+    Parameters
+    ----------
+    logits
+        Array that contains the logits.
+    at
+        Index of the first logit.
+    out
+        Receives the 17 cumulative frequencies.
     """
     max_logit = np.float64(logits[at])
     for j in range(1, VALUES):
@@ -124,7 +135,7 @@ def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
 
 @compiled
 def exponential(x: float) -> float:
-    """Return the exponential of x <= 0, accurate to about 1e-14; below -44 it is 0."""
+    """Return the exponential of x <= 0, accurate to about 1e-14; below -44, the result is 0."""
     if not -44.0 < x <= 0.0:
         return 0.0 * x  # NaN for a NaN or infinite x
     power = math.floor(x * _LOG2_E + 0.5)
@@ -145,6 +156,24 @@ _NONE, _NO_SYMBOLS = np.empty(0, np.float32), np.empty(0, np.uint8)
 def prior_features(
     weights: RenoWeights, occupancy: Occupancy, table: NeighbourTable, pool: ThreadPool
 ) -> Floats32:
+    """Return the features of the voxels of a level, which describe their occupancy.
+
+    Parameters
+    ----------
+    weights
+        The network.
+    occupancy
+        Occupancy (n,) of the children of each voxel.
+    table
+        Neighbour table (27, n) of the voxels.
+    pool
+        Threads of the layers.
+
+    Returns
+    -------
+    ndarray
+        Features of all voxels, a flat array (n * channels,).
+    """
     embedded = weights.occupancy_embedding.reshape(-1, weights.channels)[occupancy].ravel()
     return _residual_network(weights.prior, weights.channels, embedded, table, pool)
 
@@ -158,7 +187,18 @@ def target_features(
 ) -> Floats32:
     """Return the features of children, computed from those of their parents.
 
-    `slots` (n,) (see `sparse.voxels`) and `table` are the children's slots and neighbour table.
+    Parameters
+    ----------
+    weights
+        The network.
+    parents
+        Features of the parents, a flat array.
+    slots
+        Slots (n,) of the children (see `sparse.voxels`).
+    table
+        Neighbour table (27, n) of the children.
+    pool
+        Threads of the layers.
     """
     channels = weights.channels
     embedded = weights.child_embedding.reshape(-1, channels)[slots & 7]
@@ -197,7 +237,21 @@ def predicted(
     pool: ThreadPool,
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
-    """Return cumulative frequencies (n, 17) of first symbols or, given `first`, of second ones."""
+    """Return the cumulative frequencies (n, 17) of symbols.
+
+    Parameters
+    ----------
+    weights
+        The network.
+    half
+        0 for first symbols, 1 for second symbols.
+    features
+        Features of the voxels, a flat array.
+    pool
+        Threads of the layers.
+    first
+        First symbols (n,) of the voxels, which the prediction of second symbols needs.
+    """
     predict = head(weights.channels)
     rows = len(features) // weights.channels
     result = np.empty((rows, VALUES + 1), np.int32)

@@ -21,11 +21,16 @@ _MAX, _HALF, _QUARTER = 2**32 - 1, 2**31, 2**30
 
 
 def encode_symbols(symbols: Symbols, cumulative: Cumulative) -> bytes:
+    """Encode symbols (n,) with cumulative frequencies (n, 17)."""
     out = np.zeros(3 * len(symbols) + 8, np.uint8)  # a symbol takes at most about 16 bits
     return out[: _encode(symbols, cumulative, out)].tobytes()
 
 
 def decode_symbols(data: bytes, cumulative: Cumulative) -> Symbols:
+    """Decode the symbols (n,) that were encoded with these cumulative frequencies (n, 17).
+
+    Raises InputError if the data are damaged.
+    """
     symbols = np.empty(len(cumulative), np.uint8)
     if not _decode(np.frombuffer(data, np.uint8), cumulative, symbols):
         raise InputError("the stream is damaged (its symbols)")

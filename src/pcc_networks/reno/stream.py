@@ -5,8 +5,8 @@
   keys, 8 bytes each (uint32); offsets of the grid in 131,072 mm (3 signed base-128 numbers)
 * authors' stream: posQ in mm (float16); voxels of the base (coarsest level): number (int32),
   coordinates (3 int32 each), occupancies (uint8 each); number of runs of symbols (uint16); each
-  run, preceded by the length in bytes (uint32). Each level below the base has a run of first and a
-  run of second symbols.
+  run, preceded by its length in bytes (uint32). Each level below the base has a run of first
+  symbols and a run of second symbols.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ Triple = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class CodedTree:
+    """An encoded octree of voxels."""
+
     base: NDArray[np.int64]  # (m, 3), voxels of the coarsest level, in Morton order
     occupancy: NDArray[np.uint8]  # (m,), of their children
     symbols: tuple[bytes, ...]  # coded first and second symbols of each level below the base
@@ -48,7 +50,7 @@ class CodedTree:
 
 @dataclass(frozen=True)
 class RenoStream:
-    """The octree of a RENO stream, still coded, and the numbers in its header."""
+    """The numbers in the header of a RENO stream, and its octree, which is still encoded."""
 
     digest: bytes  # of the weights
     posq: float  # step in mm
@@ -57,7 +59,7 @@ class RenoStream:
 
 
 def write_stream(content: RenoStream) -> bytes:
-    """Return the bytes of a stream from its parts."""
+    """Return the bytes of a stream."""
     tree = content.tree
     parts = [
         _HEADER.pack(content.digest, tree.count, tree.check),
@@ -71,10 +73,12 @@ def write_stream(content: RenoStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> RenoStream:
-    """Divide a stream into its parts, of which nothing is decoded yet.
+    """Divide a stream into its header and its octree, without decoding the octree.
 
-    Returns a `RenoStream`. Raises InputError if the stream is damaged, or of another codec or
-    version.
+    Raises
+    ------
+    InputError
+        If the stream is damaged, or of another codec or version.
     """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, count, check = _HEADER.unpack(reader.take(_HEADER.size))
@@ -105,11 +109,22 @@ def _check_base(tree: CodedTree) -> None:
 
 
 def max_nodes(tree: CodedTree) -> int:
-    """Return how many network-coded voxels, over all levels, a stream of this tree can hold."""
+    """Return how many network-coded voxels a decoder accepts for a tree, over all levels.
+
+    The number depends on the size of the coded symbols.
+    """
     return _NODES + _NODES_PER_BYTE * sum(map(len, tree.symbols))
 
 
 def check_work(tree: CodedTree, nodes: int) -> None:
-    """Raise InputError if a tree with `nodes` voxels takes too long to decode for its bytes."""
+    """Raise InputError if decoding would take too long for the size of an encoded tree.
+
+    Parameters
+    ----------
+    tree
+        The encoded tree.
+    nodes
+        Number of voxels of all network-coded levels.
+    """
     if nodes > max_nodes(tree) or tree.count > 8 * max_nodes(tree):
         raise InputError("the stream is damaged (too many voxels for its size)")

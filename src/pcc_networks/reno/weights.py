@@ -28,7 +28,7 @@ flattened from (inputs, outputs)."""
 
 @dataclass(frozen=True)
 class RenoWeights:
-    """Parameters of RENO as flat arrays of 32-bit floats, and their name in streams."""
+    """Trained weights of RENO, as flat arrays of 32-bit floats."""
 
     digest: bytes  # 8 bytes by which streams name the network
     channels: int  # of the features, c
@@ -41,22 +41,22 @@ class RenoWeights:
 
 
 def load_weights(path: str | Path) -> RenoWeights:
-    """Read a checkpoint (``.pt``) of RENO's authors; it runs none of the file's code.
+    """Read a checkpoint (``.pt``) of RENO's authors, without running code from the file.
 
     Parameters
     ----------
     path
-        File such as ``KITTIDetection.pt``.
+        Path of the file, such as ``KITTIDetection.pt``.
 
     Returns
     -------
     RenoWeights
-        The network's parameters, for `encode` and `decode`.
+        The parameters of the network, for `encode` and `decode`.
 
     Raises
     ------
     InputError
-        If the file is damaged, or not a checkpoint of RENO.
+        If the file is damaged, or is not a checkpoint of RENO.
     """
     from pcc_networks.weights_file import digest_of, read_checkpoint
     from pointkit.files import read_bytes
@@ -85,6 +85,7 @@ def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
 
 
 def shapes(channels: int) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each parameter of a checkpoint, by name."""
     result: dict[str, tuple[int, ...]] = {
         "prior_embedding.weight": (OCCUPANCIES, channels),
         "target_embedding.target_res_embedding.weight": (CHILDREN, channels),

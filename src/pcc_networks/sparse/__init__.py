@@ -1,1 +1,1 @@
-"""Sparse 3D convolution in PyTorch: voxels in Morton order, neighbour tables, chunked products."""
+"""Sparse 3D convolution in PyTorch, for voxels in Morton order with neighbour tables."""

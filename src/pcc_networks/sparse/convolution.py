@@ -1,4 +1,4 @@
-"""Sparse 3x3x3 convolution with gradients, and the layers that the networks are made of."""
+"""Sparse 3x3x3 convolution with gradients, and the layers of which the networks consist."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """Neighbours of a layer's voxels, with kernel map, threads and chunk sizes of convolutions."""
+    """The neighbours, threads and chunk sizes for convolutions of a set of voxels."""
 
     gather_scatter: GatherScatter
     pool: ThreadPool
@@ -40,9 +40,11 @@ class Neighbourhood:
 
     @property
     def kernel_map(self) -> KernelMap:
+        """The kernel map, which says whether a row holds one voxel or eight children."""
         return self.gather_scatter.kernel_map
 
     def chunk_rows(self, channels: int) -> int:
+        """Return the number of rows that are computed at once, for this number of channels."""
         rows = self.chunk_floats // (self.kernel_map.typical_read * channels)
         return int(np.clip(rows, _MIN_ROWS, self.max_rows))
 
@@ -53,6 +55,19 @@ def neighbourhood_of(
     pool: ThreadPool,
     device: torch.device | None = None,
 ) -> Neighbourhood:
+    """Prepare convolutions of a set of voxels.
+
+    Parameters
+    ----------
+    table
+        Neighbour table (27, n) of the rows.
+    kernel_map
+        Whether a row holds one voxel or eight children.
+    pool
+        Threads of the convolutions.
+    device
+        Device on which the convolutions run, by default the CPU.
+    """
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table, kernel_map), pool)
     gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device), kernel_map)
@@ -62,9 +77,25 @@ def neighbourhood_of(
 def convolve(
     features: Tensor, kernel: Tensor, bias: Tensor, neighbourhood: Neighbourhood
 ) -> Tensor:
-    """Convolve features (n, children, c) to (n, children, d); kernel (27, c, d), bias (d,).
+    """Apply a sparse 3x3x3 convolution, with gradients.
 
     Voxels outside the set count as zero and get no result.
+
+    Parameters
+    ----------
+    features
+        Features (n, children, c).
+    kernel
+        Kernel (27, c, d).
+    bias
+        Bias (d,).
+    neighbourhood
+        Neighbours of the rows.
+
+    Returns
+    -------
+    Tensor
+        Features (n, children, d).
     """
     pairs = torch.from_numpy(neighbourhood.kernel_map.kernel_of_pair).to(kernel.device)
     result: Tensor = _Convolution.apply(features, kernel[pairs], bias, neighbourhood)  # type: ignore[no-untyped-call]
@@ -72,11 +103,12 @@ def convolve(
 
 
 def matrices_of(kernel: Tensor, kernel_map: KernelMap) -> Matrices:
+    """Return the matrix of each offset between rows, from a kernel (27, c, d)."""
     return _matrices(kernel[torch.from_numpy(kernel_map.kernel_of_pair)], kernel_map)
 
 
 class _Convolution(torch.autograd.Function):
-    """Differentiable `convolve`, with kernel matrices (pairs, c, d) for all pairs of children."""
+    """Differentiable `convolve`, with a kernel matrix (c, d) for each pair of children."""
 
     @staticmethod
     def forward(
@@ -161,7 +193,10 @@ def _kernel_gradient(features: Tensor, gradient: Tensor, neighbourhood: Neighbou
 
 
 class SparseLayer(nn.Module):
-    """A layer with a kernel (offsets, c, d), offsets with x fastest, and a bias (d,)."""
+    """Base class of layers with a kernel (offsets, c, d) and a bias (d,).
+
+    The offsets of the kernel are ordered with x fastest.
+    """
 
     offsets = OFFSETS
 
@@ -176,14 +211,14 @@ class SparseLayer(nn.Module):
 
 
 class SparseConvolution(SparseLayer):
-    """3x3x3 convolution of features (n, children, c) to (n, children, d) at the same voxels."""
+    """A 3x3x3 convolution of features (n, children, c) to (n, children, d) at the same voxels."""
 
     def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
         return convolve(features, self.kernel, self.bias, neighbourhood)
 
 
 class PointwiseConvolution(SparseLayer):
-    """1x1x1 convolution of features (n, children, c) to (n, children, d)."""
+    """A 1x1x1 convolution of features (n, children, c) to (n, children, d)."""
 
     offsets = 1
 
@@ -192,7 +227,7 @@ class PointwiseConvolution(SparseLayer):
 
 
 class StridedConvolution(SparseLayer):
-    """2x2x2 convolution with stride 2, from a set of voxels to the next coarser set."""
+    """A 2x2x2 convolution with stride 2, from a set of voxels to the next coarser set."""
 
     offsets = CHILDREN
 
@@ -205,11 +240,12 @@ class StridedConvolution(SparseLayer):
 
 
 class GenerativeTransposedConvolution(SparseLayer):
-    """Transposed 2x2x2 convolution with stride 2, from voxels to all their children."""
+    """A transposed 2x2x2 convolution with stride 2, from voxels to all their children."""
 
     offsets = CHILDREN
 
     def matrix(self) -> Tensor:
+        """Return the kernel as a matrix (c, 8 * d)."""
         return self.kernel.transpose(0, 1).flatten(1)
 
     def forward(self, features: Tensor) -> Tensor:

@@ -1,10 +1,11 @@
-"""Gathering of the features of neighbouring voxels, and addition of products to output rows.
+"""The two steps of a sparse convolution: features of neighbours are gathered, products are added.
 
 Compiled loops for the CPU, and PyTorch's indexing for any device, give equal results. A `KernelMap`
-says which kernel matrix connects each pair of voxels, in one of two memory layouts. *Voxels*: a row
-is one voxel. *Blocks*: a row is a parent's eight children, for 27 larger matrix products. An offset
-between two parents connects 8 children of one parent (zero offset), 4 (across a face), 2 (edge) or
-1 (corner) with as many of the other parent.
+says which kernel matrix connects each pair of voxels. There are two memory layouts. In the layout
+*voxels*, a row is one voxel. In the layout *blocks*, a row is the eight children of a parent, which
+leads to 27 larger matrix products. An offset between two parents connects 8 children of one parent
+(zero offset), 4 (across a face), 2 (across an edge) or 1 (across a corner) with as many children of
+the other.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from pointkit.compiling import compiled
 
 @dataclass(frozen=True)
 class KernelMap:
-    """The children that are read and written at each of the 27 offsets between rows."""
+    """For each of the 27 offsets between rows, the children that a convolution reads and writes."""
 
     children: int  # of a row: 1 (voxels) or 8 (blocks)
     counts: NDArray[np.int64]  # (27,), number of children read, and of children written
@@ -37,23 +38,27 @@ class KernelMap:
 
     @cached_property
     def sizes(self) -> list[int]:
+        """Number of children that are read at each offset."""
         sizes: list[int] = self.counts.tolist()
         return sizes
 
     @property
     def typical_read(self) -> int:
+        """Typical number of children that a row reads from its neighbours."""
         # on a surface a row has about nine neighbours, half of all features that it could read
         return (sum(self.sizes) - self.children) // 2 or 1
 
 
 @cache
 def voxel_kernel_map() -> KernelMap:
+    """Return the kernel map of rows that are single voxels."""
     children = np.zeros((OFFSETS, 8), dtype=np.int64)
     return KernelMap(1, np.ones(OFFSETS, np.int64), children, children, np.arange(OFFSETS))
 
 
 @cache
 def block_kernel_map() -> KernelMap:
+    """Return the kernel map of rows that are the eight children of a parent."""
     read, written = np.zeros((2, OFFSETS, 8), dtype=np.int64)
     counts, kernels = np.zeros(OFFSETS, dtype=np.int64), []
     positions = np.arange(8)[:, None] >> np.arange(3) & 1
@@ -77,7 +82,10 @@ Segments = list[Tensor]
 
 
 class NeighbourPairs(NamedTuple):
-    """Pairs of a row and a neighbour other than itself, sorted by offset, then by row."""
+    """Pairs of a row and one of its neighbours, sorted by offset, then by row.
+
+    A row is not a neighbour of itself.
+    """
 
     firsts: NDArray[np.int64]  # (28,); offset k has the pairs firsts[k] to firsts[k + 1]
     rows: NDArray[np.int32]  # of each pair
@@ -90,7 +98,6 @@ class _Chunk(NamedTuple):
     starts: NDArray[np.int64]  # (28,), first element of each offset in memory, for one channel
 
     def segments(self, buffer: Tensor, sizes: list[int], width: int) -> Segments:
-        """Split flat memory into views, one for the pairs of each offset."""
         if max(sizes) == 1:  # one call for all offsets
             return list(buffer.view(-1, width).split_with_sizes(self.counts.tolist()))
         parts = buffer.split_with_sizes((np.diff(self.starts) * width).tolist())
@@ -100,7 +107,15 @@ class _Chunk(NamedTuple):
 
 
 class CompiledGatherScatter:
-    """Gathers and scatters on the CPU by compiled loops, for a neighbour table (27, n) int32."""
+    """Gathers and adds features on the CPU by compiled loops.
+
+    Parameters
+    ----------
+    table
+        Neighbour table (27, n), int32.
+    kernel_map
+        Whether a row holds one voxel or eight children.
+    """
 
     def __init__(self, table: NDArray[np.int32], kernel_map: KernelMap) -> None:
         self._pairs, self.kernel_map = _pairs_of(table), kernel_map
@@ -117,10 +132,24 @@ class CompiledGatherScatter:
     def gather(
         self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
     ) -> Segments:
-        """Gather features (n, children, channels) of a chunk's neighbours at all nonzero offsets.
+        """Gather the features of the neighbours of a chunk of rows.
 
-        With `at_output`, gather the features of the rows themselves, at the children that the
-        convolution writes.
+        Parameters
+        ----------
+        features
+            Features (n, children, channels) of all rows.
+        rows
+            The chunk.
+        scratch
+            Working memory of the thread.
+        at_output
+            Whether to gather the features of the rows themselves instead, at the children that the
+            convolution writes.
+
+        Returns
+        -------
+        list of Tensor
+            For each offset, features (pairs, count * channels); empty at the zero offset.
         """
         width, name = features.shape[2], "own" if at_output else "read"
         chunk = self._chunk(rows)
@@ -136,9 +165,20 @@ class CompiledGatherScatter:
     def add_products(
         self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
     ) -> None:
-        """Add to sums of a chunk's rows the neighbours' features times each offset's matrix.
+        """Multiply the features of neighbours by the matrix of each offset, and add them to `sums`.
 
-        Features are (n, children, c), matrices (count * c, count * d), sums (m, children, d).
+        Parameters
+        ----------
+        features
+            Features (n, children, c) of all rows.
+        matrices
+            Matrix (count * c, count * d) of each offset.
+        rows
+            The chunk of rows to compute.
+        scratch
+            Working memory of the thread.
+        sums
+            Sums (m, children, d) of the rows of the chunk.
         """
         width, chunk = sums.shape[2], self._chunk(rows)
         gathered = self.gather(features, rows, scratch)
@@ -154,7 +194,17 @@ class CompiledGatherScatter:
 
 
 class TorchGatherScatter:
-    """Gathers and scatters by PyTorch on the device of a neighbour table (27, n) int64."""
+    """Gathers and adds features by PyTorch, on any device.
+
+    The methods are those of `CompiledGatherScatter`.
+
+    Parameters
+    ----------
+    table
+        Neighbour table (27, n), int64, on the device.
+    kernel_map
+        Whether a row holds one voxel or eight children.
+    """
 
     def __init__(self, table: Tensor, kernel_map: KernelMap) -> None:
         self.table, self.kernel_map = table, kernel_map
@@ -178,6 +228,7 @@ class TorchGatherScatter:
     def gather(
         self, features: Tensor, rows: slice, scratch: Scratch, at_output: bool = False
     ) -> Segments:
+        """Gather features as `CompiledGatherScatter.gather` does."""
         gathered: Segments = []
         for offset, (chunk_rows, neighbours) in enumerate(self._pairs(rows)):
             children = (self.kernel_map.written if at_output else self.kernel_map.read)[
@@ -190,6 +241,7 @@ class TorchGatherScatter:
     def add_products(
         self, features: Tensor, matrices: Matrices, rows: slice, scratch: Scratch, sums: Tensor
     ) -> None:
+        """Add products as `CompiledGatherScatter.add_products` does."""
         gathered = self.gather(features, rows, scratch)
         for offset, (chunk_rows, _) in enumerate(self._pairs(rows)):
             count = self.kernel_map.sizes[offset]
@@ -212,10 +264,7 @@ def _elements_after(features: Tensor) -> int:
 
 @cache
 def _mover(width: int, is_gather: bool) -> Callable[..., None]:
-    """Compile a loop over pairs of voxel and neighbour.
-
-    It copies features to `packed` (gather), or adds `packed` to features (scatter).
-    """
+    """Compile a loop that copies features to `packed`, or adds `packed` to features."""
 
     @compiled
     def move(
@@ -260,7 +309,7 @@ def _pairs_of(table: NDArray[np.int32]) -> NeighbourPairs:
 def _pairs_of_rows(
     pairs: NeighbourPairs, first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return, for each offset, the first pair and the number of pairs of rows in [first, last)."""
+    """Return the first pair and the number of pairs of rows in [first, last), for each offset."""
     firsts, counts = np.empty(OFFSETS, np.int64), np.empty(OFFSETS, np.int64)
     for offset in range(OFFSETS):
         of_offset = pairs.rows[pairs.firsts[offset] : pairs.firsts[offset + 1]]

@@ -1,7 +1,7 @@
 """A thread pool whose threads keep their working memory from layer to layer.
 
-One thread computes each chunk of rows, so that results do not depend on the number of threads.
-Allocation for each layer would take as long as the arithmetic.
+Allocating memory for each layer would take as long as the arithmetic. Each chunk of rows is
+computed by one thread, so that results do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -19,13 +19,16 @@ T = TypeVar("T")
 
 
 class Scratch:
-    """Named float32 buffers."""
+    """Working memory of a thread: float32 buffers with names."""
 
     def __init__(self) -> None:
         self._buffers: dict[str, Tensor] = {}
 
     def take(self, name: str, size: int) -> Tensor:
-        """Return `size` uninitialised floats, shared with later requests for this name."""
+        """Return a buffer of `size` uninitialised floats.
+
+        Later requests with the same name return the same memory.
+        """
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size:
             buffer = self._buffers[name] = torch.empty(size, dtype=torch.float32)
@@ -33,11 +36,20 @@ class Scratch:
 
 
 def slices(count: int, size: int) -> list[slice]:
+    """Divide the range from 0 to `count` into slices of `size` rows; the last may be shorter."""
     return [slice(first, min(count, first + size)) for first in range(0, count, size)]
 
 
 class ThreadPool:
-    """Threads, each with its working memory; without an executor, only the calling thread."""
+    """Threads with working memory.
+
+    Parameters
+    ----------
+    threads
+        Number of threads.
+    executor
+        The threads; without it, all work is done by the calling thread.
+    """
 
     def __init__(self, threads: int, executor: ThreadPoolExecutor | None = None) -> None:
         self.threads = threads
@@ -46,6 +58,17 @@ class ThreadPool:
         self._local = threading.local()
 
     def map_chunks(self, rows: int, size: int, work: Callable[[slice, Scratch], T]) -> list[T]:
+        """Call a function for chunks of rows, in parallel, and return the results in order.
+
+        Parameters
+        ----------
+        rows
+            Total number of rows.
+        size
+            Number of rows of a chunk.
+        work
+            Function of the chunk, as a slice of rows, and the working memory of the thread.
+        """
         chunks = slices(rows, size)
 
         def run_chunk(chunk: slice) -> T:
@@ -59,7 +82,7 @@ class ThreadPool:
         return list(self._executor.map(run_chunk, chunks))
 
     def submit(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Start `work()` and return a function that waits for its result."""
+        """Start `work()`, and return a function that waits for its result and returns it."""
         if self._executor is None:
             result = work()
             return lambda: result
@@ -68,7 +91,13 @@ class ThreadPool:
 
 @contextmanager
 def thread_pool(threads: int | None = None) -> Iterator[ThreadPool]:
-    """Open a pool, by default with PyTorch's number of threads; inside, PyTorch uses one."""
+    """Open a thread pool; while it is open, PyTorch itself uses one thread.
+
+    Parameters
+    ----------
+    threads
+        Number of threads, by default that of PyTorch.
+    """
     before = torch.get_num_threads()
     threads = threads or before
     torch.set_num_threads(1)

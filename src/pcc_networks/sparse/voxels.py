@@ -1,8 +1,9 @@
-"""Sets of voxels in Morton order: 64-bit keys, coarser sets, neighbour tables.
+"""Sets of voxels in Morton order: 64-bit keys, coarser sets, and neighbour tables.
 
-The key of a voxel interleaves the bits of x, y and z, x lowest. Children of a voxel are contiguous,
-keys of the next coarser set are ``keys >> 3``, and the number of a child within its parent, ``key &
-7``, is ``x + 2 y + 4 z``. A child's slot is 8 times its parent's row plus this number.
+The key of a voxel interleaves the bits of x, y and z, x lowest. The key of the parent, i.e. the
+voxel of twice the side, is ``key >> 3``. The number of a child within its parent is ``key & 7``,
+which equals ``x + 2 y + 4 z``. Children of a voxel follow each other in Morton order. The slot of a
+child is 8 times the row of its parent plus the number of the child.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ _X_LOWEST = np.array([2, 1, 0])
 
 @dataclass(frozen=True)
 class VoxelSet:
+    """A set of occupied voxels in Morton order, with a table of their neighbours."""
+
     keys: Keys  # (n,), ascending
     neighbours: NeighbourTable  # (27, n), row of the voxel at each offset, or -1
 
@@ -46,26 +49,43 @@ class VoxelSet:
 
 @dataclass(frozen=True)
 class ChildMap:
+    """The children of each voxel of a coarser set."""
+
     first: NDArray[np.int64]  # (m + 1,); parent p has the rows first[p] to first[p + 1]
     slots: NDArray[np.int64]  # (n,), 8 * parent + child number
 
 
 def morton_keys(voxels: NDArray[np.integer[Any]]) -> Keys:
-    """Return the keys (n,) of voxels (n, 3) with coordinates in [0, 2**20)."""
+    """Return the Morton keys (n,) of voxels (n, 3) with coordinates in [0, 2**20)."""
     return morton_codes(np.ascontiguousarray(voxels, dtype=np.int64), _X_LOWEST)
 
 
 def morton_voxels(keys: Keys) -> NDArray[np.int64]:
+    """Return the voxels (n, 3) with these Morton keys (n,)."""
     return morton_points(np.ascontiguousarray(keys), _X_LOWEST, np.zeros(3, np.int64))
 
 
 def unique_keys(keys: Keys) -> Keys:
-    """Sort keys and remove duplicates, faster than `numpy.unique`."""
+    """Return the sorted distinct keys, faster than `numpy.unique`."""
     ordered: Keys = np.sort(keys)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
 
 
 def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
+    """Return the parents of voxels.
+
+    Parameters
+    ----------
+    keys
+        Sorted keys (n,) of the voxels.
+
+    Returns
+    -------
+    parents
+        Sorted keys (m,) of the parents.
+    child_map
+        The rows of the children of each parent.
+    """
     parents = keys >> 3
     starts = np.flatnonzero(np.diff(parents, prepend=-1))
     parent = np.cumsum(np.diff(parents, prepend=-1) != 0) - 1
@@ -75,9 +95,26 @@ def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
 def pyramid(
     keys: Keys, scales: int, pool: ThreadPool | None = None
 ) -> tuple[list[VoxelSet], list[ChildMap]]:
-    """Return the voxels with keys (n,), `scales` coarser sets, and their child maps, finest first.
+    """Build coarser and coarser sets of voxels.
 
-    Neighbour tables need no search: a child's neighbours are children of its parent's neighbours.
+    Neighbour tables need no search, because the neighbours of a child are children of its parent's
+    neighbours.
+
+    Parameters
+    ----------
+    keys
+        Sorted distinct Morton keys (n,) of the finest voxels.
+    scales
+        Number of coarser sets.
+    pool
+        Threads that compute the tables.
+
+    Returns
+    -------
+    sets
+        The finest set and the coarser sets, finest first.
+    child_maps
+        The map from each set to the next coarser one.
     """
     sets, child_maps = [keys], []
     while len(sets) <= scales or len(sets[-1]) > 1:
@@ -97,7 +134,7 @@ def _root(keys: Keys) -> VoxelSet:
 
 
 def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = None) -> VoxelSet:
-    """Return the set of the children with keys (n,); each parent must have at least one."""
+    """Return the set of children with keys (n,), of which each parent must have at least one."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
     rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
     rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
@@ -115,16 +152,21 @@ def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = Non
 
 
 def occupancies(keys: Keys) -> NDArray[np.uint8]:
-    """Return the parents' occupancies (m,): a bit for each child."""
+    """Return the occupancy (m,) of the parents of voxels with sorted keys (n,).
+
+    The bits of an occupancy say which of the eight children exist.
+    """
     starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
     return np.add.reduceat((1 << (keys & 7)).astype(np.uint8), starts, dtype=np.uint8)
 
 
 def slots_of_occupancies(occupancy: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Return the slots (n,) of all children that occupancies (m,) declare occupied."""
     return np.flatnonzero(occupancy[:, None] >> np.arange(CHILDREN, dtype=np.uint8) & 1)
 
 
 def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
+    """Return the keys (n,) of the children at slots (n,) of parents with keys (m,)."""
     keys: Keys = (parents[slots >> 3] << 3) | (slots & 7)
     return keys
 
@@ -132,7 +174,7 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
 def selected_children(
     parents: VoxelSet, slots: NDArray[np.int64], pool: ThreadPool | None = None
 ) -> VoxelSet:
-    """Return the set of the children with these ascending slots; a parent may have none."""
+    """Return the set of children at ascending slots (n,), of which a parent may have none."""
     has_child = np.zeros(len(parents), dtype=bool)
     has_child[slots >> 3] = True
     row = np.where(has_child, np.cumsum(has_child) - 1, -1).astype(np.int32)
@@ -142,7 +184,7 @@ def selected_children(
 
 
 def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Return the ascending indices of the `count` >= 1 largest logits; ties go to lower indices."""
+    """Return the ascending indices of the `count` largest logits; ties go to lower indices."""
     if count >= len(logits):
         return np.arange(len(logits))
     least = np.partition(logits, len(logits) - count)[len(logits) - count]
@@ -155,10 +197,22 @@ def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
 def kept_children(
     logits: NDArray[np.float32], count: int, child_per_parent: bool = True
 ) -> NDArray[np.int64]:
-    """Return the ascending slots (8 * parent + child) of the `count` most likely children.
+    """Select the most likely children of voxels.
 
-    The logits are (m, 8). With `child_per_parent`, each parent's most likely child has priority;
-    otherwise a parent may lose all children.
+    Parameters
+    ----------
+    logits
+        Logits (m, 8) of the occupancy of the children of each parent.
+    count
+        Number of children to keep.
+    child_per_parent
+        Whether the most likely child of each parent has priority. If False, a parent may lose all
+        its children.
+
+    Returns
+    -------
+    ndarray
+        Ascending slots of the kept children, 8 * parent + child.
     """
     if not child_per_parent:
         return top_k(logits.reshape(-1), count)

@@ -1,4 +1,4 @@
-"""Training of the networks: settings, examples cut from clouds, and a loop with checkpoints."""
+"""Training of the networks: settings, examples that are cut from clouds, and a training loop."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Examples cut from clouds, and the loop that trains a model on them, with checkpoints."""
+"""Training examples that are cut from clouds, and the loop that trains a model on them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ Voxels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class CubeExamples:
-    """Random cubes cut from clouds of voxels; the seed and a step's number determine a batch.
+    """Random cubes that are cut from voxelised clouds, as examples for training.
+
+    The seed and the number of a step determine the cubes of this step.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ class CubeExamples:
     batch_size
         Number of cubes in a batch.
     min_voxels
-        Minimum number of voxels in a cube.
+        Minimum number of occupied voxels in a cube.
     min_kept_fraction
         Each cube keeps a random fraction of its voxels, between this number and 1, so that training
         includes sparser clouds.
@@ -57,9 +59,22 @@ class CubeExamples:
     kind: ClassVar[str] = "training cubes"  # name of the stream of random numbers
 
     def batch(self, step: int) -> list[Keys]:
-        """Return the cubes of a step, mirrored and rotated at random, as Morton keys (n,) each.
+        """Return the cubes for a step of the training, mirrored and rotated at random.
 
-        Raises InputError if no cube with enough voxels is found.
+        Parameters
+        ----------
+        step
+            Number of the step.
+
+        Returns
+        -------
+        list of ndarray
+            For each cube, the sorted Morton keys (n,) of its voxels.
+
+        Raises
+        ------
+        InputError
+            If no cube with enough voxels is found.
         """
         rng = generator(self.seed, self.kind, str(step))
         return [self._cube(rng) for _ in range(self.batch_size)]
@@ -90,7 +105,24 @@ class CubeExamples:
 def random_symmetry(
     voxels: Voxels, size: int, rng: np.random.Generator, upright: bool = False
 ) -> Voxels:
-    """Apply a random symmetry of a cube to voxels: one of 48, or of the 8 that keep the z axis."""
+    """Mirror and rotate the voxels of a cube at random.
+
+    Parameters
+    ----------
+    voxels
+        Voxels (n, 3) with coordinates in [0, size).
+    size
+        Number of voxels along an edge of the cube.
+    rng
+        Source of random numbers.
+    upright
+        Whether to choose only among the 8 symmetries that keep the z axis, instead of all 48.
+
+    Returns
+    -------
+    ndarray
+        The transformed voxels (n, 3).
+    """
     axes = 2 if upright else 3
     symmetric = voxels.copy()
     mirrored = np.where(
@@ -101,7 +133,10 @@ def random_symmetry(
 
 
 def join_clouds(clouds: Sequence[Keys]) -> Keys:
-    """Join the Morton keys of clouds so that no two clouds touch."""
+    """Place clouds side by side, so that no two touch, and return all their Morton keys (n,).
+
+    Raises InputError if the clouds are too large for one set of keys.
+    """
     bits = max(int(keys[-1]).bit_length() for keys in clouds)
     cell = 3 * (-(-bits // 3) + 1)  # twice the side, which leaves a gap
     if cell + (len(clouds) - 1).bit_length() > 60:
@@ -118,7 +153,7 @@ class OtherTrainingError(InputError):
 
 
 class BaseTrainer(ABC, Generic[M, L]):
-    """A model in training, with its optimiser (Adam), learning rate and random numbers.
+    """Base class of trainers, which hold a model in training and the state of its optimiser (Adam).
 
     A subclass defines `step` and `row`.
 
@@ -137,7 +172,7 @@ class BaseTrainer(ABC, Generic[M, L]):
     done
         Number of completed steps.
     identity
-        Properties that must equal those of a checkpoint, such as the data.
+        Properties, such as the data, that a checkpoint must share so that it can be resumed.
     curve
         A row for each completed step, filled by the caller.
     """
@@ -159,13 +194,23 @@ class BaseTrainer(ABC, Generic[M, L]):
 
     @abstractmethod
     def step(self, clouds: Sequence[Keys]) -> L:
-        """Do one step of the optimiser on a batch of voxels' Morton keys, and return the loss."""
+        """Do one step of the optimiser on a batch, and return the loss.
+
+        Parameters
+        ----------
+        clouds
+            Morton keys (n,) of the voxels of each example.
+        """
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
-        """Return a loss as a row of the training curve; the first column is minimised."""
+        """Return the loss of a step as a row of the training curve: values by column name.
+
+        The first column is the value that the training minimises.
+        """
 
     def optimiser_step(self, loss: Tensor) -> None:
+        """Update the parameters by the gradients of a loss, and count the step."""
         for group in self.optimiser.param_groups:
             group["lr"] = self._learning_rate() * group.get("lr_factor", 1.0)
         self.optimiser.zero_grad(set_to_none=True)
@@ -181,7 +226,7 @@ class BaseTrainer(ABC, Generic[M, L]):
         return last + (first - last) * (1 + cosine) / 2
 
     def save(self, path: Path) -> None:
-        """Write the model, the optimiser and the random numbers to a checkpoint, a PyTorch file."""
+        """Write the model, the optimiser and the random generator's state to a checkpoint file."""
         state = {
             "model": self.model.state_dict(),
             "optimiser": self.optimiser.state_dict(),
@@ -196,10 +241,14 @@ class BaseTrainer(ABC, Generic[M, L]):
         write_bytes(path, content.getvalue())
 
     def resume(self, path: Path) -> None:
-        """Take up the state of a checkpoint that `save` wrote.
+        """Continue from a checkpoint file that `save` wrote.
 
-        Raises OtherTrainingError if its network, settings or `identity` differ, and InputError if
-        the file is not a checkpoint.
+        Raises
+        ------
+        OtherTrainingError
+            If the checkpoint is of another network, or its settings or `identity` differ.
+        InputError
+            If the file is not a checkpoint.
         """
         state = read_checkpoint(path, "not a checkpoint of a training")
         for name, expected in (
@@ -225,6 +274,7 @@ def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def on_device(model: M) -> M:
+    """Move a model to CUDA if PyTorch finds a device, else to the CPU."""
     return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
 
 
@@ -239,24 +289,24 @@ def train(
     every: int = 500,
     report: Callable[[int, L], None] = _ignore,
 ) -> None:
-    """Train a model to the last step of its settings, with checkpoints on the way.
+    """Train a model to the last step of its settings, and write checkpoints on the way.
 
     Parameters
     ----------
     trainer
         The model with its optimiser, opened by the method `trainer` of the settings. If the file
-        `checkpoint` exists, it first takes up the state in that file.
+        `checkpoint` exists, the training continues from it.
     clouds
         Function that returns the batch of a step: Morton keys (n,) of the voxels of each example.
-        The batch must depend on the step's number only, so that a resumed training equals an
+        The batch must depend only on the number of the step, so that a resumed training equals an
         uninterrupted one.
     checkpoint
         File that is written every `every` steps and at the end.
     every
         Number of steps between checkpoints.
     report
-        Function that is called after each step with the number of completed steps and the step's
-        loss.
+        Function that is called after each step, with the number of completed steps and the loss of
+        the step.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Training settings of learned codecs, as pydantic models.
+"""Settings of the training of each network, as pydantic models.
 
-The fields of a codec's subclass of `BaseTraining` are the options of a configuration and of
-``puckbench train --options``.
+The fields of a subclass of `BaseTraining` are the options of a configuration file and of the
+command ``puckbench train --options``.
 """
 
 from __future__ import annotations
@@ -72,10 +72,19 @@ class BaseTraining(Model, ABC):
 
     @abstractmethod
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
-        """Return examples for training: random cubes of clouds, each an array of points (n, 3)."""
+        """Return training examples: random cubes that are cut from clouds.
+
+        Parameters
+        ----------
+        clouds
+            Points (n, 3) of each cloud.
+        """
 
     def begin(self, model: Any, weights: Path) -> None:
-        """Copy a file of weights into a model; raise InputError if they have another shape."""
+        """Copy weights from a file into a model, so that the training starts from them.
+
+        Raises InputError if the weights have another shape.
+        """
         from pcc_networks.weights_file import read_weights
 
         try:
@@ -84,15 +93,31 @@ class BaseTraining(Model, ABC):
             raise InputError(f"{weights}: weights of another shape") from error
 
     def parameters(self, tensors: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Convert the tensors of a set of weights to the parameters of a model."""
+        """Convert the tensors of a file of weights to parameters of a model."""
         return tensors
 
     @abstractmethod
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
-        """Write a model to a file that `load_weights` reads; `card` goes into its header."""
+        """Write a trained model to a file that `load_weights` of its network reads.
+
+        Parameters
+        ----------
+        path
+            File to write.
+        model
+            The trained model.
+        card
+            Model card, such as the training data, which is stored in the header of the file.
+        """
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return those rates of the codec that the trained weights support."""
+        """Return the rates of a codec that the trained weights support.
+
+        Parameters
+        ----------
+        codec_rates
+            Arguments of the codec for each rate, by the name of the rate.
+        """
         return dict(codec_rates)
 
 
@@ -102,11 +127,12 @@ class MultiRateTraining(BaseTraining):
     Parameters
     ----------
     lmbdas
-        Lagrangian weight of the distortion for each rate: the larger, the more bits.
+        Lagrangian weight of the distortion for each rate. A larger weight means more bits.
     channels
         Number of features at each stride of the network, multiples of four.
     min_kept_fraction
-        Minimum fraction of voxels that a cube keeps, so that training includes sparser clouds.
+        Each cube keeps a random fraction of its voxels, at least this one, so that training
+        includes sparser clouds.
     mean_occupied_children
         Densities, in occupied children per voxel. For each density, clouds are coarsened by the
         fewest whole octaves that reach the density.
@@ -120,6 +146,7 @@ class MultiRateTraining(BaseTraining):
     mean_occupied_children: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
 
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
+        """Return training examples: random cubes of clouds on grids of the given densities."""
         from pcc_networks.grid_level import on_dense_grids
         from pcc_networks.training.loop import CubeExamples
 
@@ -134,26 +161,36 @@ class MultiRateTraining(BaseTraining):
         )
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write a trained model with its Lagrangian weights to a file that `load_weights` reads."""
         from pcc_networks.weights_file import save_multi_rate
 
         save_multi_rate(path, self.network, model, self.lmbdas, card)
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates with a trained lambda; if there are none, a rate per trained lambda."""
+        """Return the rates of a codec whose Lagrangian weight was trained.
+
+        If there are none, one rate for each trained weight is returned instead.
+
+        Parameters
+        ----------
+        codec_rates
+            Arguments of the codec for each rate, by the name of the rate.
+        """
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
         return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}
 
 
 class Pcgcv1Training(MultiRateTraining):
-    """Settings for training PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
+    """Settings for training PCGCv1.
 
-    Cubes may be smaller than the codec's, since the network is convolutional.
+    Cubes may be smaller than those of the codec, since the network is convolutional. The numbers in
+    `channels` belong to strides 1, 2 and 4.
 
     Parameters
     ----------
     rate_warm_up
-        Fraction of the steps during which the rate's weight in the loss grows to 1; with weight 1
-        from the start, the network learns not to use its latent.
+        Fraction of the steps during which the weight of the rate in the loss grows to 1. If it were
+        1 from the start, the network would learn not to use its latent.
     """
 
     network = PCGCV1
@@ -181,7 +218,10 @@ class Pcgcv1Training(MultiRateTraining):
 
 
 class Pcgcv2Training(MultiRateTraining):
-    """Settings for training PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
+    """Settings for training PCGCv2.
+
+    The numbers in `channels` belong to strides 1, 2, 4 and 8.
+    """
 
     network = PCGCV2
     channels: tuple[Channels, Channels, Channels, Channels] = (16, 32, 64, 32)
@@ -204,16 +244,19 @@ class Pcgcv2Training(MultiRateTraining):
 
 
 class OctreeNetTraining(BaseTraining):
-    """Settings for training the sparse octree net; `cube_size` should be a power of two.
+    """Settings for training the sparse octree net.
 
     Parameters
     ----------
+    cube_size
+        Number of voxels along an edge of a cube, which should be a power of two.
     scales
         Scales of the coarsest and of the finest grid from which cubes are cut.
     convolutions
         Number of convolutions before the first group of voxels of a level.
     symmetries
-        Number of random symmetries of examples: all 48, or the 8 about the vertical axis.
+        From how many symmetries of a cube one is drawn for each example: all 48, or the 8 about the
+        vertical axis.
     """
 
     steps: PositiveInt = 3000
@@ -240,6 +283,7 @@ class OctreeNetTraining(BaseTraining):
             yield OctreeNetTrainer(on_device(model), self, pool)
 
     def examples(self, clouds: Sequence[Floats]) -> OctreeExamples:
+        """Return training examples: random cubes of clouds on grids of random scales."""
         from pcc_networks.octree_net.training import OctreeExamples
 
         coarsest, finest = self.scales
@@ -254,6 +298,7 @@ class OctreeNetTraining(BaseTraining):
         return parameters(tensors)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
+        """Write a trained model to a file that `load_weights` reads."""
         from pcc_networks.octree_net.weights import save_weights
 
         save_weights(path, model, card)
