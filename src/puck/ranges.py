@@ -46,7 +46,10 @@ _ALL_LEARNT = 1000
 
 
 class RangeContext(NamedTuple):
-    """Ranges of a turn and values that predict later ranges; arrays are (PAD + columns, lasers)."""
+    """Ranges of a turn, and values from which later ranges are predicted.
+
+    All arrays have the shape (PAD + columns, lasers).
+    """
 
     ranges: Words  # 0 for no return
     smooth: Words  # ranges, in 1 / FINE, moved part of the way to their predictions
@@ -71,7 +74,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of a model, which uses the first `features` features (likewise experts, contexts)."""
+    """Sizes of a model, which uses only the first of all features, experts and contexts."""
 
     features: int
     experts: int
@@ -98,7 +101,7 @@ _COMMON_FEATURES = 10
 def new_range_model(
     bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int, farthest: int
 ) -> RangeModel:
-    """Return a model without knowledge of ranges up to `farthest` quanta, in steps of `step`."""
+    """Return an untrained model for ranges up to `farthest` quanta in steps of `step`."""
     sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
     first_weights = [*_EXPERT_WEIGHTS[: size.experts], *_CONTEXT_WEIGHTS[: size.contexts]]
@@ -134,11 +137,21 @@ def _first_scales(experts: int) -> Words:
 def code_ranges(
     model: RangeModel, image: RangeContext, before: RangeContext, nearest: Ints, source: Words
 ) -> bool:
-    """Encode or decode the ranges of a turn; return False if the stream ends early.
+    """Encode or decode the ranges of a turn, and return False if the stream ends early.
 
-    The encoder reads ranges from `source` (PAD + columns, lasers), which the decoder ignores; both
-    fill the rows of `image` from PAD on. `before` is the previous turn followed by PAD empty rows.
-    `nearest` (columns,) is the row in `before` of the column with the nearest azimuth, or 0.
+    Parameters
+    ----------
+    model
+        Adaptive model, which holds the arithmetic encoder or decoder.
+    image
+        Result: the ranges of this turn, and values computed from them, are written from row PAD on.
+    before
+        The previous turn, followed by PAD empty rows.
+    nearest
+        For each column, the row in `before` of the column with the nearest azimuth, or 0 if none is
+        near.
+    source
+        Ranges (PAD + columns, lasers) to encode. A decoder ignores them.
     """
     for column in range(PAD, len(image.ranges)):
         t = nearest[column - PAD]
@@ -249,7 +262,7 @@ def _code_mask_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """Code whether a firing has a return, by one adaptive probability (effort `fast`)."""
+    """Code whether a firing has a return by one adaptive probability (effort `fast`)."""
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -316,7 +329,7 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the laser's last range; if none, that of the laser below or of the previous turn."""
+    """Return the laser's last range, or else that of the laser below or of the previous turn."""
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])
