@@ -1,4 +1,4 @@
-"""The grid of a cloud's coordinates, and the container that carries it, which G-PCC cannot signal.
+"""The grid of a cloud's coordinates, and a container for it, since G-PCC cannot signal the grid.
 
 A container is::
 
@@ -26,13 +26,13 @@ Rounding = Literal["nearest", "truncate"]
 MOST_BITS = 21
 """Maximum number of bits of a coordinate, as in the default level of the standard's profiles."""
 _FARTHEST = 2.0**30
-"""Limit of coordinates in steps; a stream's sequence origin cannot be farther away."""
+"""Largest coordinate in steps, since the origin that a stream states cannot be farther away."""
 MAGIC = b"PBGP"
 _GRID = struct.Struct("<4d")
 
 
 class InputGrid(NamedTuple):
-    """The grid of a cloud's coordinates before they are scaled.
+    """Grid on which the coordinates of a cloud lie before they are scaled.
 
     Attributes
     ----------
@@ -50,14 +50,14 @@ DEFAULT_GRID = InputGrid()
 
 
 class Quantised(NamedTuple):
-    """Quantised points, which the encoders take.
+    """Quantised points, as the encoders take them.
 
     Attributes
     ----------
     positions
-        Integer coordinates (n, 3) in grid steps, none negative.
+        Integer coordinates (n, 3) in grid steps, none of them negative.
     origin
-        Integers (3,), in grid steps, that a decoder adds to the positions.
+        Integers (3,), in grid steps, which a decoder adds to the positions.
     """
 
     positions: NDArray[np.int64]
@@ -141,12 +141,24 @@ def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int6
 
 
 def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
-    """Convert decoded positions (m, 3) from grid steps to the cloud's coordinates.
+    """Return decoded positions, converted from grid steps to the cloud's coordinates.
+
+    Parameters
+    ----------
+    units
+        Positions (m, 3) in grid steps.
+    grid
+        The grid of the coordinates.
+
+    Returns
+    -------
+    ndarray
+        Coordinates (m, 3) in the unit of the cloud.
 
     Raises
     ------
     InputError
-        If a coordinate is not finite, because the grid of a damaged stream is not.
+        A coordinate is not finite, since the grid of a damaged stream is not.
     """
     if grid == DEFAULT_GRID:
         return units
@@ -158,26 +170,31 @@ def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
 
 
 class Unwrapped(NamedTuple):
-    """A bare G-PCC stream and the grid of its coordinates."""
+    """A bare G-PCC stream, and the grid of the cloud's coordinates."""
 
     stream: bytes
     grid: InputGrid
 
 
 def wrap(stream: bytes, grid: InputGrid) -> bytes:
-    """Put a bare stream and its grid into a container; the default grid takes no bytes."""
+    """Return a container of a bare stream and the grid of the cloud's coordinates.
+
+    The default grid takes no bytes.
+    """
     if grid == DEFAULT_GRID:
         return MAGIC + b"\0" + stream
     return MAGIC + b"\1" + _GRID.pack(grid.unit, *grid.offset) + stream
 
 
 def unwrap(data: bytes) -> Unwrapped:
-    """Read a container, or a bare stream, whose grid is the default one.
+    """Return the bare stream and the grid of a container.
+
+    A bare stream is accepted, too, and has the default grid.
 
     Raises
     ------
     InputError
-        If the bytes begin like neither, or the grid is damaged.
+        The bytes begin like neither, or the grid is damaged.
     """
     if not data.startswith(MAGIC):
         if not data.startswith(b"\0\0\0"):
