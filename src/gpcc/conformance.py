@@ -54,7 +54,7 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """The coding tools: `attributes`, `octree`, `trees`, `angular octree` or `angular trees`."""
+        """Coding tools: `attributes`, `octree`, `trees`, `angular octree` or `angular trees`."""
         if self.columns > 3:
             return "attributes"
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"

@@ -87,7 +87,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return each child's new index if a pattern is rotated to the representative of the class."""
+    """Return each child's new index after a pattern is rotated to the representative of its class."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)
@@ -118,9 +118,9 @@ CODED_CHILD = np.array(
     dtype=np.int64,
 )
 CTX_MAP_BASE = np.array([_map_bases(_SIBLING_CLASSES), _map_bases(_CLASSES_9)], dtype=np.int64)
-"""Offsets into a context map.
+"""Offsets into a context map, by three indices.
 
-Indices: 1 if neighbours outside the parent are known; neighbour pattern; coded bit.
+The indices are: 1 if neighbours outside the parent are known, else 0; neighbour pattern; coded bit.
 """
 
 

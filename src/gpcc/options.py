@@ -78,9 +78,10 @@ PROFILES = {
     "ctc": GpccOptions(planar=True, qtbt=True, intra_pred_max_node_size_log2=6),
     "defaults": GpccOptions(planar=True, qtbt=True, neighbour_avail_boundary_log2=0),
 }
-"""Named sets of options: ``minimal`` is an octree with contexts from neighbours and adjacent
-children only, ``ctc`` follows MPEG's common test conditions, ``defaults`` is TMC13 without
-options.
+"""Named sets of options.
+
+``minimal`` is an octree with contexts from neighbours and adjacent children only, ``ctc`` follows
+MPEG's common test conditions, and ``defaults`` is TMC13 without options.
 """
 
 SPINNING = {

@@ -60,7 +60,7 @@ class SensorDescription:
             raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
 
     def lasers(self) -> list[Laser]:
-        """Return the lasers as a parameter set lists them: lowest elevation first, heights negated."""
+        """Return the lasers as in a parameter set: lowest elevation first, with negated heights."""
         pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
         return [
             Laser(_rounded(tan * _THETA_ONE), _rounded(-height * _Z_ONE), self.steps_per_turn)
@@ -68,13 +68,17 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the syntax elements of the geometry parameter set that describe the sensor, by
-        name.
+        """Return the syntax elements that describe the sensor in the geometry parameter set.
 
         Parameters
         ----------
         origin
             Origin (3,) of the sequence, from which a stream measures the sensor's position.
+
+        Returns
+        -------
+        dict
+            Values by the name of the syntax element.
         """
         x, y, z = (
             coordinate - zero for coordinate, zero in zip(self.position, origin, strict=True)

@@ -140,9 +140,10 @@ ATTRIBUTE_PROFILES = {
     ),
     "raht": AttributeOptions(transform="raht", qp=34),
 }
-"""Named sets of options: `defaults` are those of TMC13. The others are MPEG's test conditions for a
-transform; names with `_lidar` are for frames of sensors (category 3). Lossy sets have a medium
-rate, which `qp` changes.
+"""Named sets of options.
+
+`defaults` are those of TMC13. The others are MPEG's test conditions for a transform; names with
+`_lidar` are for frames of sensors (category 3). Lossy sets have a medium rate, which `qp` changes.
 """
 
 _QPS = (51, 46, 40, 34, 28, 22)

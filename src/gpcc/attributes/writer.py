@@ -91,8 +91,7 @@ class AttributeEncoder:
     def start(
         self, sps: SequenceParameterSet, gps: GeometryParameterSet, extent: Sequence[int]
     ) -> list[bytes]:
-        """Describe the attributes in a sequence parameter set, and return the attribute parameter
-        sets.
+        """Describe the attributes in the sequence parameter set, and return their parameter sets.
 
         Parameters
         ----------

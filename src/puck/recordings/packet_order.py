@@ -26,12 +26,14 @@ _LEAP_US = 5e5
 _FEWEST_STEPS = 15
 """Least number of steps between packets from which the usual step is estimated."""
 _MOST_USUAL, _MOST_OFF = 1.5, 0.5
-"""Limits, relative to the medians, of usual times between packets and of the rotation rate's
-deviation.
+"""Limits of usual times between packets and of the rotation rate's deviation.
+
+Both are relative to the medians.
 """
 _RECEIVED_ALIKE = 0.1
-"""A step of the clock is a pause, not a leap, if it differs by less than this share from the time
-between the receptions.
+"""Limit of the difference between a step of the clock and the time between receptions.
+
+The limit is a share of the step. Below it, a large step is a pause, not a leap.
 """
 
 
