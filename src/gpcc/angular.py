@@ -28,7 +28,7 @@ _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """State of a sensor's lasers while a slice is coded: directions, and last shot of each laser."""
+    """State of a sensor's lasers while a slice is coded: directions, and last shots."""
 
     origin: Ints
     elevation: Ints
@@ -122,8 +122,9 @@ def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
 
 @inlined
 def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
-    """Return the possible azimuth of a shot, extrapolated from the laser's last one, nearest to
-    `azimuth`.
+    """Return the azimuth of a shot that is nearest to `azimuth`.
+
+    Shots are extrapolated from the last shot of the laser.
     """
     last = angular.azimuth[laser]
     if last == _NO_AZIMUTH:

@@ -288,7 +288,7 @@ def code_bypass(coder: Any, bit: int) -> int:
 
 @kernel
 def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
-    """Encode or decode a number in Exp-Golomb code, whose prefix bits share the context `prefix`."""
+    """Encode or decode a number in Exp-Golomb code; its prefix bits share the context `prefix`."""
     base = 0
     while order < 24 and code_bit(coder, prefix, integer(value - base >= 1 << order)):
         base += 1 << order

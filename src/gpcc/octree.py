@@ -245,7 +245,7 @@ def _code_node(
     child: int,
     index: int,
 ) -> tuple[int, int, int]:
-    """Encode or decode a node, and return its occupancy (0 with IDCM), neighbour pattern and laser."""
+    """Encode or decode a node; return its occupancy (0 with IDCM), neighbour pattern and laser."""
     morton = parent.first_child_code | child
     neigh_pattern = neigh_pattern_of(parent.faces, child)
     gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0

@@ -32,8 +32,9 @@ from pointkit.coding.intrinsics import leading_zeros
 from pointkit.compiling import inlined
 
 NONE, _DELTA, LINEAR2, LINEAR3 = range(4)
-"""Modes of prediction: from no ancestor, from the parent, on a line through two ancestors, as a
-parallelogram of three.
+"""Modes of prediction of a point.
+
+They use no ancestor, the parent, a line through two ancestors, and a parallelogram of three.
 """
 
 # Indices into probabilities; a comment states the number of contexts if there are several.
@@ -95,9 +96,7 @@ def code_num_dup_points(coder: Any, count: int) -> int:
 
 @inlined
 def code_num_children(coder: Any, count: int) -> int:
-    """Encode or decode a number of children, which takes one bit for 1, two for 0, three for 2 or
-    3.
-    """
+    """Encode or decode a number of children: one bit for 1, two for 0, three for 2 or 3."""
     value = count ^ 1
     if not code_bit(coder, CTX_NUM_CHILDREN, integer(value > 0)):
         return 1

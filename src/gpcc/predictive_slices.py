@@ -36,8 +36,11 @@ from pointkit.errors import InputError
 from pointkit.geometry.morton import Ints
 
 DONE, FULL, UNREPRESENTABLE, EXHAUSTED, TOO_MANY_POINTS, DAMAGED = range(6)
-"""Results: all trees are coded; the encoder's buffer is full; a residual has more bits than the
-slice header allows; faults of a damaged stream.
+"""Results of coding the trees of a slice.
+
+The encoder or decoder has coded all trees (DONE); the encoder's buffer is full (FULL); a residual
+has more bits than the slice header allows (UNREPRESENTABLE). The other results are faults of a
+damaged stream.
 """
 _FAULTS = {
     TOO_MANY_POINTS: "a slice holds more points than it says",

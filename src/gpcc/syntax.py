@@ -407,8 +407,9 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
 
 
 def point_count(data: bytes, header: GeometryHeader, gps: GeometryParameterSet) -> tuple[int, int]:
-    """Return the number of points that a data unit's footer states, and the footer's length in
-    bytes.
+    """Return the number of points that a data unit's footer states.
+
+    The second result is the number of bytes of the footer.
     """
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)

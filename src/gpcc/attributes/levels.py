@@ -48,7 +48,11 @@ _MOST_RANGE = 1 << 30
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of detail: coding order (n,) of the points, and end of each level in this order."""
+    """Levels of detail of a slice.
+
+    These are the coding order (n,) of the points, the end of each level in this order, and the
+    predictors of the points.
+    """
 
     order: Int32s
     ends: Ints
@@ -68,7 +72,7 @@ def levels_of_detail(
     points
         The points of a slice, in Morton order unless `aps.canonical_point_order_flag` is set.
     aps, header
-        Parameters of the attribute.
+        Parameter set of the attribute, and header of the data unit.
     bias
         Factors (3,) of distances along the coded axes.
 
@@ -80,7 +84,7 @@ def levels_of_detail(
     Raises
     ------
     InputError
-        If the factors are too large, or the search takes too long, as in some damaged streams.
+        The factors are too large, or the search takes too long, as in some damaged streams.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")
@@ -298,8 +302,8 @@ def point_weights(predictors: Predictors, shares: Ints) -> Ints:
     predictors
         The neighbours that predict each point.
     shares
-        (n, 3), or (1, 3) for all points: shares of a point's weight that its neighbours get, in
-        units of 2^-FRACTION_BITS.
+        Shares of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS; (n, 3), or
+        (1, 3) for all points.
     """
     weights = np.full(len(predictors.counts), _ONE, dtype=np.int64)
     _add_weights(predictors, shares, weights)
@@ -351,7 +355,7 @@ def _blend(neighbours: Int32s, weights: Ints, i: int, positions: Int32s) -> None
 
 @inlined
 def divided(numerator: int, denominator: int, fraction_bits: int) -> int:
-    """Divide by a positive number, approximately (`divApprox` in TMC13)."""
+    """Return a number divided by a positive number, approximately (`divApprox` in TMC13)."""
     shift = max(64 - leading_zeros(denominator) - 8, 0)
     inverse = _INVERSES[(denominator + (1 << shift >> 1)) >> shift]
     quotient: int = numerator * inverse >> shift + 16 - fraction_bits

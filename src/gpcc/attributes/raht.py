@@ -62,12 +62,12 @@ def prediction_thresholds(aps: AttributeParameterSet) -> Thresholds:
 
 
 def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> Coded:
-    """Transform and quantise attributes.
+    """Transform and quantise attribute values.
 
     Parameters
     ----------
     codes
-        Ascending Morton codes (n,) of the points; points with equal codes are in decoding order.
+        Ascending Morton codes (n,) of the points. Points with equal codes are in decoding order.
     attributes
         Integer values (n, components).
     qps
@@ -88,18 +88,18 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
 
 def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -> Rows:
-    """Reconstruct values (n, components) from quantised coefficients; parameters are those of
-    `forward`.
+    """Reconstruct values (n, components) from quantised coefficients, as a decoder does.
 
+    The other arguments are those of `forward`.
     """
     sums = np.empty((0, coefficients.shape[1]), dtype=np.int64)
     return _transform(codes, sums, coefficients, qps, thresholds)
 
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
-    """Return, for each occupancy of a block, how its children are transformed.
+    """Return how the children of a block are transformed, for each of the block's occupancies.
 
-    Children are named by their rank, the index among the occupied ones.
+    Children are named by their rank, i.e. the index among the occupied ones.
 
     Returns
     -------
@@ -157,7 +157,7 @@ def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8
 
 
 def _touched(touching: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """Return, for each occupancy, number and directions of the neighbours that touch a child."""
+    """Return the number and directions of the neighbours that touch a child, for each occupancy."""
     touched = np.zeros((256, _DIRECTIONS), dtype=np.uint8)
     for occupancy in range(1, 256):
         directions = np.unique(touching[[k for k in range(8) if occupancy >> k & 1]])[1:]
@@ -448,7 +448,7 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Write a parent and those neighbours that touch a child; return the number of these nodes."""
+    """Write a parent and those neighbours that touch a child, and return the number of these nodes."""
     # Entries of other directions are neither written nor read.
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
@@ -564,7 +564,7 @@ def _fill_buffer(
 
 @inlined
 def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> int:
-    """Transform rows `low` to `high` of the buffer; return the number of butterflies."""
+    """Transform rows `low` to `high` of the buffer, and return the number of butterflies."""
     buffer, weights = setting.buffer, setting.weights
     count = 0
     while _PAIRS[occupancy, count, 1]:
@@ -583,7 +583,7 @@ def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> i
 
 @inlined
 def _code_coefficients(setting: _Setting, place: int, layer: Ints, rank: int, point: int) -> None:
-    """Quantise residuals, if encoding; add the dequantised residuals to the prediction."""
+    """If encoding, quantise residuals; always add the dequantised residuals to the prediction."""
     coefficients, buffer = setting.coefficients, setting.buffer
     components = coefficients.shape[1]
     qp, others = _qps(setting, layer, point)

@@ -240,7 +240,7 @@ def decoded_attribute(
 def prediction_tools(
     levels: Levels, aps: AttributeParameterSet, header: AttributeHeader, bits: int
 ) -> tuple[prediction.PredictionTools, NDArray[np.int64]]:
-    """Return the tools of the predicting transform, and the weights (n,) of the points' residuals."""
+    """Return the tools of the predicting transform, and the weights (n,) of points' residuals."""
     shares = np.array([aps.quant_neigh_weight], dtype=np.int64)
     factors = np.array(header.inter_component_coeffs, dtype=np.int64).reshape(-1, 2)
     tools = prediction.PredictionTools(
