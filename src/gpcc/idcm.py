@@ -55,9 +55,7 @@ class IdcmNode(NamedTuple):
 
 
 class LocalPoints(NamedTuple):
-    """Working memory for the one or two points of a node, whose coordinates are relative to the
-    node.
-    """
+    """Working memory for the one or two points of a node, in coordinates relative to it."""
 
     # points_in, coded: (2, 3) points to encode, and coded points.
     points_in: Ints
@@ -72,8 +70,9 @@ def empty_local_points() -> LocalPoints:
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Return a mask of 32 bits, whose bit i says whether the i-th of 32 eligible nodes may use
-    IDCM.
+    """Return a mask of 32 bits that says which of 32 successive eligible nodes may use IDCM.
+
+    Bit i is that of the i-th node.
     """
     if mode == 0:
         return 0

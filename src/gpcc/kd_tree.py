@@ -109,9 +109,7 @@ def _extremes(values: Numbers, first: int, end: int) -> tuple[Any, Any]:
 
 @inlined
 def _range(trees: KdTrees, first: int, end: int, axis: int) -> tuple[Any, Any]:
-    """Write the rows' coordinates along an axis to `values`, and return the smallest and the
-    largest.
-    """
+    """Write the rows' coordinates along an axis to `values`; return smallest and largest."""
     for k in range(first, end):
         trees.values[k] = trees.points[trees.rows[k], axis]
     return _extremes(trees.values, first, end)
@@ -173,12 +171,13 @@ def search(trees: KdTrees, root: int, box: Numbers, at: Place, held: int) -> int
     at
         The place.
     held
-        Number of nearest points found so far. Later entries of the result are ignored.
+        Number of nearest points found so far. Later entries of `nearest` are left from earlier
+        searches.
 
     Returns
     -------
     int
-        Number of nearest points found so far, with this tree's.
+        Number of nearest points found so far, including those of this tree.
     """
     stack, nodes, distances = trees.stack, trees.nodes, trees.distances
     last = len(distances) - 1

@@ -23,7 +23,7 @@ from pointkit.compiling import inlined
 
 
 class OccupancyNeighbourhood(NamedTuple):
-    """Neighbourhood of a node, which selects contexts of the node's occupancy (see `neighbours`)."""
+    """Neighbourhood of a node, which selects contexts of the occupancy (see `neighbours`)."""
 
     # Whether neighbours outside the parent are known.
     neighbours_known: int

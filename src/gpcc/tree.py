@@ -1,4 +1,7 @@
-"""Octree of points, whose levels may split fewer than three axes (quadtree and binary tree, QTBT)."""
+"""Octree of points, whose levels may split fewer than three axes.
+
+Levels that split one or two axes are those of a binary tree or a quadtree (QTBT).
+"""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def _convert(positions: Int32s, origin: Ints, elevation: Ints, result: Int32s) -
 
 
 def scaled_coordinates(positions: Int32s, scale: Sequence[int]) -> Int32s:
-    """Return coordinates (n, 3), shifted to a minimum of 0, times ``scale / 256`` along each axis."""
+    """Return coordinates (n, 3), shifted to a minimum of 0, times ``scale / 256`` per axis."""
     wide = positions.astype(np.int64)
     wide = (wide - wide.min(axis=0)) * np.array(scale, dtype=np.int64) + 128 >> 8
     if wide.max() >= 1 << MOST_BITS + _SPARE_BITS or wide[:, 2].max() >= 1 << MOST_BITS:

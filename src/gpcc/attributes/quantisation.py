@@ -128,7 +128,10 @@ def place_of(
 
 @inlined
 def quantised(value: int, reciprocal: int) -> int:
-    """Return a quantised value of `FRACTION_BITS` fractional bits, rounded away from 0 from 2/3 on."""
+    """Return a quantised value, rounded away from 0 if the fraction is at least 2/3.
+
+    The value has `FRACTION_BITS` fractional bits.
+    """
     if value >= 0:
         return (value * reciprocal + _THIRD) >> _RECIPROCAL_BITS
     return -((_THIRD - value * reciprocal) >> _RECIPROCAL_BITS)

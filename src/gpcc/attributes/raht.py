@@ -448,7 +448,7 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Write a parent and those neighbours that touch a child, and return the number of these nodes."""
+    """Write a parent and those neighbours that touch a child; return the number of these nodes."""
     # Entries of other directions are neither written nor read.
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
