@@ -394,17 +394,18 @@ def decode_geometry(stream: bytes, attributes: AttributeReader | None = None) ->
     stream
         A bare stream, as `encode_geometry`, `encode_predictive_geometry` and TMC13 write it.
     attributes
-        Decoder of the attributes, which are otherwise skipped; callers use `decode_cloud` instead.
+        Decoder of the attributes. By default, attributes are skipped; use `decode_cloud` to decode
+        them.
 
     Returns
     -------
     DecodedGeometry
-        Integer points with their scale and origin; `DecodedGeometry.positions` applies these.
+        Integer points with their scale and origin. The method `positions` applies scale and origin.
 
     Raises
     ------
     InputError
-        If the stream is damaged, or uses a tool that this decoder does not support.
+        The stream is damaged, or uses a tool that this decoder does not support.
     """
     contents = _StreamReader(attributes)
     for payload_type, payload in syntax.payloads(stream):

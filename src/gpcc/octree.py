@@ -71,7 +71,7 @@ class Level(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Nodes (n,) of a level that have children."""
+    """Those nodes (n,) of a level that have children."""
 
     morton: Ints
     occupancy: Bytes

@@ -178,7 +178,7 @@ def _hang(tree: PredictionTree, node: int, parent: int) -> None:
 
 
 class Forest(NamedTuple):
-    """K-d trees whose sizes are powers of two, for a growing set of positions, as in TMC13.
+    """K-d trees with 2^k positions each, to which positions are added one by one, as in TMC13.
 
     A new position and all trees below the smallest unused size are merged into a tree of this size
     (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k and the node

@@ -88,7 +88,7 @@ def node_sizes_log2(levels: list[int]) -> list[Bits]:
 
 @dataclass(frozen=True)
 class TreeLevel:
-    """Nodes of a level: occupancy, and index of the first child in the next level."""
+    """Occupancy of each node of a level, and index of the node's first child in the next level."""
 
     occupancy: Bytes
     first_child: Int32s

@@ -1,4 +1,4 @@
-"""Options of encoding."""
+"""Options of the encoders."""
 
 from __future__ import annotations
 

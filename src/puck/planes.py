@@ -1,11 +1,11 @@
 """Segmentation of a range image into planes.
 
-Rows of the image are cut into short pieces; neighbouring sets of pieces are merged while one plane
-fits both.
+Each row of the image is cut into short pieces, i.e. runs of returns on one line. Pieces are merged
+to larger sets of returns as long as one plane fits both.
 
 A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
 set of points p with m . p = 1; multiplied by r, this is r = (r p) . m. A least squares fit of m
-needs 11 sums over a set's returns; a merger adds the sums of two sets.
+needs 11 sums over a set's returns; when two sets are merged, their sums are added.
 
 References
 ----------
@@ -173,9 +173,10 @@ def _cut(
     image: RangeRows, column: float, std: float, labels: Labels, sums: Floats,
     scratch: tuple[Floats, Floats], places: Places,
 ) -> int:  # fmt: skip
-    """Cut rows into pieces, write each return's piece to `labels`, and return the number of pieces.
+    """Cut rows into pieces, write the index of each return's piece to `labels`, and count the
+    pieces.
 
-    A piece ends at a jump or gap, or where two lines fit its returns far better than one.
+    A piece ends at a jump or a gap, or where two lines fit its returns far better than one.
     """
     ranges, rows = image
     count = 0
@@ -216,7 +217,9 @@ def _first_part(
     image: RangeRows, laser: int, length: int, variance: float, scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:  # fmt: skip
-    """Return the length of the first line if two lines fit far better than one, else `length`."""
+    """Return the length of the first line if two lines fit far better than one; else return
+    `length`.
+    """
     ranges, rows = image.ranges[laser], image.rows[laser]
     both, plane = scratch
     first, second = both[0], both[1]

@@ -464,7 +464,7 @@ def _learn_linear(model: _Model) -> None:
 
 @compiled_in_place
 def _write_words(coder: _RansCoder, out: NDArray[np.uint32]) -> int:
-    """Code the tokens, last first, to the end of `out`; return the index of the first word."""
+    """Code the tokens, last first, to the end of `out`, and return the index of the first word."""
     place, next_state, state = len(out), np.uint64(_LOW), np.uint64(_LOW)
     for k in range(coder.registers[0], 0, -1):
         token = coder.tokens[np.uint64(k - 1)]

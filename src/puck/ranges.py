@@ -298,7 +298,7 @@ def _predict(
 
 @inlined
 def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """Return a quantised range in steps, and `centre` and `unit` for `code_number`."""
+    """Return a quantised range in steps, and the arguments `centre` and `unit` of `code_number`."""
     step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
@@ -310,7 +310,7 @@ def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple
 
 @inlined
 def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
-    """Return `index`, or its neighbour towards `mean` if the rate-distortion cost is lower.
+    """Return `index`, or the neighbour towards `mean` if this lowers the rate-distortion cost.
 
     One step towards the prediction saves about step / scale nats.
     """

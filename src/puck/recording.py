@@ -1,6 +1,6 @@
 """Lossless compression of recordings, or of any other file.
 
-Data packets are recognised by content; the packets of a revolution are encoded as one turn.
+Data packets are found by their content; the packets of a revolution are encoded as one turn.
 """
 
 from __future__ import annotations

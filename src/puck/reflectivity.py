@@ -1,8 +1,8 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-Some values are guessed, and coded only if a flag marks the guess as wrong. For a second return at
-the range of the first, the guess is the first return's value; for a firing without a return, it is
-the value of the laser's last such firing.
+Some values are guessed, and are only coded if a flag marks the guess as wrong. For a second return
+at the range of the first, the guess is the first return's value. For a firing without a return, it
+is the value of the laser's last such firing.
 """
 
 from __future__ import annotations

@@ -27,9 +27,9 @@ def page_size(data: Bytes) -> int:
 
 
 def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Return bytes `first` to `end` of a file without its page links.
+    """Return the bytes from `first` to `end` of a file without page links.
 
-    `page` is the page size, or 0 for a file without links.
+    `page` is the page size in bytes, or 0 for a file without links.
     """
     if not page:
         return data[first:end]

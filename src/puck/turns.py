@@ -205,7 +205,7 @@ def turn_step(body: bytes) -> int:
 
 
 def reflectivity_bytes(body: bytes, layout: Layout) -> int:
-    """Return how many bytes of a coded turn hold reflectivities."""
+    """Return how many bytes of the coded turn `body` hold reflectivities."""
     reader = Reader(body)
     if not reader.take(1)[0] & _REFLECTIVITIES:
         return 0

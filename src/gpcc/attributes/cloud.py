@@ -58,7 +58,7 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
     Raises
     ------
     InputError
-        If the stream is damaged, or uses a tool that this decoder does not support.
+        The stream is damaged, or uses a tool that this decoder does not support.
     """
     reader = AttributeReader()
     geometry = decode_geometry(stream, reader)

@@ -19,8 +19,15 @@ _HALF = 128.0
 def coded_colours(colours: Values, matrix: int | None, bitdepth: int) -> Values:
     """Return red, green and blue (n, 3), converted to the components (n, 3) that are coded.
 
-    Values have `bitdepth` bits. The `matrix` is a value of matrix_coefficients; None means no
-    conversion.
+    Parameters
+    ----------
+    colours
+        Red, green and blue (n, 3).
+    matrix
+        Colour space of the result: `BT709` or `YCGCO`. With any other value, the components are
+        green, blue and red.
+    bitdepth
+        Number of bits of a value.
     """
     red, green, blue = colours.T
     if matrix == BT709:

@@ -113,7 +113,6 @@ def _build(
     bias: Ints,
     predictors: Predictors,
 ) -> tuple[Int32s, list[int]]:
-    """Return the points, finest level first, and the number of points left for each level."""
     count = len(points.codes)
     atlases = MEMORY.atlases
     order = np.empty(count, dtype=np.int32)
@@ -197,7 +196,7 @@ def _retain_centroids(
     period: int,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Retain the most central point of each run of nodes that hold at least `period` points."""
+    """Retain the most central point in each run of nodes that hold at least `period` points."""
     # size_log2: log2 of half a node's side.
     # backward: whether to retain the last, not the first, of equally central points.
     count = len(remaining)
@@ -321,7 +320,7 @@ def _add_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
 
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
-    """Shift squared distances of point i right, so that the first fits in FRACTION_BITS bits."""
+    """Shift the squared distances of point i right until the first fits in FRACTION_BITS bits."""
     # Return how many of the `count` distances are below 2^FRACTION_BITS times the first.
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):
@@ -342,7 +341,9 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Int32s, weights: Ints, i: int, positions: Int32s) -> None:
-    """Move 1/16 of each neighbour's weight to the nearer, 5/16 to the farther of the two others."""
+    """Move 1/16 of each neighbour's weight to the nearer, and 5/16 to the farther of the two
+    others.
+    """
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab, ac = squared_distance(positions, a, b), squared_distance(positions, a, c)
     bc = squared_distance(positions, b, c)

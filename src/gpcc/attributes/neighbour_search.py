@@ -106,7 +106,7 @@ def empty_atlas() -> Atlas:
 
 
 class _WorkingMemory(threading.local):
-    """Atlases of each thread, whose used cells are cleared faster than new ones are allocated."""
+    """Atlases of each thread, which are reused, as clearing used cells is faster than allocation."""
 
     @cached_property
     def atlases(self) -> Atlases:
@@ -232,7 +232,7 @@ def _rank(query: Query, k: int) -> int:
 
 @inlined
 def _with_index(query: Query, key: int) -> int:
-    """Replace the rank in the key (see `_with`) of a coarser candidate by the candidate's index."""
+    """Replace the rank of a coarser candidate in the key (see `_with`) by the candidate's index."""
     rank = (key & _RANKS) - 2
     if key == _FAR:
         return key
@@ -400,7 +400,7 @@ def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: 
 
 @inlined
 def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best, int]:
-    """Search a point's cell and its neighbours, unless they hold too many points."""
+    """Search a point's cell and the adjacent cells, unless they hold too many points."""
     # All points nearer than the returned distance are found.
     _enter_cell(grid, code)
     if grid.state[4] > _MOST_IN_CELLS:
@@ -479,7 +479,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
 
 @inlined
 def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
-    """Return distances and indices of the three nearest coarser points in near cells."""
+    """Return keys and indices of the three nearest coarser points in near cells."""
     x, y, z = row(level.same_level.positions, i)
     a = b = c = integer(_FAR)
     first = second = third = integer(-1)

@@ -1,4 +1,4 @@
-"""Options of the encoder of attributes, named as in TMC13, and profiles."""
+"""Options of the encoder of attributes, with TMC13's names, and named sets of options."""
 
 from __future__ import annotations
 

@@ -174,8 +174,6 @@ _DIVISORS = np.rint(2.0**_FRACTION / np.maximum(np.arange(14), 1)).astype(np.int
 
 
 class _Level(NamedTuple):
-    """Nodes of a level in ascending order of their codes."""
-
     # (m + 1,) first point of each node, then the number of points.
     starts: NDArray[np.int32]
     # first, occupancy: (m,) first child on the level below, and bit mask of the children's octants.
@@ -192,8 +190,6 @@ class _Level(NamedTuple):
 
 
 class _Setting(NamedTuple):
-    """Arrays for the transforms of all levels."""
-
     codes: Ints
     # (n + 1, c) cumulative sums of the points' attributes, or (0, c) in a decoder.
     sums: Ints
@@ -300,7 +296,9 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 
 @compiled
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
-    """Return each node's mean QP offset at the node's first point, rounded as in TMC13."""
+    """Return each node's mean QP offset, rounded as in TMC13, at the index of the node's first
+    point.
+    """
     # Nodes are halved along one axis at a time. A node's offset replaces the offset of its lower
     # half, which has the same first point.
     means = offsets << _REGION_FRACTION
@@ -611,7 +609,7 @@ def _transform_duplicates(
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
-    """Transform the points at each position; the last point is split off first."""
+    """Transform the points at each position, where the last point is split off first."""
     coefficients = setting.coefficients
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])

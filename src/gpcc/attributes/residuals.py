@@ -88,7 +88,7 @@ def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
 
 @entry
 def _code_coefficients(coder: Any, values: Coefficients, i: int, end: int, encoding: bool) -> int:
-    """Code the coefficients of points `i` to `end` - 1, and the rest of a run of zeros."""
+    """Code the coefficients of points `i` to `end` - 1, and what is left of a run of zeros."""
     # Returns the next point, or -1 if the stream is too short.
     count, components = values.shape
     while i < end:

@@ -276,7 +276,15 @@ def _coordinate_scale(gps: GeometryParameterSet, extent: Sequence[int]) -> list[
 
 
 def estimated_distance_log2(positions: Int32s, percentile: float) -> int:
-    """Return log2 of the distance between points that suits the finest level of detail."""
+    """Return log2 of the distance of points that the finest level of detail should have.
+
+    Parameters
+    ----------
+    positions
+        Coordinates (n, 3).
+    percentile
+        Percentile of the points' distances to choose.
+    """
     count = len(positions)
     if count < 2:
         return 0

@@ -1,7 +1,8 @@
-"""Link-layer packets in pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
+"""Reader of link-layer packets in pcap and pcapng files.
 
-dpkt is not used, since it gives all packets of a pcapng file the clock of the first interface, and
-does not tell what a truncated file lacks.
+The formats are those of the IETF drafts opsawg-pcap and opsawg-pcapng. The library dpkt is not
+used, since it gives all packets of a pcapng file the clock of the first interface, and does not
+tell what a truncated file lacks.
 """
 
 from __future__ import annotations

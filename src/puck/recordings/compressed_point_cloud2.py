@@ -1,4 +1,4 @@
-"""Compressed point clouds in ROS messages: zlib, Zstandard, Draco and Cloudini."""
+"""Decompression of point clouds in ROS messages: zlib, Zstandard, Draco and Cloudini."""
 
 from __future__ import annotations
 
