@@ -92,7 +92,7 @@ def tangent_of(height: int, root: int) -> int:
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Return the tangent of a beam's elevation, as seen from `origin`, at the distance 1 / `root`."""
+    """Return the tangent of a beam's elevation, seen from `origin`, at the distance 1 / `root`."""
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)

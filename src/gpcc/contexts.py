@@ -87,7 +87,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return each child's new index when a pattern is rotated to the one that its class is."""
+    """Return each child's new index when a pattern is rotated to represent its class."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)

@@ -65,21 +65,21 @@ class Quantised(NamedTuple):
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return a grid that suits points for coding in steps of ``unit / scale``.
+    """Return a grid for coordinates that will be coded in steps of ``unit / scale``.
 
     Parameters
     ----------
     points
         Coordinates (n, 3).
     unit
-        Step of the returned grid.
+        Step of the returned grid, in the unit of the coordinates.
     scale
         Number of coded steps per grid step.
 
     Returns
     -------
     InputGrid
-        A grid whose offset is zero or, if the coordinates are too large for a stream, the points'
+        The grid. Its offset is zero or, if the coordinates are too large for a stream, the points'
         minimum.
     """
     ends = bounds(points)
@@ -95,16 +95,18 @@ def quantise(
     scale: float = 1.0,
     rounding: Rounding = "nearest",
 ) -> Quantised:
-    """Round points to integer coordinates with the step ``grid.unit / scale``, for the encoders.
+    """Round points to the integer coordinates that the encoders take.
+
+    The step of the result is ``grid.unit / scale``.
 
     Parameters
     ----------
     points
         Coordinates (n, 3).
     grid
-        The grid of the coordinates; by default its step is 1 and its offset zero.
+        The grid of the coordinates. By default, its step is 1 and its offset zero.
     scale
-        Number of coded steps per grid step: 100 codes metres in steps of 1 cm.
+        Number of coded steps per grid step. For example, 100 codes metres in steps of 1 cm.
     rounding
         ``nearest`` rounds to the nearest step. ``truncate`` first truncates to multiples of
         ``grid.unit``, then rounds in single precision, as TMC13 does for floating-point files.
@@ -112,12 +114,12 @@ def quantise(
     Returns
     -------
     Quantised
-        Positions (n, 3), and the origin (3,) to pass to the encoder. They may contain equal points.
+        Positions (n, 3), of which several may be equal, and the origin (3,) to pass to the encoder.
 
     Raises
     ------
     InputError
-        If the cloud spans 2^21 - 1 steps or more.
+        The cloud spans 2^21 - 1 steps or more.
     """
     with np.errstate(over="ignore"):
         units = points if grid == DEFAULT_GRID else (points - grid.offset) / grid.unit

@@ -173,8 +173,7 @@ def _cut(
     image: RangeRows, column: float, std: float, labels: Labels, sums: Floats,
     scratch: tuple[Floats, Floats], places: Places,
 ) -> int:  # fmt: skip
-    """Cut rows into pieces, write the index of each return's piece to `labels`, and count the
-    pieces.
+    """Cut rows into pieces, write each return's piece to `labels`, and return the number of pieces.
 
     A piece ends at a jump or a gap, or where two lines fit its returns far better than one.
     """
@@ -217,9 +216,7 @@ def _first_part(
     image: RangeRows, laser: int, length: int, variance: float, scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:  # fmt: skip
-    """Return the length of the first line if two lines fit far better than one; else return
-    `length`.
-    """
+    """Return the length of the first line if two lines fit far better than one, else `length`."""
     ranges, rows = image.ranges[laser], image.rows[laser]
     both, plane = scratch
     first, second = both[0], both[1]

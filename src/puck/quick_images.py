@@ -1,13 +1,13 @@
 """Coding of an Ouster's images at effort `fast`: ranges, signals, reflectivities and others.
 
-Adaptive least squares predict a pixel from its neighbours and the previous turn. The prediction
-error is split into low bits, which are stored uncoded, and a symbol. The context of a symbol is the
-size of nearby errors.
+Adaptive least squares predict a pixel from its neighbours and the previous turn (revolution). The
+prediction error is split into low bits, which are stored uncoded, and a symbol. The context of a
+symbol is the size of nearby errors.
 
-Symbols are coded by asymmetric numeral systems (rANS; Duda 2013) with adaptive frequencies: one
-step for a symbol of about a hundred, which is several times faster than as many binary decisions
-with `pointkit.coding`, by which all other efforts and sensors are coded. Two states alternate; an
-encoder runs backwards over tokens that it has collected.
+Symbols are coded by asymmetric numeral systems (rANS; Duda 2013) with adaptive frequencies. A
+symbol, one of about a hundred, takes one step, which is several times faster than as many binary
+decisions with `pointkit.coding`, by which all other efforts and sensors are coded. Two states
+alternate. An encoder first collects tokens, and then codes them from the last to the first.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Coding of the ranges of a turn: whether each firing has a return, and its range.
+"""Coding of the ranges of a turn (revolution): whether each firing has a return, and its range.
 
 Firings are coded column by column, from the lowest laser to the highest. Ranges are predicted by
 adaptive least squares, and coded as binary decisions around the predictions. Lossy coding quantises
 a range to the nearest multiple of the step, or to the adjacent multiple towards the prediction if
 lambda times the saved rate exceeds the increase of the squared error.
 
-In arrays, c is the index of the current column, t that of the nearest column of the previous turn
-(0: none). "West" is the same laser one column earlier; "below" and "above" are the neighbouring
-lasers.
+In arrays, c is the index of the current column, and t is that of the nearest column of the previous
+turn, or 0 if there is none. "West" is the same laser one column earlier; "below" and "above" are
+the neighbouring lasers.
 """
 
 from __future__ import annotations

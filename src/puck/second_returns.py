@@ -129,7 +129,7 @@ def _code_other(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
     laser: int, t: int, number: int,
 ) -> int:  # fmt: skip
-    """Code a second range that differs from the first, as 1 + number of steps; 0 means no return."""
+    """Code a second range that differs from the first, as 1 + its number of steps; 0: no return."""
     means, step = model.experts.means, model.step
     means[0] = FINE * (first[c, laser] + step) if first[c, laser] > 0 else 0
     means[1] = FINE * (model.other[laser] + step) if model.other[laser] > 0 else 0

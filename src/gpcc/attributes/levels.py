@@ -341,9 +341,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Int32s, weights: Ints, i: int, positions: Int32s) -> None:
-    """Move 1/16 of each neighbour's weight to the nearer, and 5/16 to the farther of the two
-    others.
-    """
+    """Move 1/16 of each neighbour's weight to the nearer, 5/16 to the farther of the two others."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab, ac = squared_distance(positions, a, b), squared_distance(positions, a, c)
     bc = squared_distance(positions, b, c)

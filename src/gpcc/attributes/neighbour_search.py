@@ -106,7 +106,7 @@ def empty_atlas() -> Atlas:
 
 
 class _WorkingMemory(threading.local):
-    """Atlases of each thread, which are reused, as clearing used cells is faster than allocation."""
+    """Atlases of each thread; clearing their used cells is faster than allocating new ones."""
 
     @cached_property
     def atlases(self) -> Atlases:
@@ -479,7 +479,10 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
 
 @inlined
 def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
-    """Return keys and indices of the three nearest coarser points in near cells."""
+    """Return the three nearest coarser points in near cells, and the number of operations.
+
+    The points are given as squared distances, then as indices.
+    """
     x, y, z = row(level.same_level.positions, i)
     a = b = c = integer(_FAR)
     first = second = third = integer(-1)

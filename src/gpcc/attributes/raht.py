@@ -1,9 +1,9 @@
 """Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
 
-`forward` returns quantised coefficients and the decoder's reconstruction; `inverse` returns the
-reconstruction. Both take ascending Morton codes. Attributes and coefficients are (n, c) for c = 1
-or 3 components; coefficients are in coding order (see `residuals`). The reconstruction is not
-clipped to the bit depth.
+An encoder calls `forward`, which returns quantised coefficients and the values that a decoder
+reconstructs. A decoder calls `inverse`, which returns these values. Both functions take ascending
+Morton codes. Values and coefficients are (n, c) for c = 1 or 3 components; coefficients are in
+coding order (see `residuals`). Reconstructed values are not clipped to the bit depth.
 
 From the root to the points, each block of k children (at most eight) is transformed to its mean,
 which the parent's reconstruction gives, and k - 1 coefficients. A prediction, interpolated from the
@@ -11,8 +11,8 @@ parent and its neighbours, is also transformed and subtracted from the coefficie
 equal positions are transformed last. Fixed-point numbers have 15 fractional bits; products are
 rounded half away from zero.
 
-TMC13 (`RAHT.cpp`) sums attributes in 32 bits, this module in 64: streams differ if sums exceed 2^31
-(33,000 points of 16 bits).
+TMC13 (`RAHT.cpp`) sums attributes in 32 bits, this module in 64 bits. Streams differ if sums exceed
+2^31, which needs 33,000 points of 16 bits.
 """
 
 from __future__ import annotations
@@ -296,9 +296,7 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 
 @compiled
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
-    """Return each node's mean QP offset, rounded as in TMC13, at the index of the node's first
-    point.
-    """
+    """Return each node's mean QP offset at the node's first point, rounded as in TMC13."""
     # Nodes are halved along one axis at a time. A node's offset replaces the offset of its lower
     # half, which has the same first point.
     means = offsets << _REGION_FRACTION

@@ -276,14 +276,14 @@ def _coordinate_scale(gps: GeometryParameterSet, extent: Sequence[int]) -> list[
 
 
 def estimated_distance_log2(positions: Int32s, percentile: float) -> int:
-    """Return log2 of the distance of points that the finest level of detail should have.
+    """Return log2 of the distance between points that suits the finest level of detail.
 
     Parameters
     ----------
     positions
         Coordinates (n, 3).
     percentile
-        Percentile of the points' distances to choose.
+        Share, from 0 to below 1, of the points with smaller distances to the nearest point.
     """
     count = len(positions)
     if count < 2:
