@@ -132,7 +132,7 @@ def recovered_returns(
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame that includes firings without a return, whose range is 0.
 
-    Data sets correct points for the motion of the car. The firings without a return reveal this
+    The data set corrected the points for the motion of the car. Firings without a return reveal this
     correction, which is undone.
 
     Parameters
