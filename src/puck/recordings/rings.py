@@ -132,8 +132,8 @@ def recovered_returns(
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame that includes firings without a return, whose range is 0.
 
-    The data set corrected the points for the motion of the car. Firings without a return reveal this
-    correction, which is undone.
+    The data set corrected the points for the motion of the car. Firings without a return reveal
+    this correction, which is undone.
 
     Parameters
     ----------
