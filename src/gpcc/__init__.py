@@ -1,7 +1,8 @@
-"""Point cloud codec G-PCC (ISO/IEC 23090-9:2023): geometry and attributes.
+"""Encoder and decoder of G-PCC (ISO/IEC 23090-9:2023): positions and attributes of points.
 
-Streams and names are those of TMC13 release-v14.0, the reference software. Damaged or unsupported
-streams, and points that cannot be encoded, raise `pointkit.errors.InputError`.
+Streams are those of TMC13 release-v14.0, the reference software, whose names of options and syntax
+elements are used. `pointkit.errors.InputError` is raised for damaged or unsupported streams, and
+for points that cannot be encoded.
 """
 
 from typing import TYPE_CHECKING

@@ -1,9 +1,9 @@
-"""Angular mode: contexts from the lasers of a spinning sensor.
+"""Angular mode, which derives contexts of octree nodes from the lasers of a spinning sensor.
 
 A laser's elevation predicts which half of a node is occupied along z; the azimuth of the laser's
 last shot predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
-`AzimuthalPhiZi` in TMC13). Units: 2^-18 for tangents of elevations, 1/8 coding unit for heights,
-2^-20 radians for azimuths, 2^-32 for inverse distances.
+`AzimuthalPhiZi` in TMC13). Units are 2^-18 for tangents of elevations, 1/8 coding unit for heights,
+2^-20 radians for azimuths, and 2^-32 for inverse distances.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from pointkit.errors import InputError
 from pointkit.geometry.morton import Ints, compact_bits
 
 NO_LASER = 255
-"""Laser index of nodes too large to be assigned to one laser."""
+"""Index in place of a laser's, for nodes too large to be assigned to one laser."""
 FARTHEST = 1 << 22
-"""Largest coordinate of the sensor relative to a slice's origin; TMC13 overflows beyond it."""
+"""Largest coordinate of the sensor relative to a slice's origin, beyond which TMC13 overflows."""
 
 _NO_AZIMUTH = -(1 << 31)
 _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """The lasers of a sensor, and each laser's last shot, while a slice is coded."""
+    """State of a sensor's lasers while a slice is coded: directions, and last shots."""
 
     origin: Ints
     elevation: Ints
@@ -46,9 +46,9 @@ class Angular(NamedTuple):
 
 
 class PlaneAngles(NamedTuple):
-    """Contexts of a node's planes along x, y and z, or -1 without one, and the laser that sees the
-    node.
+    """Contexts of a node's planes along x, y and z, and the laser that sees the node.
 
+    A context is -1 where angular mode gives none.
     """
 
     x: int
@@ -77,9 +77,14 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the tangent of the elevation of a point, given twice its height and its inverse
-    distance.
+    """Return the tangent of a point's elevation.
 
+    Parameters
+    ----------
+    height
+        Twice the height of the point.
+    root
+        Inverse distance of the point from the axis.
     """
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
@@ -117,7 +122,10 @@ def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
 
 @inlined
 def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
-    """Return the shot azimuth nearest to `azimuth`, extrapolated from the laser's last shot."""
+    """Return the azimuth of a shot that is nearest to `azimuth`.
+
+    Shots are extrapolated from the last shot of the laser.
+    """
     last = angular.azimuth[laser]
     if last == _NO_AZIMUTH:
         return azimuth
@@ -127,15 +135,14 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Return the context of the bit that says in which half of a node, along x or y, the points
-    lie.
+    """Return the context of the bit that states the occupied half of a node along x or y.
 
     Parameters
     ----------
     left, right
-        Azimuths of the two halves, relative to the predicted azimuth, in units of 2^-20 radians.
+        Azimuths of the two halves relative to the predicted azimuth, in units of 2^-20 radians.
     contrast
-        Log2 of the ratio of these above which the nearer half is a safe guess.
+        Log2 of the ratio of `left` and `right` above which the nearer half is a safe guess.
     """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
@@ -147,14 +154,14 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context of the bit that says in which half of a node, along z, the points lie.
+    """Return the context of the bit that states the occupied half of a node along z.
 
     Parameters
     ----------
     difference
         Tangent of the laser's elevation minus that of the node's middle, in units of 2^-18.
     half_height
-        Half the node's height as a difference of such tangents.
+        Half the node's height, as a difference of such tangents.
     """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
@@ -210,8 +217,8 @@ def plane_angles(
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
     """Return the mask of the axes (1 x, 2 y, 4 z) along which a node's planes are coded.
 
-    These are the axes with an angular context, and z if `eligible_axes` has it, as far as `axes`, a
-    mask with 4 for x, 2 for y and 1 for z, says that the node is split along them.
+    These are the axes with an angular context, and z if it is in `eligible_axes`. Axes along which
+    the node is not split are excluded; `axes` is the mask of split axes (4 x, 2 y, 1 z).
     """
     result = eligible_axes & 4
     result |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2

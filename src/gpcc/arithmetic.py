@@ -1,7 +1,8 @@
 """Adaptive binary arithmetic encoder and decoder of G-PCC.
 
-With an `Encoder`, coding functions encode a value and return it; with a `Decoder`, they ignore the
-argument and return the decoded value. The coder is the Schroedinger coder (`schroarith`) of TMC13.
+All coding functions take an `Encoder` or a `Decoder`. With an `Encoder`, they encode a value and
+return it; with a `Decoder`, they ignore the value and return the decoded one. The coder is the
+Schroedinger coder (`schroarith`) of TMC13.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ State = tuple[int, int, int, int]
 
 HALF = 0x8000
 PADDING = 8
-"""Maximum number of bytes read beyond a stream's end."""
+"""Maximum number of bytes that a decoder reads beyond the end of a stream."""
 _LONGEST_PREFIX = 30
 
 # Decrease of an adaptive probability p of a zero after a one, indexed by p >> 8; after a zero, p
@@ -55,7 +56,7 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 
 
 class Encoder(NamedTuple):
-    """An arithmetic encoder with adaptive contexts; `encoder` makes one."""
+    """State of an arithmetic encoder with adaptive contexts; the function `encoder` makes one."""
 
     # Adaptive probability of a zero in each context, in units of 2^-16.
     contexts: Probabilities
@@ -66,7 +67,7 @@ class Encoder(NamedTuple):
 
 
 class Decoder(NamedTuple):
-    """An arithmetic decoder with adaptive contexts; `decoder` makes one."""
+    """State of an arithmetic decoder with adaptive contexts; the function `decoder` makes one."""
 
     # See `Encoder`.
     contexts: Probabilities
@@ -102,7 +103,7 @@ def decoder(contexts: Probabilities, data: Bytes, bypass: Bytes | None = None) -
 
 
 def consumed(coder: Decoder) -> int:
-    """Return the number of bytes that the decoded symbols occupy."""
+    """Return the number of bytes that the symbols decoded so far occupy."""
     return int(coder.state[3] - coder.state[2] // 8)
 
 
@@ -112,7 +113,7 @@ def finish(coder: Encoder) -> bytes:
 
 
 def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
-    """Encode or decode one bit; return it with the new state and probability."""
+    """Encode or decode one bit, and return the bit, the new state and the new probability."""
     raise NotImplementedError("compiled only")
 
 
@@ -121,7 +122,7 @@ def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
 
 
 def exhausted(coder: Any) -> bool:
-    """Return whether a decoder has read past the end of its data."""
+    """Return whether a decoder has read past the end of the data; False for an encoder."""
     raise NotImplementedError("compiled only")
 
 
@@ -300,9 +301,9 @@ def code_exp_golomb(coder: Any, prefix: int, value: int, order: int = 0) -> int:
 
 @kernel
 def code_count(coder: Any, nonzero: int, prefix: int, count: int) -> int:
-    """Encode or decode a count: a bit that says whether it is 0, then the count minus 1 in
-    Exp-Golomb code.
+    """Encode or decode a count: a bit that says whether it is 0, then the count minus 1.
 
+    The latter is in Exp-Golomb code; `nonzero` and `prefix` are indices of contexts.
     """
     if not code_bit(coder, nonzero, integer(count > 0)):
         return 0
@@ -313,11 +314,10 @@ def code_count(coder: Any, nonzero: int, prefix: int, count: int) -> int:
 def code_exp_golomb_in_contexts(
     coder: Any, prefix: int, last_prefix: int, suffix: int, last_suffix: int, value: int, order: int
 ) -> int:
-    """Encode or decode a number in Exp-Golomb code, whose prefix and suffix bits have contexts of
-    their own.
+    """Encode or decode a number in Exp-Golomb code whose bits have separate contexts.
 
-    The contexts of the prefix begin at `prefix` and end at `prefix` + `last_prefix`, which all
-    further bits share; those of the suffix likewise. The prefix has at most 30 bits.
+    The first context of the prefix is `prefix`; the last one, `prefix` + `last_prefix`, is that of
+    all further bits. The same holds for the suffix. The prefix has at most 30 bits.
     """
     first, base = order, integer(0)
     while order < _LONGEST_PREFIX and code_bit(

@@ -1,7 +1,7 @@
 """Sorting of points by azimuth, radius and slope (height / radius), as in TMC13.
 
-Points with equal keys have the order of TMC13's unstable ``std::sort``, the introsort of the GNU
-C++ library.
+Points with equal keys are in the order of TMC13's unstable ``std::sort``, which is the introsort of
+the GNU C++ library.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ _DEEPEST = 128
 
 
 def azimuth_order(around: Ints, precision: float) -> Ints:
-    """Return the indices (n,) that sort points by azimuth, radius and slope.
+    """Return the indices (n,) that sort points by azimuth, then by radius, then by slope.
 
     Parameters
     ----------
     around
         Integer coordinates (n, 3) relative to the sensor.
     precision
-        Azimuth steps per radian; azimuths within a step are equal. 0 compares exact azimuths.
+        Azimuth steps per radian. Azimuths within a step count as equal; 0 compares exact azimuths.
     """
     keys = np.empty((len(around), 3))
     _fill_keys(around, precision, keys)
@@ -53,7 +53,7 @@ def _fill_keys(around: Ints, precision: float, keys: Floats) -> None:
 
 @entry
 def _sort(rows: Ints, keys: Floats, stack: Ints) -> bool:
-    """Sort `rows` by their keys, in place; return False if quicksort partitions too deeply."""
+    """Sort `rows` in place by their keys, and return False if quicksort partitions too deeply."""
     depth, limit = 1, 0
     while len(rows) >> limit > 1:
         limit += 1

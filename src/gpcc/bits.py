@@ -1,4 +1,4 @@
-"""Bitwise reading and writing of syntax elements.
+"""Reading and writing of syntax elements bit by bit.
 
 The same function reads a structure with a `BitReader` and writes it with a `BitWriter`. Methods are
 named after the standard's descriptors u(n), ue(v) and se(v).
@@ -16,13 +16,16 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Reads a record's attributes from bits, or writes them as bits; `writing` says which."""
+    """Base class of readers and writers of syntax elements, which are attributes of a record.
+
+    If `writing` is true, attributes are written as bits; otherwise they are read.
+    """
 
     writing: bool
 
     @abstractmethod
     def bits(self, n: int, value: int) -> int:
-        """Read or write `value` in `n` bits, highest first."""
+        """Read or write a number of `n` bits, highest bit first, and return the number."""
 
     @abstractmethod
     def align(self) -> None: ...
@@ -46,7 +49,7 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))
 
     def s3(self, record: Any, name: str, n: int) -> None:
-        """Read or write three signed numbers: the magnitude of each, then its sign."""
+        """Read or write three signed numbers, each as a magnitude followed by the sign."""
         values = []
         for value in getattr(record, name):
             magnitude = self.bits(n, abs(int(value)))
@@ -54,12 +57,12 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(values))
 
     def signed(self, value: int) -> int:
-        """Read or write a signed number as its index in the sequence 0, 1, -1, 2, -2, ..."""
+        """Read or write a signed number as an index in the sequence 0, 1, -1, 2, -2, ..."""
         code = self.exp_golomb(2 * abs(value) - (value > 0))
         return (code + 1) // 2 if code & 1 else -(code // 2)
 
     def exp_golomb(self, value: int) -> int:
-        """Read or write an unsigned number in Exp-Golomb code of order 0."""
+        """Read or write an unsigned number in Exp-Golomb code of order 0, and return the number."""
         length = (value + 1).bit_length() - 1
         zeros = 0
         while not self.bits(1, zeros == length):
@@ -90,7 +93,7 @@ class BitWriter(SyntaxElements):
 
 
 class BitReader(SyntaxElements):
-    """Reader of syntax elements, which raises InputError past the end of its bytes."""
+    """Reader of syntax elements from bytes, which raises InputError past the end."""
 
     writing = False
 

@@ -68,20 +68,20 @@ _AXIS_ORDERS = (
 
 @dataclass(frozen=True)
 class DecodedGeometry:
-    """The points of a decoded stream, and the place of their grid in the cloud's coordinates.
+    """The points of a decoded stream, on an integer grid in the cloud's coordinates.
 
     Attributes
     ----------
     points
-        Integer coordinates (m, 3) in steps of the grid; equal points may occur several times.
+        Integer coordinates (m, 3) in steps of the grid. Equal points may occur several times.
     scale
         Number of grid steps per unit of the cloud's coordinates.
     origin
         Origin of the grid, in grid steps.
     global_scale
-        Factor of `points` that the stream states in addition; 1 in streams of this encoder.
+        Additional factor of `points` that the stream states; it is 1 in streams of this encoder.
     metres
-        Whether the unit of the cloud's coordinates is the metre; otherwise it is not known.
+        Whether the unit of the cloud's coordinates is the metre. If not, the unit is unknown.
     """
 
     points: Ints
@@ -106,7 +106,7 @@ class DecodedGeometry:
 
 @dataclass(frozen=True)
 class CodedPoints:
-    """The points of an encoded slice, and which points of the input they are."""
+    """The points of an encoded slice, and the points of the input that they stand for."""
 
     points: SlicePoints
     # (n,) indices of the slice's points in the input.
@@ -123,17 +123,18 @@ def encode_geometry(
     sensor: SensorDescription | None = None,
     attributes: AttributeEncoder | None = None,
 ) -> bytes:
-    """Encode points as a G-PCC stream of one frame with an octree, which TMC13 decodes.
+    """Encode points with an octree as a G-PCC stream of one frame, which TMC13 can decode.
 
     Parameters
     ----------
     points
-        Integer coordinates (n, 3) in steps of the grid, as `quantise` returns them; in any order,
-        and possibly negative.
+        Integer coordinates (n, 3) in steps of the grid, as `quantise` returns them. They may be in
+        any order, and negative.
     options
-        Coding tools. The default is `PROFILES["ctc"]`, which keeps one of several equal points.
+        Coding tools. The default, `PROFILES["ctc"]`, keeps one of several equal points.
     scale
-        Number of grid steps per unit of the cloud's coordinates, for the decoder.
+        Number of grid steps per unit of the cloud's coordinates. The stream states it for the
+        decoder.
     origin
         Integer origin (3,) of the grid, in grid steps. A decoder returns ``(points + origin) /
         scale``.
@@ -141,18 +142,18 @@ def encode_geometry(
         A rotating sensor in the coordinates ``points + origin``. If it is given, the octree is
         coded in angular mode, which predicts points from the directions of the sensor's beams.
     attributes
-        Encoder of the points' attributes; callers use `encode_cloud` instead.
+        Encoder of the points' attributes. Callers use `encode_cloud` instead.
 
     Returns
     -------
     bytes
-        A self-contained stream.
+        The stream, for `decode_geometry`.
 
     Raises
     ------
     InputError
-        If there are no points, coordinates are not integers or span more than 21 bits, points are
-        more than 16,777,216, or the sensor is too far away.
+        There are no points, coordinates are not integers or span more than 21 bits, points are more
+        than 16,777,216, or the sensor is too far away.
     """
     points, low = checked_points(points)
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
@@ -207,12 +208,12 @@ def octree_points(
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Return points as int64 (n, 3) and their least coordinates (3,).
+    """Return points as int64 (n, 3), and their least coordinates (3,).
 
     Raises
     ------
     InputError
-        If there are none, they have another shape, or they are not integers within 21 bits.
+        There are no points, they have another shape, or they are not integers within 21 bits.
     """
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -295,7 +296,6 @@ def _partition(
     angular: bool,
     rows: NDArray[np.int64] | None,
 ) -> Iterator[_SlicePoints]:
-    """Divide points (n, 3) into slices."""
     # rows: (n,) indices of the points, or None if `_SlicePoints.members` may be empty.
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
@@ -316,7 +316,7 @@ def _partition(
 def split_position(sorted_values: NDArray[Any]) -> int:
     """Return the index near the middle at which to split sorted values.
 
-    Equal values are not separated, if possible.
+    If possible, equal values are not separated.
     """
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
@@ -394,17 +394,18 @@ def decode_geometry(stream: bytes, attributes: AttributeReader | None = None) ->
     stream
         A bare stream, as `encode_geometry`, `encode_predictive_geometry` and TMC13 write it.
     attributes
-        Decoder of the attributes, which are otherwise skipped; callers use `decode_cloud` instead.
+        Decoder of the attributes. By default, attributes are skipped; use `decode_cloud` to decode
+        them.
 
     Returns
     -------
     DecodedGeometry
-        Integer points with their scale and origin; `DecodedGeometry.positions` applies these.
+        Integer points with their scale and origin. The method `positions` applies scale and origin.
 
     Raises
     ------
     InputError
-        If the stream is damaged, or uses a tool that this decoder does not support.
+        The stream is damaged, or uses a tool that this decoder does not support.
     """
     contents = _StreamReader(attributes)
     for payload_type, payload in syntax.payloads(stream):

@@ -38,11 +38,11 @@ def kernel(function: Function) -> Function:
 
 
 def part(function: Function) -> Function:
-    """Compile a function inline in its only caller."""
+    """Compile a function so that it is inlined in the only function that calls it."""
     return compiling.compiled(function, inline="always", **_INTERNAL)
 
 
 @compiling.inlined
 def row(rows: NDArray[Any], i: int) -> tuple[int, int, int]:
-    """Return the first three numbers of row `i` of an array of integers, as 64-bit integers."""
+    """Return the first three integers of row `i` of an array as 64-bit integers."""
     return integer(rows[i, 0]), integer(rows[i, 1]), integer(rows[i, 2])

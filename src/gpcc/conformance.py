@@ -1,6 +1,6 @@
-"""Tests of G-PCC decoders with conformance streams from TMC13.
+"""Tests of G-PCC decoders with conformance streams that TMC13, the reference software, encoded.
 
-`vectors/manifest.json` holds each stream's options and the SHA-256 of its decoded points: sorted
+`vectors/manifest.json` holds each stream's options and the SHA-256 of the decoded points: sorted
 rows of x, y, z (in `vectors/attributes` also red, green, blue and reflectance), as little-endian
 float64.
 """
@@ -25,12 +25,12 @@ FOLDER = Path(__file__).parent / "vectors"
 
 Values = NDArray[Any]
 Decode = Callable[[bytes], Floats]
-"""Function that returns rows of x, y, z and, if coded, red, green, blue and reflectance."""
+"""Function from bytes to rows of x, y, z and, if coded, red, green, blue and reflectance."""
 
 
 @dataclass(frozen=True)
 class ConformanceStream:
-    """A stream of the reference software TMC13, and what a decoder must make of it.
+    """A stream that TMC13, the reference software, encoded, and the right result of decoding it.
 
     Attributes
     ----------
@@ -39,11 +39,11 @@ class ConformanceStream:
     path
         File that holds the stream.
     options
-        Command-line options with which TMC13 encoded it.
+        Command-line options with which TMC13 encoded the stream.
     points
         Number of decoded points.
     digest
-        `digest` of the decoded points and attributes.
+        Result of the function `digest` for the decoded points and attributes.
     """
 
     name: str
@@ -62,14 +62,14 @@ class ConformanceStream:
 
     @property
     def columns(self) -> int:
-        """Number of coordinates and attribute values of each point."""
+        """Number of values of a decoded point: coordinates and attribute values."""
         colours = "--attribute=color" in self.options
         return 3 + 3 * colours + ("--attribute=reflectance" in self.options)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of decoding one conformance stream.
+    """Result of decoding one conformance stream: whether the decoder was right.
 
     Attributes
     ----------
@@ -88,22 +88,27 @@ class Verdict:
 
 
 class CrashError(Exception):
-    """A decoder raises this if it was ended by a signal or exceeded its time limit."""
+    """Exception of a decoder that was ended by a signal or exceeded the time limit."""
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """Return the conformance streams of a folder that holds a ``manifest.json`` and ``.bin`` files.
+    """Return the conformance streams of a folder.
 
     Parameters
     ----------
     folder
-        By default the folder ``vectors`` of this package. Streams of its subfolder ``attributes``,
-        if there is one, are included.
+        Folder with a ``manifest.json`` and the streams (``.bin``). By default, it is the folder
+        ``vectors`` of this package. Streams of a subfolder ``attributes`` are included.
+
+    Returns
+    -------
+    list of ConformanceStream
+        The streams that the manifest lists.
 
     Raises
     ------
     InputError
-        If there is no manifest, or it does not list streams.
+        There is no manifest, or it does not list streams.
     """
     streams = _listed(folder, "")
     inner = folder / "attributes"
@@ -135,24 +140,33 @@ def _stream(name: str, path: Path, about: dict[str, Any]) -> ConformanceStream:
 
 
 def digest(points: Floats) -> str:
-    """Return the SHA-256, in hexadecimal, of points (n, columns) that are first sorted by their
-    columns.
+    """Return the SHA-256 (hexadecimal) of points, whose order does not matter.
+
+    Parameters
+    ----------
+    points
+        Rows (n, columns), which are sorted by their columns before they are hashed.
     """
     ordered = points[np.lexsort(points.T[::-1])] + 0.0  # no negative zeros
     return hashlib.sha256(ordered.astype("<f8").tobytes()).hexdigest()
 
 
 def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[Verdict]:
-    """Decode conformance streams with any decoder, and yield a verdict for each.
+    """Decode conformance streams with any decoder, and yield a verdict for each stream.
 
     Parameters
     ----------
     decode
-        Function that takes the bytes of a stream and returns an array (m, 3 to 7) of x, y and z,
-        then red, green, blue and reflectance if the stream has them. It may raise `InputError` to
-        refuse a stream, and `CrashError`.
+        Decoder: a function that takes the bytes of a stream, and returns an array (m, 3 to 7) of x,
+        y and z, then red, green, blue and reflectance if the stream has them. It may raise
+        `InputError` to refuse a stream, and `CrashError`.
     streams
         The streams, as `conformance_streams` returns them.
+
+    Yields
+    ------
+    Verdict
+        Whether the decoder was right.
     """
     for stream in streams:
         try:
@@ -182,6 +196,11 @@ def _difference(stream: ConformanceStream) -> str:
 def decode_rows(stream: bytes) -> Floats:
     """Decode a stream with this package to the rows that `verdicts` compares.
 
+    Parameters
+    ----------
+    stream
+        A G-PCC stream.
+
     Returns
     -------
     ndarray
@@ -193,8 +212,9 @@ def decode_rows(stream: bytes) -> Floats:
 
 
 def rows_of(points: Floats, colours: Values | None, reflectances: Values | None) -> Floats:
-    """Return points (n, 3), colours (n, 3) and reflectances (n,), where given, as columns of one
-    array.
+    """Return points (n, 3) with colours (n, 3) and reflectances (n,) as columns of one array.
+
+    Colours or reflectances that are None are left out.
     """
     columns = (points, colours, reflectances)
     return np.column_stack([each for each in columns if each is not None]).astype(np.float64)

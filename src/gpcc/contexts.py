@@ -1,8 +1,8 @@
-"""Adaptive contexts of octree geometry, and the tables that select them.
+"""Adaptive contexts of octree geometry, and the tables by which they are selected.
 
 A neighbour pattern is a mask of occupied face neighbours: 1 for x+1, 2 for x-1, 4 for y-1, 8 for
-y+1, 16 for z-1, 32 for z+1. A child's index is 4x + 2y + z; an occupancy is a mask of children. In
-TMC13: `GeometryOctreeContexts`, `tables.cpp`.
+y+1, 16 for z-1, 32 for z+1. The index of a child is 4x + 2y + z, and an occupancy is a mask of
+children. In TMC13: `GeometryOctreeContexts`, `tables.cpp`.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return each child's new index if a pattern is rotated to the representative of the class."""
+    """Return each child's new index when a pattern is rotated to represent its class."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)
@@ -118,9 +118,9 @@ CODED_CHILD = np.array(
     dtype=np.int64,
 )
 CTX_MAP_BASE = np.array([_map_bases(_SIBLING_CLASSES), _map_bases(_CLASSES_9)], dtype=np.int64)
-"""Offsets into a context map.
+"""Offsets into a context map, by three indices.
 
-Indices: 1 if neighbours outside the parent are known; neighbour pattern; coded bit.
+The indices are: 1 if neighbours outside the parent are known, else 0; neighbour pattern; coded bit.
 """
 
 

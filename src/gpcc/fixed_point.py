@@ -52,13 +52,13 @@ _ARC_SINES = np.rint(np.arcsin(np.minimum(np.arange(364), 362) / 512) * 2**20).a
 
 @inlined
 def int32(number: int) -> int:
-    """Wrap a number to a signed 32-bit integer, as TMC13 does."""
+    """Return a number wrapped to a signed 32-bit integer, as in TMC13."""
     return ((number & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
 
 
 @inlined
 def inverse_square_root(number: int) -> int:
-    """Return 2^40 / sqrt(number), or 0 for 0; the number must be below 2^63."""
+    """Return 2^40 / sqrt(number) for a number below 2^63, or 0 for 0."""
     if number <= 0:
         return 0
     pairs: int = 16 - (
@@ -94,7 +94,7 @@ def _arc_tangent(y: int, x: int) -> int:
 
 @kernel
 def arc_tangent(y: int, x: int) -> int:
-    """Return the angle of (x, y) in (-pi, pi], or 0 at the origin; |x|, |y| must be below 2^30."""
+    """Return the angle of (x, y) in (-pi, pi], or 0 at the origin; |x| and |y| are below 2^30."""
     x_size, y_size = abs(x), abs(y)
     angle = _arc_tangent(min(x_size, y_size), max(x_size, y_size))
     if y_size > x_size:

@@ -1,4 +1,4 @@
-"""The grid of a cloud's coordinates, and the container that carries it, which G-PCC cannot signal.
+"""The grid of a cloud's coordinates, and a container for it, since G-PCC cannot signal the grid.
 
 A container is::
 
@@ -26,13 +26,13 @@ Rounding = Literal["nearest", "truncate"]
 MOST_BITS = 21
 """Maximum number of bits of a coordinate, as in the default level of the standard's profiles."""
 _FARTHEST = 2.0**30
-"""Limit of coordinates in steps; a stream's sequence origin cannot be farther away."""
+"""Largest coordinate in steps, since the origin that a stream states cannot be farther away."""
 MAGIC = b"PBGP"
 _GRID = struct.Struct("<4d")
 
 
 class InputGrid(NamedTuple):
-    """The grid of a cloud's coordinates before they are scaled.
+    """Grid on which the coordinates of a cloud lie before they are scaled.
 
     Attributes
     ----------
@@ -50,14 +50,14 @@ DEFAULT_GRID = InputGrid()
 
 
 class Quantised(NamedTuple):
-    """Quantised points, which the encoders take.
+    """Quantised points, as the encoders take them.
 
     Attributes
     ----------
     positions
-        Integer coordinates (n, 3) in grid steps, none negative.
+        Integer coordinates (n, 3) in grid steps, none of them negative.
     origin
-        Integers (3,), in grid steps, that a decoder adds to the positions.
+        Integers (3,), in grid steps, which a decoder adds to the positions.
     """
 
     positions: NDArray[np.int64]
@@ -65,21 +65,21 @@ class Quantised(NamedTuple):
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return a grid that suits points for coding in steps of ``unit / scale``.
+    """Return a grid for coordinates that will be coded in steps of ``unit / scale``.
 
     Parameters
     ----------
     points
         Coordinates (n, 3).
     unit
-        Step of the returned grid.
+        Step of the returned grid, in the unit of the coordinates.
     scale
         Number of coded steps per grid step.
 
     Returns
     -------
     InputGrid
-        A grid whose offset is zero or, if the coordinates are too large for a stream, the points'
+        The grid. Its offset is zero or, if the coordinates are too large for a stream, the points'
         minimum.
     """
     ends = bounds(points)
@@ -95,16 +95,18 @@ def quantise(
     scale: float = 1.0,
     rounding: Rounding = "nearest",
 ) -> Quantised:
-    """Round points to integer coordinates with the step ``grid.unit / scale``, for the encoders.
+    """Round points to the integer coordinates that the encoders take.
+
+    The step of the result is ``grid.unit / scale``.
 
     Parameters
     ----------
     points
         Coordinates (n, 3).
     grid
-        The grid of the coordinates; by default its step is 1 and its offset zero.
+        The grid of the coordinates. By default, its step is 1 and its offset zero.
     scale
-        Number of coded steps per grid step: 100 codes metres in steps of 1 cm.
+        Number of coded steps per grid step. For example, 100 codes metres in steps of 1 cm.
     rounding
         ``nearest`` rounds to the nearest step. ``truncate`` first truncates to multiples of
         ``grid.unit``, then rounds in single precision, as TMC13 does for floating-point files.
@@ -112,12 +114,12 @@ def quantise(
     Returns
     -------
     Quantised
-        Positions (n, 3), and the origin (3,) to pass to the encoder. They may contain equal points.
+        Positions (n, 3), of which several may be equal, and the origin (3,) to pass to the encoder.
 
     Raises
     ------
     InputError
-        If the cloud spans 2^21 - 1 steps or more.
+        The cloud spans 2^21 - 1 steps or more.
     """
     with np.errstate(over="ignore"):
         units = points if grid == DEFAULT_GRID else (points - grid.offset) / grid.unit
@@ -141,12 +143,24 @@ def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int6
 
 
 def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
-    """Convert decoded positions (m, 3) from grid steps to the cloud's coordinates.
+    """Return decoded positions, converted from grid steps to the cloud's coordinates.
+
+    Parameters
+    ----------
+    units
+        Positions (m, 3) in grid steps.
+    grid
+        The grid of the coordinates.
+
+    Returns
+    -------
+    ndarray
+        Coordinates (m, 3) in the unit of the cloud.
 
     Raises
     ------
     InputError
-        If a coordinate is not finite, because the grid of a damaged stream is not.
+        A coordinate is not finite, since the grid of a damaged stream is not.
     """
     if grid == DEFAULT_GRID:
         return units
@@ -158,26 +172,31 @@ def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
 
 
 class Unwrapped(NamedTuple):
-    """A bare G-PCC stream and the grid of its coordinates."""
+    """A bare G-PCC stream, and the grid of the cloud's coordinates."""
 
     stream: bytes
     grid: InputGrid
 
 
 def wrap(stream: bytes, grid: InputGrid) -> bytes:
-    """Put a bare stream and its grid into a container; the default grid takes no bytes."""
+    """Return a container of a bare stream and the grid of the cloud's coordinates.
+
+    The default grid takes no bytes.
+    """
     if grid == DEFAULT_GRID:
         return MAGIC + b"\0" + stream
     return MAGIC + b"\1" + _GRID.pack(grid.unit, *grid.offset) + stream
 
 
 def unwrap(data: bytes) -> Unwrapped:
-    """Read a container, or a bare stream, whose grid is the default one.
+    """Return the bare stream and the grid of a container.
+
+    A bare stream is accepted, too, and has the default grid.
 
     Raises
     ------
     InputError
-        If the bytes begin like neither, or the grid is damaged.
+        The bytes begin like neither, or the grid is damaged.
     """
     if not data.startswith(MAGIC):
         if not data.startswith(b"\0\0\0"):

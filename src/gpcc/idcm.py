@@ -1,6 +1,7 @@
-"""Inferred direct coding mode (IDCM): codes coordinates of a node with one or two distinct points.
+"""Inferred direct coding mode (IDCM), which codes the coordinates of one or two distinct points.
 
-In TMC13: `isDirectModeEligible`, `encodePointPosition`.
+The mode is for octree nodes that hold no other points. In TMC13: `isDirectModeEligible`,
+`encodePointPosition`.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ _ALL_AXES = 0xFFFFFFFF
 
 
 class IdcmNode(NamedTuple):
-    """A node whose points are coded by their coordinates, and its coded planes."""
+    """A node whose points are coded by their coordinates, and the planes coded for it before."""
 
     morton: int
     node_size_log2: tuple[int, int, int]
@@ -54,7 +55,7 @@ class IdcmNode(NamedTuple):
 
 
 class LocalPoints(NamedTuple):
-    """Working memory for the one or two points of a node, relative to the node."""
+    """Working memory for the one or two points of a node, in coordinates relative to it."""
 
     # points_in, coded: (2, 3) points to encode, and coded points.
     points_in: Ints
@@ -69,7 +70,10 @@ def empty_local_points() -> LocalPoints:
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Return a mask whose bit i says whether the i-th of 32 eligible nodes may use IDCM."""
+    """Return a mask of 32 bits that says which of 32 successive eligible nodes may use IDCM.
+
+    Bit i is that of the i-th node.
+    """
     if mode == 0:
         return 0
     if mode != 1 or not planar_enabled:
@@ -82,7 +86,7 @@ def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
 def is_idcm_eligible(
     mode: int, size_log2: int, neigh_pattern: int, sibling_count: int, child_count: int
 ) -> bool:
-    """Return whether a node's children may use IDCM; `sibling_count` includes the node."""
+    """Return whether the children of a node may use IDCM; `sibling_count` includes the node."""
     if mode == 0 or size_log2 < 2:
         return False
     if mode == 1:
@@ -94,7 +98,11 @@ def is_idcm_eligible(
 
 @inlined
 def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
-    """Return whether the encoder uses IDCM for `points` points at `leaves` distinct positions."""
+    """Return whether an encoder uses IDCM for a node.
+
+    The node has `points` points at `leaves` distinct positions; `unique_points` says that the
+    stream has no repeated points.
+    """
     if points > _MAX_EQUAL_POINTS:
         return False
     if leaves == 1 and points > 1 and not unique_points:
@@ -111,7 +119,13 @@ def code_direct_positions(
     leaves: int,
     points: int,
 ) -> tuple[int, int]:
-    """Encode or decode the points of a node; return the numbers of distinct and of all points."""
+    """Encode or decode the points of a node.
+
+    Returns
+    -------
+    leaves, points
+        Number of distinct points, and number of all points.
+    """
     pair = code_bit(coder, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
     if not node.unique_points and not pair:
@@ -243,7 +257,7 @@ def _code_azimuth(
     local: LocalPoints,
     i: int,
 ) -> int:
-    """Encode or decode a point's coordinate along `axis` (x or y), and return it."""
+    """Encode or decode a point's coordinate along `axis` (x or y), and return the coordinate."""
     # The result, the node's `corner` and the `other` coordinate are relative to the sensor.
     left = local.bits_left[axis]
     place: int = corner + (local.coded[i, axis] << left)
@@ -273,7 +287,7 @@ def _code_elevation(
     local: LocalPoints,
     i: int,
 ) -> None:
-    """Encode or decode a point's z."""
+    """Encode or decode the coordinate z of a point."""
     # place: the point's x and y, and the node's z, relative to the sensor.
     x, y, z = place
     left = local.bits_left[2]
@@ -293,7 +307,7 @@ def _code_elevation(
 
 @kernel
 def local_points(leaves: Ints, node_size_log2: tuple[int, int, int], points: Ints) -> None:
-    """Write one or two leaves to `points`, relative to their node."""
+    """Write one or two leaves to `points`, with coordinates relative to the node."""
     for i in range(len(leaves)):
         for axis in range(3):
             inside = (1 << node_size_log2[axis]) - 1
@@ -304,11 +318,12 @@ def local_points(leaves: Ints, node_size_log2: tuple[int, int, int], points: Int
 def order_pair(
     node: IdcmNode, angular: Angular | None, axes: int, second_first: bool, points: Ints
 ) -> None:
-    """Sort a node's two points into the order in which they are coded.
+    """Sort a node's two points in place into the order in which they are coded.
 
-    Jointly coded points are sorted by x, y, z; in angular mode, only by x or y, whichever is coded
-    without contexts. In angular mode, points that are equal in this coordinate or coded separately
-    are swapped if `second_first` and both are in the same child node.
+    Points that are coded jointly are sorted by x, y, z. In angular mode, they are sorted only by x
+    or y, whichever is coded without contexts. In angular mode, points that are equal in this
+    coordinate, or are coded separately, are swapped if `second_first` and both are in the same
+    child node.
     """
     swapped = False
     if angular is None:

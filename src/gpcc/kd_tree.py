@@ -1,7 +1,7 @@
-"""K-d trees of points, and search for the points nearest to a place.
+"""K-d trees of points, and search in them for the points nearest to a place.
 
-Trees are built and searched in nanoflann's order, so that equally near points are chosen as in
-TMC13. Coordinates are integers or floating-point numbers.
+Trees are built and searched in the order of the library nanoflann, so that the choice among equally
+near points is TMC13's. Coordinates are integers or floating-point numbers.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ Place = tuple[Any, Any, Any]
 
 _LEAF = 10
 _DEEPEST = 1024
-"""Maximum depth; each split halves the points or their bounding box."""
+"""Maximum depth of a tree. Each split halves the points or their bounding box."""
 
 
 class KdTrees(NamedTuple):
-    """K-d trees of points (n, 3), which share memory; each tree has successive `rows`."""
+    """K-d trees of points (n, 3) in common arrays, where each tree has successive `rows`."""
 
     points: Numbers
     # Indices of points; those of a node are successive.
@@ -59,16 +59,20 @@ def empty_trees(points: Numbers, rows: int, nodes: int, neighbours: int) -> KdTr
 
 @entry
 def build(trees: KdTrees, root: int, first: int, end: int, box: Numbers, share: float) -> None:
-    """Build the tree of the rows `first` to `end` - 1.
+    """Build the tree of the points in the rows `first` to `end` - 1.
 
     Parameters
     ----------
+    trees
+        The trees, whose arrays are changed.
     root
         Index of the tree's first node.
+    first, end
+        The tree's rows.
     box
-        Result (6,): the tree's bounding box, least and largest coordinates.
+        Result (6,): the least and largest coordinates of the points.
     share
-        Sides of a box that are at least this share of its longest side may be split.
+        Sides of a node's box may be split if they are at least this share of the longest side.
     """
     nodes, gaps, stack, used, depth = trees.nodes, trees.gaps, trees.stack, root + 1, 1
     for axis in range(3):
@@ -113,7 +117,7 @@ def _range(trees: KdTrees, first: int, end: int, axis: int) -> tuple[Any, Any]:
 
 @inlined
 def _split(trees: KdTrees, first: int, end: int, frame: Numbers, share: float) -> tuple[int, int]:
-    """Partition rows near the middle of their box's longest side."""
+    """Partition rows near the middle of the longest side of their box."""
     # Returns the axis and the first row of the upper half, and writes the cut to `frame`.
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     low = high = frame[3]
@@ -155,20 +159,25 @@ def _parted(trees: KdTrees, left: int, first: int, end: int, cut: Any, equal: bo
 
 @inlined
 def search(trees: KdTrees, root: int, box: Numbers, at: Place, held: int) -> int:
-    """Add a tree's points to the nearest points that were found before, and return how many these
-    are.
+    """Find the points of a tree that are nearer to a place than those found before.
 
     Parameters
     ----------
     trees
-        The trees; `nearest` and `distances` hold the result. Before the first tree is searched, the
-        last of `distances` must be larger than any distance.
+        The trees. The fields `nearest` and `distances` receive the result. Before the first tree is
+        searched, the last of `distances` must be larger than any distance.
     root, box
         The tree's first node and bounding box.
     at
-        The place, to which points are near.
+        The place.
     held
-        Number of nearest points found so far; entries from there on are of earlier searches.
+        Number of nearest points found so far. Later entries of `nearest` are left from earlier
+        searches.
+
+    Returns
+    -------
+    int
+        Number of nearest points found so far, including those of this tree.
     """
     stack, nodes, distances = trees.stack, trees.nodes, trees.distances
     last = len(distances) - 1

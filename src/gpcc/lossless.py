@@ -1,6 +1,6 @@
-"""Lossless coding of voxels with the octree of G-PCC.
+"""Lossless coding of sets of voxels with the octree of G-PCC, in a format that is not G-PCC.
 
-A header holds the minimum corner, the number of voxels and the bit lengths of the bounding box's
+The header holds the minimum corner, the number of voxels and the bit lengths of the bounding box's
 sides as base-128 numbers.
 """
 
@@ -31,23 +31,24 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Encode the set of occupied voxels without loss, with a short header (this is not a G-PCC
-    stream).
+    """Encode a set of occupied voxels without loss.
+
+    The stream has a short header of its own, and is therefore not a G-PCC stream.
 
     Parameters
     ----------
     voxels
-        Integer coordinates (n, 3), possibly negative, in any order; repeated voxels count once.
+        Integer coordinates (n, 3), possibly negative, in any order. Repeated voxels count once.
 
     Returns
     -------
     bytes
-        A self-contained stream, empty if there are no voxels.
+        The stream for `decode_voxels`, empty if there are no voxels.
 
     Raises
     ------
     InputError
-        If the voxels span more than 21 bits, or more than 16,777,216 are distinct.
+        The voxels span more than 21 bits, or more than 16,777,216 are distinct.
     """
     voxels = np.ascontiguousarray(voxels, dtype=np.int64)
     if not len(voxels):

@@ -1,4 +1,4 @@
-"""Occupied neighbours of an octree node, found in a map of occupancies (atlas).
+"""Occupied neighbours of an octree node, which are found in an atlas, i.e. a map of occupancies.
 
 The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side; neighbours outside the
 cube count as empty. Without an atlas, only siblings are known. In TMC13:
@@ -79,7 +79,7 @@ _GRID_CUT, _GRID_SHIFT = np.moveaxis(_GRID_PLACING, 2, 0).copy().reshape(2, 8, 3
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancies of the nodes in a cube, by Morton code: of parents, and of nodes coded so far."""
+    """Occupancies, by Morton code, of the parents in a cube and of the nodes coded so far."""
 
     parents: Bytes
     nodes: Bytes
@@ -96,10 +96,18 @@ def empty_atlas(boundary: int) -> OccupancyAtlas:
 def update_atlas(
     atlas: OccupancyAtlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
 ) -> int:
-    """Put the parents of the next cube into the atlas, in place of those of the last one.
+    """Replace the parents in the atlas by those of the next cube.
 
-    The last cube has the parents `previous` to `first` - 1. Returns the end of the parents of the
-    next cube, which begin at `first`.
+    Parameters
+    ----------
+    previous, first
+        Parents `previous` to `first` - 1 are those of the last cube; those of the next begin at
+        `first`.
+
+    Returns
+    -------
+    int
+        End of the parents of the next cube.
     """
     inside = (1 << 3 * atlas.side) - 1
     for i in range(previous, first):
@@ -137,9 +145,9 @@ def _adjacent_occupancy(
 
 @kernel
 def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
-    """Return six masks of a parent's children, one byte each.
+    """Return six masks of a parent's children in one integer, one byte each.
 
-    Byte k masks the children with an occupied neighbour in the direction of bit k of a
+    Bit c of byte k says whether child c has an occupied neighbour in the direction of bit k of a
     neighbour pattern (see `contexts`).
     """
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
@@ -171,12 +179,19 @@ def neigh_pattern_of(faces: int, child: int) -> int:
 def refine_by_adjacent_children(
     atlas: OccupancyAtlas, axes: int, node: int, neigh_pattern: int
 ) -> tuple[int, int, int, int, int]:
-    """Remove neighbours whose children do not touch a node from the node's neighbour pattern.
+    """Remove neighbours from a node's neighbour pattern if none of their children touches the node.
 
-    Only the neighbours x-1, y-1 and z-1 are coded before and can be removed. Returns the pattern;
-    masks of the node's children that touch one (adjacencyGt0) or two (adjacencyGt1) occupied
-    children or an empty one (adjacencyUnocc) of these neighbours; and the neighbours' occupancies,
-    one byte each.
+    Only the neighbours x-1, y-1 and z-1 are coded before the node, and can be removed.
+
+    Returns
+    -------
+    neigh_pattern
+        The pattern without the removed neighbours.
+    adjacency_gt0, adjacency_gt1, adjacency_unocc
+        Masks of the node's children that touch one occupied child, two occupied children, or an
+        empty child of these neighbours.
+    occupancies
+        Occupancies of these neighbours, one byte each.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = node & inside
@@ -227,7 +242,7 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Move a Morton code by `place` - 1 nodes along the axis of `bits`."""
+    """Return a Morton code moved by `place` - 1 nodes along the axis of `bits`."""
     # Returns the moved code's bits of this axis, or -1 outside the cube.
     along = address & bits
     if place == 1:
@@ -241,8 +256,10 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
 def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
     """Predict which children of a node are occupied, from the result of `neighbour_grid`.
 
-    Returns two masks of the node's children: those with a prediction, and those predicted as
-    occupied.
+    Returns
+    -------
+    predicted, occupied
+        Mask of the children with a prediction, and mask of those predicted as occupied.
     """
     neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
     threshold = 4 if bit_count(neighbourhood) < 14 else 5

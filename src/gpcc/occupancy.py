@@ -1,4 +1,4 @@
-"""Bitwise coding of a node's occupancy (`encodeOccupancyBitwise` of TMC13).
+"""Coding of a node's occupancy, bit by bit (`encodeOccupancyBitwise` of TMC13).
 
 The context of each bit comes from one of 18 adaptive maps (`CtxMapOctreeOccupancy`).
 """
@@ -23,7 +23,7 @@ from pointkit.compiling import inlined
 
 
 class OccupancyNeighbourhood(NamedTuple):
-    """Neighbourhood that selects the contexts of a node's occupancy (see `neighbours`)."""
+    """Neighbourhood of a node, which selects contexts of the occupancy (see `neighbours`)."""
 
     # Whether neighbours outside the parent are known.
     neighbours_known: int
@@ -36,7 +36,7 @@ class OccupancyNeighbourhood(NamedTuple):
 
 
 class PlanarMasks(NamedTuple):
-    """What the planar modes of a node say about its children."""
+    """Facts about a node's children that follow from the planar modes of the node."""
 
     # Children outside the only occupied plane along x, y and z; 0 if both planes may be occupied.
     mask_planar_x: int
@@ -76,7 +76,7 @@ def code_occupancy(
 
 @kernel
 def _pair_of_children(masks: PlanarMasks) -> int:
-    """Return the mask of the two children in the only occupied planes of two axes; 0 if none."""
+    """Return the mask of the two children in the only occupied planes of two axes, or 0 if none."""
     child = _known_child(masks)
     if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child
@@ -148,7 +148,7 @@ def _code_bits(
     free: bool,
     occupancy: int,
 ) -> int:
-    """Encode or decode the children outside the mask `masked`."""
+    """Encode or decode the occupancy bits of the children that are not in the mask `masked`."""
     # free: whether the planar modes do not restrict the children.
     no_neighbour = neighbourhood.neigh_pattern == 0
     # Without neighbours, a single child is coded otherwise; here, at least two are occupied.

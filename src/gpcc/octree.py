@@ -1,7 +1,7 @@
-"""Coding of an octree level: each node's planar modes, and its occupancy or IDCM points.
+"""Coding of the levels of an octree: each node's planar modes, and its occupancy or IDCM points.
 
-Nodes are coded breadth-first, as in TMC13's `GeometryOctreeEncoder` and
-`GeometryOctreeDecoder`. Only encoders have a `Source`.
+Nodes are coded breadth-first, as in TMC13's `GeometryOctreeEncoder` and `GeometryOctreeDecoder`.
+Functions encode if they get a `Source`, and decode otherwise.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ TOO_MANY_POINTS = -2
 
 
 class Level(NamedTuple):
-    """Properties of all nodes of a level."""
+    """Properties that all nodes of a level of the octree share."""
 
     # coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) split by this and the previous level.
     coded_axes: int
@@ -71,7 +71,7 @@ class Level(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Nodes (n,) of a level that have children."""
+    """Those nodes (n,) of a level that have children."""
 
     morton: Ints
     occupancy: Bytes
@@ -84,7 +84,7 @@ class Nodes(NamedTuple):
 
 
 class Source(NamedTuple):
-    """What an encoder knows of a level of the octree; see also `tree.TreeLevel` and `tree.Tree`."""
+    """A level of the octree that an encoder codes; see also `tree.TreeLevel` and `tree.Tree`."""
 
     occupancy: Bytes
     first_child: NDArray[np.int32]
@@ -97,7 +97,7 @@ class Source(NamedTuple):
 
 
 class SliceState(NamedTuple):
-    """State that persists over the levels of a slice."""
+    """State that lasts from level to level while a slice is coded."""
 
     atlas: OccupancyAtlas
     planar: PlanarState
@@ -112,7 +112,7 @@ class SliceState(NamedTuple):
 
 
 class ParentNode(NamedTuple):
-    """A node whose children are coded."""
+    """A node whose children are being coded."""
 
     first_child_code: int
     sibling_occupancy: int
@@ -134,10 +134,29 @@ def code_level(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Encode the children of `parents` if there is a `source`, else decode them.
+    """Encode the children of a level's nodes if there is a `source`, and decode them otherwise.
 
-    Children that have children themselves are written to `nodes`. Returns their number, or
-    EXHAUSTED or TOO_MANY_POINTS if a stream is damaged.
+    Parameters
+    ----------
+    coder
+        The arithmetic encoder or decoder.
+    level
+        Properties of the children.
+    parents
+        Nodes of the level above.
+    nodes
+        Result: those children that have children themselves.
+    source
+        The level that an encoder codes; None in a decoder.
+    state
+        State of the slice.
+    angular
+        State of the sensor in angular mode; None without a sensor.
+
+    Returns
+    -------
+    int
+        Number of nodes in the result, or EXHAUSTED or TOO_MANY_POINTS if a stream is damaged.
     """
     atlas, axes, count = state.atlas, level.coded_axes_prev_level, len(parents.morton)
     state.counters[2:4] = 0

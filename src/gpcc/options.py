@@ -1,4 +1,4 @@
-"""Options of the octree encoder, named as in TMC13, and profiles."""
+"""Options of the octree encoder, with TMC13's names, and named sets of options."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ _PlanarThreshold = Annotated[int, Field(ge=0, le=127)]
 
 
 class GpccOptions(Model):
-    """Coding tools of the octree encoder, which are the options of TMC13 of the same names.
+    """Options of the octree encoder, which have the names and meanings of TMC13's.
 
-    The defaults code occupancies with contexts from neighbouring nodes, and use no other tool.
+    The defaults code occupancies with contexts from neighbouring nodes, and use no other coding
+    tool.
     """
 
     neighbour_avail_boundary_log2: Annotated[int, Field(ge=0, le=8)] = Field(
@@ -77,8 +78,11 @@ PROFILES = {
     "ctc": GpccOptions(planar=True, qtbt=True, intra_pred_max_node_size_log2=6),
     "defaults": GpccOptions(planar=True, qtbt=True, neighbour_avail_boundary_log2=0),
 }
-"""minimal: octree with neighbour and adjacent-child contexts only. ctc: MPEG's common test
-conditions. defaults: TMC13 without options."""
+"""Named sets of options.
+
+``minimal`` is an octree with contexts from neighbours and adjacent children only, ``ctc`` follows
+MPEG's common test conditions, and ``defaults`` is TMC13 without options.
+"""
 
 SPINNING = {
     "inferred_direct_coding_mode": 3,
@@ -87,7 +91,8 @@ SPINNING = {
     "merge_duplicates": False,
     "planar_buffer": False,
 }
-"""Changes to `ctc` in MPEG's common test conditions for lossless coding of spinning sensors.
+"""Options in which lossless coding of spinning sensors differs from `ctc` in MPEG's conditions.
 
-For lossy coding, the conditions merge duplicates and use IDCM only for isolated nodes."""
+For lossy coding, the conditions also merge duplicates and use IDCM only for isolated nodes.
+"""
 PROFILES["spinning"] = PROFILES["ctc"].model_copy(update=SPINNING)

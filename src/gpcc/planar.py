@@ -1,4 +1,4 @@
-"""Planar mode: signals that a node's occupied children lie in one of two planes along an axis.
+"""Planar mode, which states that a node's occupied children lie in one of two planes along an axis.
 
 The mode is used for nodes with few occupied children, along axes on which it is frequent
 (`OctreePlanarState`, `OctreePlanarBuffer` of TMC13).
@@ -32,7 +32,7 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 
 
 class PlanarState(NamedTuple):
-    """Adaptive rates of planar modes, and a buffer of the last planes."""
+    """Adaptive rates of planar modes, and a buffer with the last planes."""
 
     enabled: bool
     buffered: bool
@@ -77,10 +77,9 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 
 @inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
-    """Return the mask of the axes (1 x, 2 y, 4 z) along which planes are frequent enough to be
-    coded.
+    """Return the mask of axes (1 x, 2 y, 4 z) along which planes are frequent enough to be coded.
 
-    `axes` is the mask (4 x, 2 y, 1 z) of those along which the node is split.
+    The mask `axes` (4 x, 2 y, 1 z) holds the axes along which the node is split.
     """
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
@@ -98,10 +97,10 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return two masks of axes (1 x, 2 y, 4 z) for the occupancy of a node.
+    """Return two masks of axes (1 x, 2 y, 4 z) that describe the planes of an occupancy.
 
-    The first has the axes along which only one of the two planes of children is occupied, the
-    second those of them along which it is the upper plane.
+    The first mask has the axes along which only one of the two planes of children is occupied; the
+    second has those of these axes along which the upper plane is occupied.
     """
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
@@ -121,7 +120,7 @@ def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
 
 
 class PlanarNode(NamedTuple):
-    """Neighbourhood that selects the contexts of planar modes."""
+    """Neighbourhood of a node, which selects contexts of the node's planar modes."""
 
     morton: int
     child: int
@@ -138,9 +137,14 @@ class PlanarNode(NamedTuple):
 def code_planar_modes(
     coder: Any, state: PlanarState, node: PlanarNode, eligible_axes: int, occupancy: int
 ) -> tuple[int, int, int]:
-    """Encode or decode the planar modes along the eligible axes.
+    """Encode or decode the planar modes of a node along the eligible axes.
 
-    Returns the masks of `planar_mode_of`, and `PlanarMasks.planar_possible`.
+    Returns
+    -------
+    planar_mode, plane_pos_bits
+        The two masks of `planar_mode_of`.
+    planar_possible
+        Mask for `PlanarMasks.planar_possible`.
     """
     planar_mode, plane_pos_bits, planar_possible = 0, 0, 7
     if eligible_axes == 0:

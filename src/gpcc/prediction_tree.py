@@ -1,4 +1,4 @@
-"""Order and parents of a slice's points, chosen as in TMC13.
+"""Prediction trees of a slice's points: the order and the parents of points, chosen as in TMC13.
 
 With a sensor, each laser's points form a chain, and chains are linked by their first points.
 Without a sensor, the parent of a point is the node with the nearest prediction.
@@ -20,7 +20,7 @@ Order = Literal["given", "morton", "azimuth", "radius"]
 
 MOST_CHILDREN = 3
 ROOT, DUPLICATE = -1, -2
-"""Values in place of a parent: root of a tree, and duplicate of the previous point."""
+"""Values in place of a parent, for the root of a tree and for a duplicate of the previous point."""
 NEIGHBOURS = 3
 _LEAF_LOG2 = 3
 """Up to 2^3 positions are searched without a tree."""
@@ -28,7 +28,7 @@ _FAR = (1 << 62) - 1
 
 
 class PredictionTree(NamedTuple):
-    """Trees whose nodes are the points (n,); each point is predicted from its ancestors."""
+    """Trees whose nodes are the points (n,) of a slice; ancestors predict each point."""
 
     # Index of the parent, ROOT or DUPLICATE.
     parents: Int32s
@@ -47,7 +47,7 @@ def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precisio
     points
         Integer coordinates (n, 3).
     order
-        How to sort.
+        Criterion by which points are sorted.
     centre
         Point around which azimuth and radius are measured.
     precision
@@ -93,7 +93,7 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build a tree of points `node` to `end` - 1."""
+    """Build a tree of the points `node` to `end` - 1."""
     # lasers: (2, number of lasers) first and last point of each laser.
     ox, oy, oz = around.origin
     while node < end:
@@ -178,7 +178,7 @@ def _hang(tree: PredictionTree, node: int, parent: int) -> None:
 
 
 class Forest(NamedTuple):
-    """K-d trees whose sizes are powers of two, for a growing set of positions, as in TMC13.
+    """K-d trees with 2^k positions each, to which positions are added one by one, as in TMC13.
 
     A new position and all trees below the smallest unused size are merged into a tree of this size
     (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k and the node
@@ -223,9 +223,9 @@ def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
 
 @kernel
 def nearest(forest: Forest, x: int, y: int, z: int) -> int:
-    """Write the positions nearest to a place, at most three, to `forest.trees.nearest`; return how
-    many.
+    """Find the positions nearest to a place, and return how many were found (at most three).
 
+    The positions are written to `forest.trees.nearest`.
     """
     held, count, tree = 0, forest.counters[0], 0
     forest.trees.distances[NEIGHBOURS - 1] = _FAR

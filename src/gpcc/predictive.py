@@ -1,10 +1,10 @@
-"""Predictive geometry (`geom_tree_type` 1): coding of syntax elements, and prediction.
+"""Predictive geometry (`geom_tree_type` 1): prediction of points, and coding of syntax elements.
 
-Points are nodes of trees, coded in depth-first order: predicted from up to three ancestors and
-corrected by a residual. Angular coding predicts in spherical coordinates; a second residual
-corrects x, y, z. An encoder chooses the mode of prediction with the lowest estimated cost; costs
-have single precision, as in TMC13, so that its choices are the same. In TMC13: `PredGeomEncoder`,
-`PredGeomDecoder`.
+Points are nodes of trees, coded in depth-first order. Each point is predicted from up to three
+ancestors, and corrected by a residual. Angular coding predicts in spherical coordinates; a second
+residual corrects x, y and z. An encoder chooses the mode of prediction with the lowest estimated
+cost. Costs have single precision, as in TMC13, so that the choices are the same. In TMC13:
+`PredGeomEncoder`, `PredGeomDecoder`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ from pointkit.coding.intrinsics import leading_zeros
 from pointkit.compiling import inlined
 
 NONE, _DELTA, LINEAR2, LINEAR3 = range(4)
-"""Prediction by no ancestor, the parent, a line through two ancestors, a parallelogram of three."""
+"""Modes of prediction of a point.
+
+They use no ancestor, the parent, a line through two ancestors, and a parallelogram of three.
+"""
 
 # Indices into probabilities; a comment states the number of contexts if there are several.
 CTX_NUM_CHILDREN = integer(0)  # 3
@@ -63,11 +66,11 @@ _MOST_COST = np.float32(np.finfo(np.float32).max)
 _RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 MOST_QP = 223
-"""Maximum quantisation parameter (QP), with a step size of 31 bits."""
+"""Maximum quantisation parameter (QP), whose step size has 31 bits."""
 
 
 class Tools(NamedTuple):
-    """Coding tools of a slice, named as in its parameter set and header."""
+    """Coding tools of a slice; the fields have the names of the syntax elements."""
 
     unique_points: bool
     angular: bool
@@ -93,7 +96,7 @@ def code_num_dup_points(coder: Any, count: int) -> int:
 
 @inlined
 def code_num_children(coder: Any, count: int) -> int:
-    """Encode or decode a number of children: one bit for 1, two bits for 0, three for 2 or 3."""
+    """Encode or decode a number of children: one bit for 1, two for 0, three for 2 or 3."""
     value = count ^ 1
     if not code_bit(coder, CTX_NUM_CHILDREN, integer(value > 0)):
         return 1
@@ -135,7 +138,7 @@ def _code_phi_rest(coder: Any, value: int) -> int:
 
 @kernel
 def code_qp_offset(coder: Any, offset: int) -> int:
-    """Encode or decode the QP offset of the next nodes, in units of 2^`qp_multiplier_log2`."""
+    """Encode or decode the next nodes' offset of the QP, in units of 2^`qp_multiplier_log2`."""
     # TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
     size = code_count(coder, CTX_QP_OFFSET_ABS_GT0, CTX_QP_OFFSET_ABS_EGL, abs(offset))
     if size == 0:
@@ -172,7 +175,7 @@ def _code_component(
 
 @inlined
 def code_num_bits(coder: Any, width: int, group: int, magnitude: int) -> int:
-    """Encode or decode the bit length of a magnitude as a `width`-bit number, highest bit first."""
+    """Encode or decode a magnitude's bit length as a number of `width` bits, highest bit first."""
     bits = 64 - leading_zeros(magnitude)
     node = integer(1)
     start = CTX_NUM_BITS + 31 * group - 1
@@ -203,7 +206,7 @@ def _code_component2(coder: Any, axis: int, value: int) -> int:
 
 @inlined
 def scaled(value: int, qp: int) -> int:
-    """Multiply a quantised number by the step size of a QP, (1 + (QP mod 8) / 8) 2^(QP div 8)."""
+    """Return a quantised number times the step size of a QP, (1 + (QP mod 8) / 8) 2^(QP div 8)."""
     return int32((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
 
 
@@ -217,9 +220,18 @@ def ancestors(parents: Int32s, node: int) -> Three:
 
 @inlined
 def predicted(positions: Int32s, before: Three, mode: int, tools: Tools) -> Three:
-    """Return the position that a mode predicts from a node's ancestors, of which it must have
-    enough.
+    """Return the position (3,) that a mode predicts from the ancestors of a node.
 
+    Parameters
+    ----------
+    positions
+        Coordinates (n, 3) of all nodes.
+    before
+        Indices of three ancestors, the parent first. Those that the mode uses must exist.
+    mode
+        Mode of prediction.
+    tools
+        Coding tools of the slice.
     """
     a, b, c = before
     if mode == NONE:
@@ -247,7 +259,7 @@ class Choice(NamedTuple):
 
 @entry
 def quantised(value: int, qp: int) -> int:
-    """Divide a residual by a QP's step size, and round."""
+    """Return a residual divided by the step size of a QP, and rounded."""
     return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
 
 
@@ -262,8 +274,25 @@ def decide(
 ) -> tuple[bool, Choice]:
     """Choose how an encoder predicts a node.
 
-    Returns whether the residual fits into the stream's number of bits, and the mode with the lowest
-    estimated cost. `before` holds the node's ancestors, -1 where there is none.
+    Parameters
+    ----------
+    coder
+        The arithmetic encoder, whose probabilities give the costs.
+    tools
+        Coding tools of the slice.
+    positions
+        Coordinates (n, 3) of all nodes.
+    node
+        Index of the node.
+    before
+        Indices of three ancestors of the node, -1 where there is none.
+
+    Returns
+    -------
+    fits
+        Whether the residual fits into the number of bits that the stream allows.
+    choice
+        The mode with the lowest estimated cost.
     """
     best = _predict(tools, positions, node, before, NONE)
     fits = _is_representable(tools, best.residual)

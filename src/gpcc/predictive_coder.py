@@ -41,10 +41,10 @@ _WIDEST = (5, 5, 5)
 
 
 class PredictiveOptions(Model):
-    """Coding tools of the encoder of prediction trees.
+    """Options of the encoder of prediction trees.
 
-    Each point is predicted from up to three points coded before, and the difference is coded. Steps
-    of azimuth and radius apply only if the encoder is given a sensor.
+    The encoder predicts each point from up to three points coded before, and codes the difference.
+    Steps of azimuth and radius only apply if the encoder is given a sensor.
     """
 
     order: Order = Field(
@@ -97,12 +97,12 @@ def encode_predictive_geometry(
     sensor: SensorDescription | None = None,
     attributes: AttributeEncoder | None = None,
 ) -> bytes:
-    """Encode points as a G-PCC stream of one frame with prediction trees, which TMC13 decodes.
+    """Encode points with prediction trees as a G-PCC stream of one frame, which TMC13 can decode.
 
-    With a sensor, points are predicted along each laser's ring, in radius, azimuth and laser index;
-    without one, each point is predicted from near points coded before. Equal points are kept unless
-    `options` merge them. Parameters, result and errors are those of `encode_geometry`, except for
-    the `options`.
+    With a sensor, points are predicted along each laser's ring, in radius, azimuth and laser index.
+    Without one, each point is predicted from near points coded before. Equal points are kept unless
+    `options` merge them. The other parameters, the result and the errors are those of
+    `encode_geometry`.
     """
     points, low = checked_points(points)
     whole, first_of = points, np.empty(0, dtype=np.int64)
@@ -267,7 +267,7 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return the number of bits that code the bit length of a residual along each axis."""
+    """Return how many bits state the bit length of a residual along each axis."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)

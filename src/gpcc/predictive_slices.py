@@ -36,8 +36,12 @@ from pointkit.errors import InputError
 from pointkit.geometry.morton import Ints
 
 DONE, FULL, UNREPRESENTABLE, EXHAUSTED, TOO_MANY_POINTS, DAMAGED = range(6)
-"""Results: all trees are coded; the encoder's buffer is full; a residual has more bits than the
-slice header allows; faults of a damaged stream."""
+"""Results of coding the trees of a slice.
+
+The encoder or decoder has coded all trees (DONE); the encoder's buffer is full (FULL); a residual
+has more bits than the slice header allows (UNREPRESENTABLE). The other results are faults of a
+damaged stream.
+"""
 _FAULTS = {
     TOO_MANY_POINTS: "a slice holds more points than it says",
     EXHAUSTED: "a slice's data are damaged or truncated",
@@ -45,11 +49,14 @@ _FAULTS = {
 }
 _MOST_INTERVAL_LOG2 = 30
 _NODE_BYTES = 600
-"""Maximum number of bytes of a node: about 500 coded bits of at most a byte each."""
+"""Maximum number of bytes of a node, which has about 500 coded bits of at most a byte each."""
 
 
 class TreeNodes(NamedTuple):
-    """The nodes (n,) of a slice's trees; an encoder's points are replaced by what is decoded."""
+    """Nodes (n,) of the prediction trees of a slice.
+
+    While an encoder runs, decoded points replace its points.
+    """
 
     # (n, 3). A decoder's points have coding order.
     points: Int32s
@@ -67,7 +74,6 @@ class TreeNodes(NamedTuple):
 
 @entry
 def _code_trees(coder: Any, tools: Tools, nodes: TreeNodes, tree: PredictionTree | None) -> int:
-    """Encode or decode all trees of a slice."""
     # After a call that returned FULL, since the output was full, the next call continues.
     progress, parents = nodes.progress, nodes.parents
     while True:
@@ -132,7 +138,7 @@ def _fault(coder: Any, nodes: TreeNodes, tree: PredictionTree | None, done: int)
 def _next_node(
     nodes: TreeNodes, tree: PredictionTree | None, pending: int, done: int
 ) -> tuple[int, int, int]:
-    """Return the next node; in an encoder, also the numbers of its copies and children."""
+    """Return the next node and, in an encoder, its numbers of copies and children."""
     node = integer(nodes.stack[pending])
     if tree is not None:
         return node, integer(tree.copies[node]), integer(tree.num_children[node])
@@ -151,7 +157,7 @@ def _code_qp(coder: Any, tools: Tools, progress: Ints, qp: int) -> int:
 
 @inlined
 def _finish(nodes: TreeNodes, node: int, copies: int, done: int) -> int:
-    """Write the duplicates of a node's point; return the number of points coded so far."""
+    """Write the duplicates of a node's point, and return the number of points coded so far."""
     if len(nodes.order):
         for k in range(copies + 1):
             nodes.order[done + k] = node + k
@@ -234,7 +240,7 @@ def _tree_nodes(points: Int32s, positions: Int32s, parents: Int32s, order: Int32
 
 
 def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
-    """Convert points (n, 3) from the coded axes to x, y, z, and add `origin`."""
+    """Return points (n, 3) of the coded axes as x, y and z, with `origin` added."""
     result: Ints = points.astype(np.int64)[:, axes]
     result += origin
     return result
@@ -243,12 +249,21 @@ def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
 def tools_of(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Tools:
-    """Return the coding tools of a slice from its header and its parameter set.
+    """Return the coding tools of a slice from the slice's header and the parameter set.
+
+    Parameters
+    ----------
+    header, gps
+        Header of the slice, and geometry parameter set.
+    axes
+        Indices of x, y and z among the coded axes.
+    origin
+        Origin of the slice.
 
     Raises
     ------
     InputError
-        If they contradict each other, or are not supported.
+        The header and the parameter set contradict each other, or the tools are not supported.
     """
     multiplier = gps.geom_qp_multiplier_log2
     slice_qp = (gps.geom_base_qp + header.geom_slice_qp_offset) << multiplier
@@ -279,10 +294,28 @@ def encode_trees(
     contexts: Probabilities,
     order: Int32s,
 ) -> bytes | None:
-    """Encode the trees of a slice, and return the arithmetic-coded bytes.
+    """Encode the prediction trees of a slice.
 
-    Returns None if a residual has more bits than `tools` say. `points` and `positions` are replaced
-    by the decoded ones; `order` (n,) receives the indices of the points in coding order.
+    Parameters
+    ----------
+    tree
+        Parents and children of the points.
+    points
+        Coordinates (n, 3), which are replaced by the decoded ones.
+    positions
+        Coordinates (n, 3) that are predicted: `points`, or spherical coordinates. They are
+        replaced, too.
+    tools
+        Coding tools of the slice.
+    contexts
+        Initial probabilities.
+    order
+        Result (n,): indices of the points in coding order.
+
+    Returns
+    -------
+    bytes or None
+        The arithmetic-coded bytes; None if a residual has more bits than `tools` allow.
     """
     nodes = _tree_nodes(points, positions, tree.parents, order)
     coder, result = encoder(contexts, _NODE_BYTES + 4 * len(points)), FULL

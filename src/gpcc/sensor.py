@@ -16,12 +16,14 @@ _THETA_ONE = 1 << 18
 _Z_ONE = 1 << 3
 _MOST = 1 << 30
 _RAISED_MM = 50
-"""Rounding step, in mm, of the height at which the upper beams cross the sensor's axis."""
+"""Step, in mm, to which the height at which upper beams cross the sensor's axis is rounded."""
 
 
 @dataclass(frozen=True)
 class SensorDescription:
-    """A rotating sensor, in the coordinates of its points.
+    """Description of a rotating sensor, which the encoders use to predict points.
+
+    Lengths are in steps of the points' integer coordinates.
 
     Parameters
     ----------
@@ -30,14 +32,14 @@ class SensorDescription:
     height
         Height above `position` at which each laser's beam crosses the axis of rotation.
     steps_per_turn
-        Number of shots of each laser in a turn.
+        Number of shots of each laser in a turn, i.e. in one revolution of the sensor.
     position
-        Integer coordinates of the sensor; its axis of rotation is parallel to z.
+        Integer coordinates of the sensor. The axis of rotation is parallel to z.
 
     Raises
     ------
     InputError
-        If a stream cannot hold the values.
+        A stream cannot hold the values.
     """
 
     tan_elevation: tuple[float, ...]
@@ -58,7 +60,7 @@ class SensorDescription:
             raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
 
     def lasers(self) -> list[Laser]:
-        """Return the lasers as in a parameter set: lowest elevation first, heights negated."""
+        """Return the lasers as in a parameter set: lowest elevation first, with negated heights."""
         pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
         return [
             Laser(_rounded(tan * _THETA_ONE), _rounded(-height * _Z_ONE), self.steps_per_turn)
@@ -66,9 +68,17 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the syntax elements of the geometry parameter set that describe the sensor.
+        """Return the syntax elements that describe the sensor in the geometry parameter set.
 
-        `origin` (3,) is the sequence's origin, to which a stream's sensor position is relative.
+        Parameters
+        ----------
+        origin
+            Origin (3,) of the sequence, from which a stream measures the sensor's position.
+
+        Returns
+        -------
+        dict
+            Values by the name of the syntax element.
         """
         x, y, z = (
             coordinate - zero for coordinate, zero in zip(self.position, origin, strict=True)
@@ -91,12 +101,17 @@ def describe_sensor(
     beams
         Elevation, height and offset of each laser, in degrees and millimetres.
     unit_m
-        Step of the coordinates in metres.
+        Step of the coordinates, in metres.
     steps_per_turn
-        Number of shots of each laser in a turn.
+        Number of shots of each laser in a turn, i.e. in one revolution of the sensor.
     position
-        Coordinates of the sensor. The result's position is raised to the median height at which the
-        upper beams cross the axis, because decoders find a node's laser by the node's direction.
+        Integer coordinates of the sensor.
+
+    Returns
+    -------
+    SensorDescription
+        The sensor. Its position is raised to the median height at which the upper beams cross the
+        axis, because decoders find the laser of a node from the direction of the node.
     """
     height = np.asarray(beams.heights_mm)
     if beams.radial_mm:

@@ -1,7 +1,7 @@
-"""Slices of octree geometry, encoded as geometry data units.
+"""Encoding and decoding of the slices of octree geometry, which are independent parts of a cloud.
 
-A data unit consists of a header, the arithmetic-coded octree, and a footer with the number of
-points (`GeometryBrickHeader`, `GeometryBrickFooter` in TMC13).
+The data unit of a slice consists of a header, the arithmetic-coded octree, and a footer with the
+number of points (`GeometryBrickHeader`, `GeometryBrickFooter` in TMC13).
 """
 
 from __future__ import annotations
@@ -68,18 +68,24 @@ def encode_octree(
     sensor: angular.Angular | None = None,
     leaves: Ints | None = None,
 ) -> bytes:
-    """Encode the octree of a slice, and return the arithmetic-coded bytes.
+    """Encode the octree of a slice.
 
     Parameters
     ----------
     tree
         The octree.
     header, gps
-        The slice's header and parameter set.
+        Header of the slice, and geometry parameter set.
     sensor
-        The sensor in angular mode, else None.
+        State of the sensor in angular mode; None without a sensor.
     leaves
-        Receives the Morton codes (n,) of the points in coded order, if it is not None.
+        Result: if an array (n,) is given, the Morton codes of the points are written to it in coded
+        order.
+
+    Returns
+    -------
+    bytes
+        The arithmetic-coded bytes.
     """
     contexts = initial_contexts()
     coder = encoder(contexts.probabilities, 64)
@@ -101,7 +107,7 @@ def encode_octree(
 
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
-    """Split a geometry data unit into its header, its coded bytes and its number of points."""
+    """Return the header, the coded bytes and the number of points of a geometry data unit."""
     reader = BitReader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
@@ -126,9 +132,28 @@ def decode_slice(
     contexts: Contexts,
     sensor: angular.Angular | None = None,
 ) -> Ints:
-    """Decode the octree of a slice, and return the Morton codes (n,) of its points in coded order.
+    """Decode the octree of a slice.
 
-    `contexts` are adapted. Raises InputError if the slice is damaged.
+    Parameters
+    ----------
+    coded
+        Header, coded bytes and number of points.
+    sps, gps
+        Sequence parameter set and geometry parameter set.
+    contexts
+        Probabilities, which the decoding adapts.
+    sensor
+        State of the sensor in angular mode; None without a sensor.
+
+    Returns
+    -------
+    ndarray
+        Morton codes (n,) of the points, in coded order.
+
+    Raises
+    ------
+    InputError
+        The slice is damaged.
     """
     header = coded.header
     streams = header.geom_stream_cnt_minus1
@@ -169,8 +194,14 @@ def demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
     A chunk of up to 256 bytes holds the number of arithmetic-coded bytes, these bytes, and bytes of
-    bypass bits in reverse order. The bypass bits end with padding bits and their number (three
-    bits). In the second array, each byte is a bypass bit.
+    bypass bits in reverse order. Padding bits and their number (three bits) follow the bypass bits.
+
+    Returns
+    -------
+    coded
+        The arithmetic-coded bytes.
+    bypass
+        The bypass bits, each of them as one byte.
     """
     coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
     for start in range(0, len(data), _BYPASS_CHUNK):
@@ -277,9 +308,16 @@ def _initial_state(
 def sensor_state(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> angular.Angular | None:
-    """Return a sensor's state at the beginning of a slice, or None if the stream has no sensor.
+    """Return the state of the sensor at the beginning of a slice, or None without a sensor.
 
-    `axes` are the indices of x, y and z among the coded axes, `origin` is the slice's origin.
+    Parameters
+    ----------
+    header, gps
+        Header of the slice, and geometry parameter set.
+    axes
+        Indices of x, y and z among the coded axes.
+    origin
+        Origin of the slice.
     """
     if not gps.geom_angular_mode_enabled_flag:
         return None
@@ -292,7 +330,10 @@ def sensor_state(
 def sensor_position(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Three:
-    """Return the sensor's position, along the coded axes, relative to the slice's origin."""
+    """Return the sensor's position along the coded axes, relative to the slice's origin.
+
+    The arguments are those of `sensor_state`.
+    """
     x, y, z = header.gdu_angular_origin_xyz
     if not gps.geom_slice_angular_origin_present_flag:
         x, y, z = (a - b for a, b in zip(gps.gps_angular_origin_xyz, origin, strict=True))

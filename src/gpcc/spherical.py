@@ -1,6 +1,6 @@
-"""Integer spherical coordinates of a point: radius, azimuth and laser.
+"""Integer spherical coordinates of a point: radius, azimuth and index of the laser.
 
-Angular coding predicts in these coordinates and converts them to x, y, z by fixed-point sines.
+Angular coding predicts in these coordinates, and converts them to x, y, z by fixed-point sines.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
 
 
 class Sphere(NamedTuple):
-    """The sensor and the steps of a slice's spherical coordinates."""
+    """Parameters of the spherical coordinates of a slice: the sensor, and the steps."""
 
     # Log2 of the coding units per radius step.
     radius_log2: int
@@ -42,9 +42,9 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """Return the spherical coordinates of a slice; raise InputError if their steps are not
-    supported.
+    """Return the parameters of the spherical coordinates of a slice.
 
+    Raises InputError if the steps are not supported.
     """
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
@@ -65,7 +65,7 @@ def halved_away(value: int, shift: int) -> int:
 def sine(azimuth: int, azimuth_log2: int) -> int:
     """Return the sine of an azimuth, in units of 2^-24, interpolated from a table.
 
-    Azimuths beyond half a turn are clamped.
+    Azimuths beyond half a turn are clamped. A turn has 2^`azimuth_log2` azimuth steps.
     """
     half = 1 << (azimuth_log2 - 1)
     within = min(abs(azimuth), half)
@@ -96,9 +96,9 @@ def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
 
 @inlined
 def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
-    """Convert radius, azimuth and laser index, in the steps of `around`, to x, y, z relative to the
-    sensor.
+    """Return x, y and z, relative to the sensor, of radius, azimuth and laser index.
 
+    The steps of radius and azimuth are those of `around`.
     """
     r = int32(radius << around.radius_log2)
     height = halved_away((around.theta[laser] * r) << 2, _THETA_LOG2 - _Z_LOG2)
@@ -111,9 +111,9 @@ def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
 
 @kernel
 def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
-    """Convert an arc, in units of 1 / (8 `radius`) turns, to azimuth steps.
+    """Return an arc, in units of 1 / (8 `radius`) turns, converted to azimuth steps.
 
-    The reciprocal of the scaled radius b is approximated, as in TMC13, by 48/17 - 32/17 b and one
+    As in TMC13, the reciprocal of the scaled radius b is approximated by 48/17 - 32/17 b and one
     step of Newton's method.
     """
     r = int32(radius << 3)

@@ -1,6 +1,6 @@
-"""High-level syntax of G-PCC geometry: parameter sets, tile inventory, data units, encapsulation.
+"""Syntax of G-PCC geometry: parameter sets, tile inventory, headers of data units, encapsulation.
 
-Names and order of the syntax elements follow TMC13 (`hls.h`, `io_hls.cpp`), encapsulation follows
+Names and order of the syntax elements follow TMC13 (`hls.h`, `io_hls.cpp`). Encapsulation follows
 Annex B of ISO/IEC 23090-9.
 """
 
@@ -26,12 +26,12 @@ CONSTANT_ATTRIBUTE_DATA_UNIT = 7
 _LAST_PAYLOAD_TYPE = 9
 
 OCTREE, PREDICTIVE = 0, 1
-"""Values of geom_tree_type."""
+"""Values of geom_tree_type, the kind of geometry."""
 MAX_LASERS = 1024
 
 _TLV = struct.Struct(">BI")
 PREFIX_BYTES = _TLV.size
-"""Number of bytes of the type and length that precede a payload."""
+"""Number of bytes of the type and the length that precede a payload."""
 _POINT_COUNT_BYTES = 3
 _DEEPEST = 63
 _MAX_ORIGIN_BITS = 32
@@ -42,7 +42,7 @@ _UNSPECIFIED = 2
 
 @dataclass
 class AttributeDescription:
-    """What the sequence's parameter set says of an attribute."""
+    """Description of an attribute in the sequence parameter set."""
 
     attr_components_minus1: int = 0
     attr_instance_id: int = 0
@@ -88,7 +88,7 @@ class SequenceParameterSet:
 
 @dataclass
 class Laser:
-    """A laser of the sensor, in the units of the parameter set."""
+    """A laser of the sensor in a parameter set, in the units of the parameter set."""
 
     # Tangent of the elevation, in units of 2^-18.
     theta: int = 0
@@ -100,7 +100,10 @@ class Laser:
 
 @dataclass
 class GeometryParameterSet:
-    """Coding tools of the geometry; the sensor's position is relative to the sequence's origin."""
+    """Parameter set with the coding tools of the geometry.
+
+    The sensor's position in it is relative to the sequence's origin.
+    """
 
     gps_geom_parameter_set_id: int = 0
     gps_seq_parameter_set_id: int = 0
@@ -142,7 +145,10 @@ class GeometryParameterSet:
 
 @dataclass
 class GeometryHeader:
-    """Header of a slice; the position of its sensor, if any, is relative to the slice's origin."""
+    """Header of a slice of geometry.
+
+    The sensor's position in it, if there is a sensor, is relative to the slice's origin.
+    """
 
     gdu_geometry_parameter_set_id: int = 0
     gdu_reserved_zero_3bits: int = 0
@@ -222,7 +228,7 @@ def _octets(io: SyntaxElements, octets: bytes, bits: int) -> bytes:
 
 
 def _attribute_parameters(attribute: AttributeDescription) -> list[int]:
-    """Return the kinds of the parameters that an attribute has."""
+    """Return the kinds of parameters that an attribute has."""
     values = (
         attribute.attr_default_value or None,
         attribute.matrix_coefficients,
@@ -314,7 +320,7 @@ def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
 
 
 def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
-    """Read or write lasers as differences from the previous laser."""
+    """Read or write the lasers, each as differences from the laser before."""
     # From the third laser on, elevations are differences from a linear extrapolation.
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
     refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
@@ -401,9 +407,9 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
 
 
 def point_count(data: bytes, header: GeometryHeader, gps: GeometryParameterSet) -> tuple[int, int]:
-    """Return the number of points that the footer of a data unit states, and the footer's length in
-    bytes.
+    """Return the number of points that a data unit's footer states.
 
+    The second result is the number of bytes of the footer.
     """
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)
@@ -423,12 +429,12 @@ def written(syntax: Callable[..., None], *records: Any) -> bytes:
 
 
 def encapsulate(payload_type: int, payload: bytes) -> bytes:
-    """Prefix a payload with its type and length (Annex B)."""
+    """Return a payload after its type and length (Annex B)."""
     return _TLV.pack(payload_type, len(payload)) + payload
 
 
 def payloads(stream: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the types and contents of a stream's payloads."""
+    """Yield the type and the content of each payload of a stream."""
     place = 0
     while place < len(stream):
         if len(stream) - place < _TLV.size:

@@ -1,4 +1,7 @@
-"""Octree of points; levels may split fewer than three axes (quadtree and binary tree, QTBT)."""
+"""Octree of points, whose levels may split fewer than three axes.
+
+Levels that split one or two axes are those of a binary tree or a quadtree (QTBT).
+"""
 
 from __future__ import annotations
 
@@ -26,8 +29,7 @@ def coded_axes(
     min_qtbt_size_log2: int = 0,
     late_z: tuple[int, int] | None = None,
 ) -> list[int]:
-    """Return which axes each level of the octree splits, from the root on: masks of 4 x, 2 y and 1
-    z.
+    """Return the axes that each level of the octree splits, from the root to the leaves.
 
     Parameters
     ----------
@@ -40,6 +42,11 @@ def coded_axes(
     late_z
         With a sensor, the options angular_max_node_min_dim_log2_to_split_z and
         angular_max_diff_to_split_z.
+
+    Returns
+    -------
+    list of int
+        A mask of axes for each level: 4 for x, 2 for y and 1 for z.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -71,7 +78,7 @@ def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
-    """Return log2 of a node's sides at each level, ending with (0, 0, 0) for the leaves."""
+    """Return log2 of the sides of a node at each level, and (0, 0, 0) for the leaves at the end."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -81,7 +88,7 @@ def node_sizes_log2(levels: list[int]) -> list[Bits]:
 
 @dataclass(frozen=True)
 class TreeLevel:
-    """Nodes of a level: occupancy, and index of the first child in the next level."""
+    """Occupancy of each node of a level, and index of the node's first child in the next level."""
 
     occupancy: Bytes
     first_child: Int32s
@@ -89,7 +96,7 @@ class TreeLevel:
 
 @dataclass(frozen=True)
 class Tree:
-    """Octree of a slice: levels from the root down, and leaves."""
+    """Octree of a slice, as levels from the root down and leaves."""
 
     levels: list[TreeLevel]
     # Interleaved coordinate bits of each leaf, sorted.
@@ -104,10 +111,12 @@ class Tree:
 def build_tree(
     points: Ints, corner: Ints, levels: list[int], ordered: bool = False, merged: bool = False
 ) -> Tree:
-    """Build the octree of integer points (n, 3).
+    """Build the octree of integer points (n, 3), and return it.
 
     Parameters
     ----------
+    points
+        Integer coordinates (n, 3).
     corner
         Least corner (3,) of the root.
     levels
@@ -115,7 +124,7 @@ def build_tree(
     ordered
         Whether to find the order of two points that are alone in a node (`Tree.second_first`).
     merged
-        Whether that order is the one without repeated points.
+        Whether repeated points are ignored in this order.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)
@@ -138,9 +147,9 @@ def build_tree(
 
 
 def leaf_starts(tree: Tree) -> list[Int32s]:
-    """Return, for each level, the index (m + 1,) of each node's first leaf; the last is the number
-    of leaves.
+    """Return the index of each node's first leaf, as an array (m + 1,) for each level.
 
+    The last entry of an array is the number of leaves.
     """
     starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
     for level in reversed(tree.levels):

@@ -1,7 +1,9 @@
-"""Compression of the returns of spinning LiDARs, without loss or with quantised ranges.
+"""Compression of what spinning LiDARs measure, without loss or with quantised ranges.
 
-A turn (revolution) is coded as azimuths, times, reflectivities and an image of ranges, with a row
-for each laser and a column for each firing of all lasers. Recordings are restored bit for bit.
+A turn, i.e. one revolution of the sensor, is coded as azimuths, times, reflectivities and an image
+of ranges, with a row for each laser and a column for each firing of all lasers. `compress` and
+`decompress` restore recorded files bit for bit; `encode_returns` and `decode_returns` code decoded
+returns.
 """
 
 from typing import TYPE_CHECKING

@@ -35,10 +35,18 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command in `words` (by default, the program's arguments); return its exit status.
+    """Run the command line and return its exit status.
 
-    The status is 0 after success, 2 after a line on standard error about invalid input, and 130
-    after an interrupt.
+    Parameters
+    ----------
+    words
+        The arguments, starting with the name of the command; by default, those of the process.
+
+    Returns
+    -------
+    int
+        0 after success, 2 if the input is invalid (one line on standard error says why), and 130
+        after an interrupt.
     """
     logging.basicConfig(format="puck: %(message)s")
     try:

@@ -58,7 +58,7 @@ class ChannelContext(NamedTuple):
 def new_channel_model(
     bits: BitCoder, lasers: int, effort: Effort, farthest: int, *, has_signals: bool
 ) -> ChannelModel:
-    """Return a model without knowledge of pixels of at most `farthest`."""
+    """Return a model for pixels with values up to `farthest`, before any pixel was coded."""
     sizes = np.array([_LEVELS * 4, 100, 100, lasers, _SIZES * 10, _SIZES * _LEVELS]) * NODES
     features = _FEATURES_OF_THOROUGH if effort == "thorough" else _FEATURES_OF_NORMAL
     zeros = np.zeros(lasers, np.int64)
@@ -84,10 +84,12 @@ def new_channel_model(
 def code_channel(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, nearest: Ints
 ) -> bool:
-    """Encode or decode the values of a turn; return False if the stream ends early.
+    """Encode or decode an image of a turn, and return False if the stream that is decoded ended
+    early.
 
-    An encoder reads `image.values` from row PAD on, a decoder writes them; both fill `errors` and
-    `estimates`. For `before` and `nearest` see `ranges.code_ranges`.
+    An encoder reads `image.values` from row PAD on, and a decoder writes them; both write the
+    arrays `errors` and `estimates` of `image`. The arguments `before` and `nearest` are those of
+    `ranges.code_ranges`.
     """
     values = image.values
     for c in range(PAD, len(values)):
@@ -176,7 +178,7 @@ def _base(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
     estimate: int,
 ) -> int:  # fmt: skip
-    """Return the base, in 1 / FINE; features are other values minus the base."""
+    """Return the base in units of 1 / FINE; features are other values minus the base."""
     base = FINE * int(model.last[laser])
     if estimate > 0:
         return estimate

@@ -13,7 +13,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def add_compress_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments that `run_compress` reads."""
+    """Add the arguments of the command ``compress`` to `parser`; `run_compress` reads them."""
     add = parser.add_argument
     add("recording", type=Path, help="packet capture or bag (any file)")
     add("out", type=Path, help="file to write (.puck)")
@@ -26,7 +26,7 @@ def add_compress_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_decompress_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments that `run_decompress` reads."""
+    """Add the arguments of the command ``decompress`` to `parser`; `run_decompress` reads them."""
     add = parser.add_argument
     add("stream", type=Path, help="file that `compress` wrote (.puck)")
     add("out", type=Path, help="recording to write")
@@ -41,7 +41,13 @@ def _integer(text: str) -> int:
 
 
 def run_compress(options: argparse.Namespace) -> dict[str, Any]:
-    """Compress the recording that parsed arguments name; return counts and sizes by name."""
+    """Compress the recording that the parsed arguments `options` name.
+
+    Returns
+    -------
+    dict
+        Counts and sizes in bytes by name, as the command prints them.
+    """
     from pointkit.terminal import Progress
     from puck.options import CodingOptions
     from puck.recording import compress
@@ -58,7 +64,13 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def run_decompress(options: argparse.Namespace) -> dict[str, Any]:
-    """Restore the recording that parsed arguments name; return counts and sizes by name."""
+    """Restore the recording that the parsed arguments `options` name.
+
+    Returns
+    -------
+    dict
+        Counts and sizes in bytes by name, as the command prints them.
+    """
     from pointkit.terminal import Progress
     from puck.recording import decompress
 

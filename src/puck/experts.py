@@ -1,7 +1,8 @@
 """Experts, each of which predicts a number by a probability distribution.
 
-The distribution, which gives probabilities of binary decisions, has the expert's estimate as mean
-and the mean absolute error of earlier estimates in the same situation (context) as scale.
+The distribution gives probabilities of the binary decisions by which the number is coded. The mean
+of the distribution is the expert's estimate. The scale is the mean absolute error of earlier
+estimates in the same situation, i.e. in the same context.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class Experts(NamedTuple):
 
 
 def new_experts(scales: Words, count: int) -> Experts:
-    """Return `count` experts; `scales` (`count` or more, situations) are their initial scales."""
+    """Return `count` experts with initial `scales`, which has a row for each expert."""
     means, inverse, lower, upper, edge = np.zeros((5, count), np.int64)
     return Experts(means, inverse, lower, upper, edge, scales, *_tables(), (0,) * count)
 
@@ -63,7 +64,7 @@ def first_scales(levels: int, first: int) -> Words:
 
 @cache
 def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Return tables: a cumulative distribution (Gaussian with wide tails), and 256 ln(k + 2)."""
+    """Return a cumulative distribution (Gaussian with wide tails), and a table of 256 ln(k + 2)."""
     errors = np.arange(-_REACH, _REACH + 1) / _PER_ERROR
     gaussian = np.array([0.5 + 0.5 * erf(error / sqrt(pi)) for error in errors])
     logistic = 1 / (1 + np.exp(-errors / 2))
@@ -74,7 +75,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Prepare to code a number: load the situation's scales, and allow all values."""
+    """Load the experts' scales for `situation`, and allow all values of the next number."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)
@@ -84,7 +85,7 @@ def begin(experts: Experts, situation: int) -> None:
 
 @inlined
 def write_logits(experts: Experts, edge: int, answers: Words) -> None:
-    """Write to `answers` each expert's log odds that the number is at least `edge` / FINE."""
+    """Write each expert's log odds that the number is at least `edge` / FINE to `answers`."""
     shares, logits = experts.edge, experts.logits
     for k in range(len(experts.every)):
         place = ((edge - experts.means[k]) * experts.inverse[k]) >> 13
@@ -98,7 +99,7 @@ def write_logits(experts: Experts, edge: int, answers: Words) -> None:
 
 @inlined
 def narrow(experts: Experts, bit: int) -> None:
-    """Narrow the interval to the part above (`bit` 1) or below the last threshold."""
+    """Narrow the interval of the number to the part above (`bit` 1) or below the last edge."""
     for k in range(len(experts.every)):
         lower, upper, edge = experts.lower[k], experts.upper[k], experts.edge[k]
         experts.lower[k] = edge if bit == 1 else lower
@@ -107,7 +108,17 @@ def narrow(experts: Experts, bit: int) -> None:
 
 @inlined
 def learn(experts: Experts, situation: int, number: int, slow: int) -> None:
-    """Update each expert's scale by its error for `number` (in 1 / FINE), at rate 2**-slow."""
+    """Update each expert's scale in a situation by the error of the expert's estimate.
+
+    Parameters
+    ----------
+    situation
+        Column of the scales, i.e. the context in which the number was coded.
+    number
+        The number that was coded, in units of 1 / FINE.
+    slow
+        Log2 of the reciprocal of the learning rate.
+    """
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             wrong = min(abs(number - experts.means[k]), _MOST_ERROR) * 256

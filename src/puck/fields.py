@@ -1,4 +1,4 @@
-"""Coding of what an Ouster's packets hold beyond their turn: further images, headers, checks."""
+"""Coding of an Ouster's packet data beyond turns: further images, headers and checksums."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from puck.turns import PartReader, Parts, PartWriter, extended, nearest_columns,
 _DECISIONS = 48
 """Approximate maximum number of decisions for a value."""
 _ROW_BYTES, _MORE_BYTES = 10, 64
-"""Limits, per row and in all, of the bytes that state the lengths of rows of bytes."""
+"""Limits of the bytes that state the lengths of rows of bytes: for each row, and in addition."""
 _WIDTHS = (0, 8, 16)
-"""Possible numbers of bits of an image's values; 0: all values are 0."""
+"""Possible numbers of bits of an image's values. With 0 bits, all values are 0."""
 
 Image = NDArray[np.uint16] | Words
 
@@ -42,13 +42,16 @@ class _State:
 
 
 class FieldsEncoder:
-    """Encodes the further data of successive turns' packets."""
+    """Encoder of the data in successive turns' packets that the turns do not hold."""
 
     def __init__(self, kind: OusterKind, effort: Effort) -> None:
         self._kind, self._effort, self._state = kind, effort, _State()
 
     def encode(self, turn: Turn, rest: Rest, *, is_key: bool) -> bytes:
-        """Encode a turn's further packet data; a key turn's data can be decoded alone."""
+        """Return the bytes that encode the further data `rest` of a turn's packets.
+
+        If `is_key`, they can be decoded without those of earlier turns.
+        """
         if is_key:
             self._state = _State()
         layout, writer = self._kind.layout, PartWriter()
@@ -66,14 +69,18 @@ class FieldsEncoder:
 
 
 class FieldsDecoder:
-    """Decodes what `FieldsEncoder` encoded, turn by turn."""
+    """Decoder of the bytes of a `FieldsEncoder`, which takes the turns in the same order."""
 
     def __init__(self, kind: OusterKind) -> None:
         self._kind = kind
         self._state: _State | None = _State()
 
     def decode(self, body: bytes, turn: Turn, *, is_key: bool) -> Rest:
-        """Decode the output of `FieldsEncoder.encode`; raise InputError if it is damaged."""
+        """Return the further data of a turn's packets, which `FieldsEncoder.encode` encoded as
+        `body`.
+
+        Raises InputError if `body` is damaged.
+        """
         kind, columns, reader = self._kind, len(turn.azimuths), Reader(body)
         state = _State() if is_key else self._state
         self._state = None  # no other turn may use the models of a damaged turn

@@ -19,18 +19,18 @@ from puck.numbers import halves
 
 MAX_VALUE = (1 << 16) - 1
 _OCTAVE = 4096
-"""Difference of logarithms for a factor of 2."""
+"""Difference of two logarithms whose numbers have the ratio 2."""
 _BINS = 400
-"""Entries of a table of logarithms, 16 per octave."""
+"""Number of entries of a table of logarithms, with 16 entries per octave."""
 _COARSE_BINS, _COARSE = 52, 3
-"""Entries of a laser's table of logarithms of ranges, 2 ** (4 - _COARSE) per octave."""
+"""Number of entries of a laser's table of logarithms of ranges, 2 ** (4 - _COARSE) per octave."""
 _TABLES = 5
 _VARIANCE = 1 << 24
 """Integer for a variance of 1 squared octave."""
 _FIRST_VARIANCES = np.array([1.0, 0.05, 1.0, 0.05, 0.05])
 """Variances of the entries of the five tables before the first estimate, in squared octaves."""
 _LEAST_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
-"""Least variances of the entries of each table, so that entries adapt to changes."""
+"""Least variances of the entries of each table, above 0 so that entries adapt to changes."""
 _LEAST_NOISE, _MOST_NOISE = _VARIANCE >> 13, _VARIANCE // 25
 """Limits of the variance of the error that no table explains."""
 _ROUNDING = round(0.2 * _VARIANCE)
@@ -52,7 +52,7 @@ class Gains(NamedTuple):
 
 
 def new_gains(lasers: int, farthest: int) -> Gains:
-    """Return tables without knowledge, for reflectivities of at most `farthest`."""
+    """Return tables that have learnt nothing yet, for reflectivities of at most `farthest`."""
     entries = np.array([_BINS, lasers * _COARSE_BINS, lasers + 1, _BINS, _BINS])
     variances = np.append(np.repeat(_VARIANCE * _FIRST_VARIANCES, entries), 0).astype(np.int64)
     gains = Gains(
@@ -88,9 +88,10 @@ def _power(gains: Gains, logarithm: int) -> int:
 
 @inlined
 def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
-    """Estimate a reflectivity, in 1 / FINE, from range and signal; 0 if one of them is 0.
+    """Return an estimate of a reflectivity from range and signal, in units of 1 / FINE.
 
-    Stores what `learn_estimate` needs.
+    The estimate is 0 if the range or the signal is 0. The tables' indices are kept for
+    `learn_estimate`.
     """
     if distance == 0 or signal == 0:
         return 0
@@ -110,7 +111,7 @@ def estimated(gains: Gains, distance: int, signal: int, laser: int) -> int:
 
 @inlined
 def estimated_only(gains: Gains, distance: int, signal: int, laser: int) -> int:
-    """Estimate a reflectivity as `estimated` does, but change no array, which is faster."""
+    """Return the estimate of `estimated` without changing an array, which is faster."""
     has_both = distance > 0 and signal > 0
     distance, signal = _logarithm(gains, max(distance, 1)), _logarithm(gains, max(signal, 1))
     _, total = _total(gains, distance, signal, laser)
@@ -157,9 +158,10 @@ def _gain(gains: Gains, place: int) -> int:
 
 @inlined
 def learn_estimate(gains: Gains, value: int) -> None:
-    """Correct the entries of the last estimate, given the true `value`.
+    """Correct the table entries that the last call of `estimated` used, given the true `value`.
 
-    This is a Kalman filter without covariances: an entry's correction depends on its variance.
+    The correction of an entry depends on the entry's variance, as in a Kalman filter without
+    covariances.
     """
     places, sums, variances, memory = gains.places, gains.logarithms, gains.variances, gains.memory
     if gains.farthest == MAX_VALUE:

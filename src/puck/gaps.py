@@ -1,6 +1,7 @@
-"""Compression of the bytes between the packets of a recording (gaps) by LZMA.
+"""Compression by LZMA of the bytes between the packets of a recording, which are called gaps.
 
-Gaps of equal length, mostly headers, are stored together as differences between successive gaps.
+Gaps of equal length, mostly headers of packets, are stored together as differences between
+successive gaps.
 """
 
 from __future__ import annotations
@@ -18,23 +19,23 @@ from puck.records import DAMAGED, check
 Bytes = NDArray[np.uint8]
 
 MOST_RAW_BYTES = 1 << 26
-"""Limit of the bytes of a batch before compression."""
+"""Maximum number of bytes of a batch before compression."""
 _GROUPS = 32
 """Maximum number of frequent lengths; only gaps of these lengths are coded as differences."""
 _HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
 """LZMA options for differences of headers, in which adjacent bytes are nearly independent. Output
 is no larger than with the preset, and takes a fifth of the time."""
 _CHUNK = 1 << 16
-"""Limit of the bytes of an LZMA2 chunk that is stored uncompressed."""
+"""Maximum number of bytes of an LZMA2 chunk that is stored uncompressed."""
 
 
 def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
-    """Encode gaps by LZMA; `are_headers` selects options for headers of packets."""
+    """Return gaps compressed by LZMA; `are_headers` selects options for headers of packets."""
     return compress_bytes(_joined(gaps), are_headers)
 
 
 def store_gaps(gaps: list[bytes]) -> bytes:
-    """Encode gaps without compression, for bytes that LZMA would enlarge."""
+    """Return uncompressed gaps in the format of `encode_gaps`, where LZMA would enlarge them."""
     raw = _joined(gaps)
     chunks = (raw[first : first + _CHUNK] for first in range(0, len(raw), _CHUNK))
     parts = (b"\1" + (len(chunk) - 1).to_bytes(2, "big") + chunk for chunk in chunks)
@@ -42,9 +43,10 @@ def store_gaps(gaps: list[bytes]) -> bytes:
 
 
 def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
-    """Decode `count` gaps, after a call of `admit` with their total size in bytes.
+    """Read and return `count` gaps that `encode_gaps` or `store_gaps` encoded.
 
-    `admit` raises an error if the size is too large.
+    Before they are decompressed, `admit` is called with the total size in bytes. It raises an error
+    if the size is too large.
     """
     body = Reader(decompress_bytes(reader, admit))
     size = len(body.body)
@@ -66,13 +68,16 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
 
 
 def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
-    """Return the length of the bytes, and their LZMA2 stream."""
+    """Return the length of `raw` as a base-128 number, followed by the LZMA2 stream."""
     filters = [{**_filter(len(raw)), **(_HEADERS if are_headers else {})}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 
 
 def decompress_bytes(reader: Reader, admit: Callable[[int], None]) -> bytes:
-    """Decompress the output of `compress_bytes`, after a call of `admit` (see `decode_gaps`)."""
+    """Read and return bytes that `compress_bytes` compressed.
+
+    Before, `admit` is called with their number; it raises an error if there are too many.
+    """
     size = reader.number()
     check(size <= MOST_RAW_BYTES)
     admit(size)

@@ -14,11 +14,11 @@ FRACTION = 16
 """Coefficients are in units of 2**-FRACTION."""
 _RIDGE = 5000
 _LARGEST = 1 << 20
-"""Coefficients are clipped to this, so that no sum exceeds 64 bits."""
+"""Largest absolute value of a coefficient. Larger ones are clipped, so that sums fit in 64 bits."""
 
 
 class LeastSquares(NamedTuple):
-    """State of several linear predictors that share their features."""
+    """State of several linear predictors that share one vector of features."""
 
     features: Words  # (lanes,), then zeros
     products: Words  # (predictors * features * lanes,), sums of products of two features
@@ -29,7 +29,7 @@ class LeastSquares(NamedTuple):
 
 
 def new_least_squares(predictors: int, features: int) -> LeastSquares:
-    """Return predictors whose coefficients are 0, for so many features."""
+    """Return `predictors` predictors with `features` coefficients each, all of them 0."""
     lanes = lanes_for(features)
     products = np.zeros(predictors * features * len(lanes), np.int32)
     targets = np.zeros((predictors, len(lanes)), np.int64)
@@ -42,14 +42,18 @@ def new_least_squares(predictors: int, features: int) -> LeastSquares:
 
 @inlined
 def predicted(state: LeastSquares, which: int) -> int:
-    """Return the prediction of predictor `which` from the features."""
+    """Return the number that predictor `which` predicts from the current features."""
     start = which * len(state.lanes)
     return int(dot(state.coefficients, start, state.features, 0, state.lanes) >> FRACTION)
 
 
 @inlined
 def learn_target(state: LeastSquares, which: int, target: int, damp: int, slow: int) -> None:
-    """Add the features and `target` with weight 2**-damp; scale older weights by 1 - 2**-slow."""
+    """Add the current features and the number `target` to the sums of predictor `which`.
+
+    The new observation has weight 2**-damp, and the weights of older observations are multiplied by
+    1 - 2**-slow.
+    """
     features, targets, lanes = state.features, state.targets, state.lanes
     first, predictor = which * len(state.every), np.uint64(which)
     for i in range(len(state.every)):

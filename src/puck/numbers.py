@@ -1,7 +1,8 @@
 """Coding of a number as binary decisions around an expected value, the centre.
 
-The first decision is the side of the centre. Next, thresholds at growing distances from the centre
-bound the number. Finally, the interval between the thresholds is halved repeatedly.
+The first decision says on which side of the centre the number is. The next decisions compare it
+with thresholds at growing distances from the centre. Finally, the interval between the last two
+thresholds is halved repeatedly.
 """
 
 from __future__ import annotations
@@ -33,11 +34,25 @@ def code_number(
     mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int, farthest: int,
     start: int = 0,
 ) -> int:  # fmt: skip
-    """Encode or decode a number from 0 to (farthest + step) // step; return it.
+    """Encode or decode a number from 0 to (farthest + step) // step, and return the number.
 
-    The experts estimate `step` * `number`. `centre`, at least 1, is the expected number; `unit` is
-    the first threshold's distance from the centre. Without experts, a counter for each kind of
-    decision, from `start` on, replaces context mixing.
+    Parameters
+    ----------
+    mixer
+        Mixes the experts' probabilities; it holds the arithmetic encoder or decoder.
+    experts
+        Experts, which estimate `step` * `number`.
+    number
+        The number to encode. A decoder ignores it.
+    centre
+        Expected number, at least 1.
+    unit
+        Distance of the first threshold from the centre.
+    step, farthest
+        Quantisation step, and largest value before quantisation.
+    start
+        Without experts, each kind of decision has an adaptive counter of the mixer instead, from
+        index `start` on.
     """
     is_unmixed = len(experts.every) == 0  # a constant: the compiler removes the other branch
     low, high = 0, in_steps(farthest, step) + 2
@@ -88,7 +103,7 @@ def _decide(
 
 @inlined
 def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
-    """Encode or decode a bit by a single counter of the mixer; return the bit."""
+    """Encode or decode a bit by a single counter of the mixer, and return the bit."""
     state = np.int64(mixer.counters[np.uint64(counter)])
     share = int(state >> COUNT_BITS + PROBABILITY_BITS - 16)
     bit = code(mixer.bits, bit, min(max(share, MIN_PROBABILITY), ONE - MIN_PROBABILITY))
@@ -98,13 +113,13 @@ def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
 
 @inlined
 def in_steps(number: int, step: int) -> int:
-    """Return how many whole steps a number has."""
+    """Return how many whole steps of size `step` a number contains."""
     return number if step == 1 else number // step
 
 
 @inlined
 def halves(value: int) -> int:
-    """Return the level of a number >= 0 on a logarithmic scale, two levels per octave."""
+    """Return the level of a number >= 0 on a logarithmic scale with two levels per octave."""
     value += 1
     k: int = 63 - leading_zeros(value)
     return 2 * k + ((value >> (k - 1)) & 1 if k > 0 else 0)
@@ -112,7 +127,7 @@ def halves(value: int) -> int:
 
 @inlined
 def level_of_value(value: int, centre: int, unit: int) -> int:
-    """Return the level (`level_of`) of a value relative to `centre`, or 9 if the value is 0."""
+    """Return the level (see `level_of`) of `value` - `centre`, or 9 if the value is 0."""
     return level_of(value - centre, unit) if value > 0 else 9
 
 
@@ -122,8 +137,18 @@ def activity(
 ) -> int:
     """Return the level, from 0 to `levels` - 1, of the prediction errors around a pixel.
 
-    `error` is the laser's mean error, in 1 / FINE; `errors` and `then` are errors of this and the
-    previous turn.
+    Parameters
+    ----------
+    error
+        Mean error of the pixel's laser, in units of 1 / FINE.
+    errors, then
+        Errors of this turn and of the previous turn, (columns, lasers).
+    c, laser
+        Column and laser of the pixel.
+    t
+        Row of the nearest column in the previous turn, or 0 if there is none.
+    levels
+        Number of levels.
     """
     total = 2 * error
     total += errors[c, laser - 1] if laser > 0 else error
@@ -137,7 +162,7 @@ def activity(
 
 @inlined
 def level_of(difference: int, unit: int) -> int:
-    """Return the level, 0 to 8, of a signed difference divided by `unit`; 4 means nearly 0."""
+    """Return the level, 0 to 8, of a signed difference in units of `unit`; 4 means nearly 0."""
     size = abs(difference)
     if 2 * size < unit:
         return 4

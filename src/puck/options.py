@@ -1,4 +1,4 @@
-"""Options of encoding."""
+"""Options of the encoders."""
 
 from __future__ import annotations
 
@@ -14,23 +14,27 @@ MAX_STEP = 1 << 12
 
 @dataclass(frozen=True)
 class CodingOptions:
-    """Options of encoding; with the defaults nothing is lost.
+    """Options that say what an encoder keeps and how much time it takes.
+
+    With the defaults, nothing is lost.
 
     Parameters
     ----------
     step
-        Ranges become multiples of this number of quanta (the sensor's units); 1 loses nothing.
+        Quantisation step of the ranges, in quanta, i.e. in the sensor's range units. 1 loses
+        nothing.
     lmbda
-        Weight of a range's cost (in nats) against its squared error (in squared quanta), rounded to
-        sixteenths. Above 0, a range may become a multiple next to the nearest one if that saves
-        enough bits.
+        Weight of a range's cost in nats against its squared error in squared quanta, rounded to
+        sixteenths. Above 0, the encoder may choose the multiple of `step` next to the nearest one
+        if this saves enough bits.
     times, reflectivities
-        Whether they are encoded; if not, decoded turns have None.
+        Whether times and reflectivities are encoded. If not, decoded turns have None in their
+        place.
     effort
-        ``fast``, ``normal`` or ``thorough``: larger models compress better and take longer.
+        ``fast``, ``normal`` or ``thorough``. Larger models compress better and take longer.
     key_every
-        Every so many turns there is one that can be decoded without the turns before it (key turn);
-        0: only the first turn is one.
+        Number of turns from one key turn to the next; a key turn can be decoded without the turns
+        before it. With 0, only the first turn is a key turn.
 
     Raises
     ------

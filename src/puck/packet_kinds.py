@@ -1,7 +1,8 @@
-"""Formats of packets in recordings, and coding of packets as records of turns.
+"""Formats of packets in recordings, and conversion between packets and records of a stream.
 
-A second record follows a turn if the packets hold more data: an Ouster's further fields, an
-HDL-64E's status bytes, or an Alpha Prime's blocks without lasers in dual return mode.
+A turn, i.e. the packets of one revolution, is one record. A second record follows if the packets
+hold more data than the turn: an Ouster's further fields, an HDL-64E's status bytes, or an Alpha
+Prime's blocks without lasers in dual return mode.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _OUSTER_CODE_BYTES = 3
 
 
 class PacketFormat(NamedTuple):
-    """A format of packets in a file: IP fragments of lengths `pieces`, `hole` bytes apart."""
+    """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart."""
 
     pieces: list[int]
     hole: int
@@ -60,12 +61,12 @@ class PacketFormat(NamedTuple):
 
     @property
     def span(self) -> int:
-        """Number of bytes in the file from a packet's first byte to its last one."""
+        """Number of bytes in the file from the first to the last byte of a packet."""
         return sum(self.pieces) + self.hole * (len(self.pieces) - 1)
 
     @property
     def starts(self) -> NDArray[np.int64]:
-        """Start of each piece in the span of a packet."""
+        """Offset of each fragment from the first byte of the packet in the file."""
         steps = np.array(self.pieces) + self.hole
         starts: NDArray[np.int64] = np.cumsum(steps) - steps
         return starts
@@ -77,9 +78,9 @@ _HOLES = (50, 52, 54, 68)
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
-    """Return the formats of packets in the order in which to search for them.
+    """Return the formats of packets to search for in a recording, in the order of the search.
 
-    An Ouster's formats come first if metadata lie beside the recording.
+    An Ouster's formats come first if the sensor's metadata (JSON) lie beside the recording.
     """
     metadata = metadata_beside(recording)
     try:
@@ -94,7 +95,10 @@ def formats_of(recording: Path) -> list[PacketFormat]:
 
 
 def decode_kind(body: bytes) -> Kind:
-    """Decode the body of a LAYOUT record; raise InputError if no packets have this layout."""
+    """Return the kind of packets that the body of a LAYOUT record describes.
+
+    Raises InputError if no packets have this layout.
+    """
     layout, code = decode_layout(body)
     if len(code) == _OUSTER_CODE_BYTES:
         return OusterKind.decode(layout, code)
@@ -107,7 +111,7 @@ def decode_kind(body: bytes) -> Kind:
 
 
 def count_values(kind: Kind, body: bytes) -> int:
-    """Return the number of ranges and of field values in a coded turn."""
+    """Return the number of ranges plus the number of further field values in a coded turn."""
     images = len(kind.channels) if isinstance(kind, OusterKind) else 0
     return count_ranges(kind.layout, body) * (1 + images)
 
@@ -125,23 +129,22 @@ class _CodedTurn(NamedTuple):
 
 
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode some turns of a stream of `encode_turns` or `encode_returns`, or of a compressed
-    recording.
+    """Decode some turns of a stream or of a compressed recording.
 
     Parameters
     ----------
     stream
-        The bytes of the whole stream.
+        The bytes of a whole stream that `encode_turns`, `encode_returns` or `compress` wrote.
     first, end
-        Turns `first` to `end` - 1, counted from 0, are decoded; None stands for all further ones.
-        Decoding starts at the last key turn up to `first`, as other turns need the turn before
-        them.
+        The turns from `first` to `end` - 1, counted from 0, are decoded. If `end` is None, all
+        turns from `first` on are decoded. Most turns need the turn before them; decoding therefore
+        starts at the last key turn up to `first`.
 
     Returns
     -------
     list of Turn
-        In chronological order. They lack an Ouster's signals and ambient light, which only
-        `decompress` restores.
+        The turns in chronological order. They lack an Ouster's signals and ambient light, which
+        only `decompress` restores.
 
     Raises
     ------
@@ -193,7 +196,10 @@ def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
 
 
 class PacketsEncoder:
-    """Encodes the packets of successive turns of one kind as records."""
+    """Encoder that converts the packets of successive turns to records of a stream.
+
+    All packets are of one kind, i.e. of one sensor and return mode.
+    """
 
     def __init__(self, kind: Kind, options: CodingOptions) -> None:
         is_quick = options.effort == "fast" and isinstance(kind, OusterKind)
@@ -202,13 +208,21 @@ class PacketsEncoder:
         self._fields: FieldsEncoder | None = None
 
     def layout(self) -> Record:
-        """Return the record that must precede the records of all turns."""
+        """Return the LAYOUT record, which must precede the records of all turns in a stream."""
         kind = self.kind
         code = kind.code if isinstance(kind, OusterKind) else bytes([kind.product, kind.mode])
         return Record(RecordKind.LAYOUT, encode_layout(kind.layout) + code)
 
     def encode(self, payloads: Payloads) -> tuple[Turn, list[Record]]:
-        """Encode the packets (p, bytes) of one turn; return the turn and its one or two records."""
+        """Encode the packets (p, bytes) of one turn.
+
+        Returns
+        -------
+        turn
+            The turn that the packets form.
+        records
+            The turn's record, and a second one if the packets hold more data than the turn.
+        """
         kind = self.kind
         if isinstance(kind, PacketKind):
             turn = turn_of(kind, payloads)
@@ -225,9 +239,10 @@ class PacketsEncoder:
 
 
 class PacketsDecoder:
-    """Decodes records of layouts, turns and their fields to pieces of packets.
+    """Decoder that converts the records of a `PacketsEncoder` back to packets.
 
-    Raises InputError if pieces that are not yet taken exceed `most_bytes`.
+    Call a method for each record in the order of the stream, and `take` to get the packets.
+    InputError is raised if packets that are not yet taken exceed `most_bytes`.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -238,14 +253,14 @@ class PacketsDecoder:
         self._is_key = False
 
     def start_layout(self, body: bytes) -> None:
-        """Begin turns of another kind of packets, by the body of a LAYOUT record."""
+        """Begin turns of another kind of packets, which the body of a LAYOUT record describes."""
         check(self._turn is None)
         self._kind = kind = decode_kind(body)
         self._turns = TurnDecoder(kind.layout)
         self._fields = FieldsDecoder(kind) if isinstance(kind, OusterKind) else None
 
     def add_turn(self, body: bytes) -> int:
-        """Decode a turn; return its number of returns."""
+        """Decode the body of a turn's record, and return the number of the turn's returns."""
         kind = self._kind
         if kind is None or self._turn is not None:
             raise InputError(DAMAGED)
@@ -257,7 +272,7 @@ class PacketsDecoder:
         return turn.returns
 
     def add_fields(self, body: bytes) -> None:
-        """Decode what packets hold beyond the last turn, by a FIELDS record's body."""
+        """Decode a FIELDS record's body, the data of the last packets beyond the turn."""
         kind, turn, self._turn = self._kind, self._turn, None
         if kind is None or turn is None:
             raise InputError(DAMAGED)
@@ -274,7 +289,15 @@ class PacketsDecoder:
         self._pieces += [row[at:end].tobytes() for row in payloads for at, end in edges]
 
     def take(self) -> tuple[int, list[bytes]]:
-        """Return the number of packets since the last call, and their pieces."""
+        """Return the packets that were decoded since the last call.
+
+        Returns
+        -------
+        count
+            Number of packets.
+        pieces
+            The bytes of the packets, with one item for each fragment of a packet.
+        """
         check(self._turn is None)
         count, pieces = self._count, self._pieces
         self._count, self._bytes, self._pieces = 0, 0, []

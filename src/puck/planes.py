@@ -1,11 +1,11 @@
 """Segmentation of a range image into planes.
 
-Rows of the image are cut into short pieces; neighbouring sets of pieces are merged while one plane
-fits both.
+Each row of the image is cut into short pieces, i.e. runs of returns on one line. Pieces are merged
+to larger sets of returns as long as one plane fits both.
 
 A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
 set of points p with m . p = 1; multiplied by r, this is r = (r p) . m. A least squares fit of m
-needs 11 sums over a set's returns; a merger adds the sums of two sets.
+needs 11 sums over a set's returns; when two sets are merged, their sums are added.
 
 References
 ----------
@@ -32,11 +32,11 @@ _SUMS = 11
 """Sums over a set of returns: 1, six products of components of r p, three of r p and r, and r^2."""
 _LONGEST_PIECE = 8
 _GAP = 3
-"""Returns in a row are neighbours if at most this number of columns apart."""
+"""Returns in a row are neighbours if they are at most this number of columns apart."""
 _STEEPEST = 6.0
-"""Neighbours are taken for an edge if the incidence angle has a larger tangent."""
+"""Neighbours form an edge of a surface if the incidence angle has a larger tangent."""
 _JUMP = 4.0
-"""Neighbours may differ by this number of standard deviations more than `_STEEPEST` allows."""
+"""Number of standard deviations by which neighbours may differ more than `_STEEPEST` allows."""
 _SLOPE = 2.0
 """Tangent of a typical incidence angle, the prior for slopes that returns do not determine."""
 _GAINS = (2.0, 8.0, 25.0)
@@ -64,7 +64,11 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """Index of each return's plane (lasers, columns), or -1, and vectors m (n, 3) of planes."""
+    """Planes that were fitted to a range image, and each return's plane.
+
+    `labels` (lasers, columns) are indices of planes, or -1 for a return without a plane; the second
+    field holds the vectors m (n, 3) of the planes.
+    """
 
     labels: Labels
     vectors: Floats
@@ -73,12 +77,26 @@ class LabelledPlanes(NamedTuple):
 def fitted_planes(
     image: RangeRows, column: float, std: float, tolerance: float, closes: bool
 ) -> LabelledPlanes:
-    """Assign each return to a plane, and fit the planes.
+    """Assign each return of a range image to a plane, and fit the planes.
 
-    Adjacent columns are `column` rad apart; in a full turn (`closes`), the last column is next to
-    the first. `std` is the standard deviation of a range, m. Two sets of returns are merged if
-    their mean squared distance, beyond the part due to noise, is at most `tolerance` noise
-    variances.
+    Parameters
+    ----------
+    image
+        The range image.
+    column
+        Angle between adjacent columns, in radians.
+    std
+        Standard deviation of a range, in metres.
+    tolerance
+        Two sets of returns are merged if their mean squared distance to a common plane, beyond the
+        part due to noise, is at most this number of noise variances.
+    closes
+        Whether the image is a full turn, so that the last column is next to the first.
+
+    Returns
+    -------
+    LabelledPlanes
+        The index of each return's plane, and the planes.
     """
     ranges, variance = image.ranges, std * std
     labels = np.full(ranges.shape, -1, np.int32)
@@ -145,7 +163,7 @@ def _solve(sums: Floats, variance: float, plane: Floats) -> float:
 
 @inlined
 def range_error(row: Floats, target: float, plane: Floats) -> float:
-    """Return the signed distance along the beam from a return to a plane, m."""
+    """Return the signed distance in metres, along the beam, from a return to a plane."""
     error: float = target - row[0] * plane[0] - row[1] * plane[1] - row[2] * plane[2]
     return error
 
@@ -157,7 +175,7 @@ def _cut(
 ) -> int:  # fmt: skip
     """Cut rows into pieces, write each return's piece to `labels`, and return the number of pieces.
 
-    A piece ends at a jump or gap, or where two lines fit its returns far better than one.
+    A piece ends at a jump or a gap, or where two lines fit its returns far better than one.
     """
     ranges, rows = image
     count = 0

@@ -1,13 +1,13 @@
 """Coding of an Ouster's images at effort `fast`: ranges, signals, reflectivities and others.
 
-Adaptive least squares predict a pixel from its neighbours and the previous turn. The prediction
-error is split into low bits, which are stored uncoded, and a symbol. The context of a symbol is the
-size of nearby errors.
+Adaptive least squares predict a pixel from its neighbours and the previous turn (revolution). The
+prediction error is split into low bits, which are stored uncoded, and a symbol. The context of a
+symbol is the size of nearby errors.
 
-Symbols are coded by asymmetric numeral systems (rANS; Duda 2013) with adaptive frequencies: one
-step for a symbol of about a hundred, which is several times faster than as many binary decisions
-with `pointkit.coding`, by which all other efforts and sensors are coded. Two states alternate; an
-encoder runs backwards over tokens that it has collected.
+Symbols are coded by asymmetric numeral systems (rANS; Duda 2013) with adaptive frequencies. A
+symbol, one of about a hundred, takes one step, which is several times faster than as many binary
+decisions with `pointkit.coding`, by which all other efforts and sensors are coded. Two states
+alternate. An encoder first collects tokens, and then codes them from the last to the first.
 """
 
 from __future__ import annotations
@@ -113,16 +113,17 @@ class ImageJob(NamedTuple):
     number
         Index of the image within a turn.
     values
-        Pixels (columns, lasers); a decoder uses only the shape.
+        Pixels (columns, lasers). A decoder uses only the shape.
     farthest
-        Largest possible pixel.
+        Largest possible value of a pixel.
     ranges
-        Ranges of the same returns with borders (see `framed`); None if the pixels are ranges.
+        Ranges of the same returns with borders, as `framed` returns them; None if the pixels are
+        ranges.
     signals
         Signals of the same returns with borders, if the pixels are reflectivities.
     reference
-        Image with borders, from which pixels are predicted: ranges of first returns for ranges of
-        second returns.
+        Image with borders, from which pixels are predicted. For ranges of second returns, these are
+        the ranges of first returns.
     """
 
     number: int
@@ -212,10 +213,10 @@ def _code_image(
     model: _Model, coder: _RansCoder, image: _Image, before: _Image, ranges: Words, signals: Words,
     reference: Words, nearest: Ints,
 ) -> bool:  # fmt: skip
-    """Encode or decode an image; return False if the decoded stream ended early.
+    """Encode or decode an image, and return False if the stream that is decoded ended early.
 
-    An encoder reads `image.values`, a decoder writes them; both write the other arrays of `image`.
-    `before` and `nearest` are as in `ranges.code_ranges`.
+    An encoder reads `image.values`, and a decoder writes them; both write the other arrays of
+    `image`. The arguments `before` and `nearest` are those of `ranges.code_ranges`.
     """
     for c in range(PAD, PAD + len(nearest)):
         t = nearest[c - PAD]
@@ -247,7 +248,7 @@ def _write_feature(model: _Model, k: int, later: Words, earlier: Words, i: int, 
 def _begin_column(
     model: _Model, image: _Image, before: _Image, ranges: Words, previous: Words, c: int, t: int
 ) -> None:
-    """Compute features and contexts that need no pixel of the column."""
+    """Compute the features and contexts of a column that do not depend on the column's pixels."""
     held, errors = image.held, image.errors
     west, west2 = held[c - 1], held[c - 2]
     _write_feature(model, 0, west2, west, 1, 1)
@@ -463,7 +464,7 @@ def _learn_linear(model: _Model) -> None:
 
 @compiled_in_place
 def _write_words(coder: _RansCoder, out: NDArray[np.uint32]) -> int:
-    """Code the tokens, last first, to the end of `out`; return the index of the first word."""
+    """Code the tokens, last first, to the end of `out`, and return the index of the first word."""
     place, next_state, state = len(out), np.uint64(_LOW), np.uint64(_LOW)
     for k in range(coder.registers[0], 0, -1):
         token = coder.tokens[np.uint64(k - 1)]
@@ -489,32 +490,71 @@ def _write_words(coder: _RansCoder, out: NDArray[np.uint32]) -> int:
 
 
 def framed(values: NDArray[Any]) -> Words:
-    """Return an image (columns, lasers) with borders of zeros, for jobs of other images."""
+    """Return an image (columns, lasers) as (columns + 2 PAD, lasers + 2), with a border of zeros.
+
+    Jobs of other images take such an image as `ranges`, `signals` or `reference`.
+    """
     framed = np.zeros((len(values) + 2 * PAD, values.shape[1] + 2), np.int32)
     framed[PAD:-PAD, 1:-1] = values
     return framed
 
 
 class ImageCoder:
-    """Encodes and decodes the images of successive turns, each with its own model."""
+    """Encoder and decoder of the images of successive turns.
+
+    Images with the same number share an adaptive model, which learns from turn to turn.
+    """
 
     def __init__(self) -> None:
         self._models: dict[int, _Model] = {}
         self._coded: dict[int, _Image] = {}
 
     def keep(self, numbers: Container[int]) -> None:
-        """Forget the previous turn's images with other numbers, which the next turn lacks."""
+        """Forget all images of the previous turn except those with the given numbers."""
         self._coded = {k: image for k, image in self._coded.items() if k in numbers}
 
     def encode(self, jobs: list[ImageJob], nearest: Ints) -> tuple[list[Words], list[bytes]]:
-        """Encode images; return each with borders, and its part of the stream."""
+        """Encode the images of a turn.
+
+        Parameters
+        ----------
+        jobs
+            The images.
+        nearest
+            For each column, the row of the nearest column in the previous turn, as in
+            `ranges.code_ranges`.
+
+        Returns
+        -------
+        images
+            Each image with borders, (columns + 2 PAD, lasers + 2).
+        parts
+            The bytes of each image in the stream.
+        """
         coded = in_threads(lambda job: self._code(job, nearest, None), jobs)
         return [image for image, _ in coded], [part for _, part in coded]
 
     def decode(self, jobs: list[ImageJob], nearest: Ints, parts: list[bytes]) -> list[Words]:
-        """Decode images from their parts of the stream; return each with borders.
+        """Decode the images of a turn.
 
-        Raises InputError if a part is damaged.
+        Parameters
+        ----------
+        jobs
+            The images, of which only shapes are read.
+        nearest
+            As in `encode`.
+        parts
+            The bytes of each image, as `encode` returned them.
+
+        Returns
+        -------
+        list of array (columns + 2 PAD, lasers + 2)
+            Each image with borders.
+
+        Raises
+        ------
+        InputError
+            A part is damaged.
         """
         pairs = zip(jobs, parts, strict=True)
         coded = in_threads(lambda pair: self._code(pair[0], nearest, pair[1]), pairs)
@@ -554,7 +594,7 @@ class ImageCoder:
 
 
 def _listed(image: NDArray[Any]) -> bytes:
-    """Return the nonzero pixels and their indices, compressed; no bytes if there are many."""
+    """Return the nonzero pixels and their indices, compressed, or no bytes if there are many."""
     if _FEW * np.count_nonzero(image) > image.size:
         return b""
     places = np.flatnonzero(image)

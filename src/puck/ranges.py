@@ -1,13 +1,13 @@
-"""Coding of the ranges of a turn: whether each firing has a return, and its range.
+"""Coding of the ranges of a turn (revolution): whether each firing has a return, and its range.
 
 Firings are coded column by column, from the lowest laser to the highest. Ranges are predicted by
 adaptive least squares, and coded as binary decisions around the predictions. Lossy coding quantises
 a range to the nearest multiple of the step, or to the adjacent multiple towards the prediction if
 lambda times the saved rate exceeds the increase of the squared error.
 
-In arrays, c is the index of the current column, t that of the nearest column of the previous turn
-(0: none). "West" is the same laser one column earlier; "below" and "above" are the neighbouring
-lasers.
+In arrays, c is the index of the current column, and t is that of the nearest column of the previous
+turn, or 0 if there is none. "West" is the same laser one column earlier; "below" and "above" are
+the neighbouring lasers.
 """
 
 from __future__ import annotations
@@ -46,7 +46,10 @@ _ALL_LEARNT = 1000
 
 
 class RangeContext(NamedTuple):
-    """Ranges of a turn and values that predict later ranges; arrays are (PAD + columns, lasers)."""
+    """Ranges of a turn, and values from which later ranges are predicted.
+
+    All arrays have the shape (PAD + columns, lasers).
+    """
 
     ranges: Words  # 0 for no return
     smooth: Words  # ranges, in 1 / FINE, moved part of the way to their predictions
@@ -71,7 +74,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of a model, which uses the first `features` features (likewise experts, contexts)."""
+    """Sizes of a model, which uses only the first of all features, experts and contexts."""
 
     features: int
     experts: int
@@ -98,7 +101,7 @@ _COMMON_FEATURES = 10
 def new_range_model(
     bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int, farthest: int
 ) -> RangeModel:
-    """Return a model without knowledge of ranges up to `farthest` quanta, in steps of `step`."""
+    """Return an untrained model for ranges up to `farthest` quanta in steps of `step`."""
     sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
     first_weights = [*_EXPERT_WEIGHTS[: size.experts], *_CONTEXT_WEIGHTS[: size.contexts]]
@@ -134,11 +137,21 @@ def _first_scales(experts: int) -> Words:
 def code_ranges(
     model: RangeModel, image: RangeContext, before: RangeContext, nearest: Ints, source: Words
 ) -> bool:
-    """Encode or decode the ranges of a turn; return False if the stream ends early.
+    """Encode or decode the ranges of a turn, and return False if the stream ends early.
 
-    The encoder reads ranges from `source` (PAD + columns, lasers), which the decoder ignores; both
-    fill the rows of `image` from PAD on. `before` is the previous turn followed by PAD empty rows.
-    `nearest` (columns,) is the row in `before` of the column with the nearest azimuth, or 0.
+    Parameters
+    ----------
+    model
+        Adaptive model, which holds the arithmetic encoder or decoder.
+    image
+        Result: the ranges of this turn, and values computed from them, are written from row PAD on.
+    before
+        The previous turn, followed by PAD empty rows.
+    nearest
+        For each column, the row in `before` of the column with the nearest azimuth, or 0 if none is
+        near.
+    source
+        Ranges (PAD + columns, lasers) to encode. A decoder ignores them.
     """
     for column in range(PAD, len(image.ranges)):
         t = nearest[column - PAD]
@@ -249,7 +262,7 @@ def _code_mask_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """Code whether a firing has a return, by one adaptive probability (effort `fast`)."""
+    """Code whether a firing has a return by one adaptive probability (effort `fast`)."""
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -285,7 +298,7 @@ def _predict(
 
 @inlined
 def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """Return a quantised range in steps, and `centre` and `unit` for `code_number`."""
+    """Return a quantised range in steps, and the arguments `centre` and `unit` of `code_number`."""
     step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
@@ -297,7 +310,7 @@ def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple
 
 @inlined
 def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
-    """Return `index`, or its neighbour towards `mean` if the rate-distortion cost is lower.
+    """Return `index`, or the neighbour towards `mean` if this lowers the rate-distortion cost.
 
     One step towards the prediction saves about step / scale nats.
     """
@@ -316,7 +329,7 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the laser's last range; if none, that of the laser below or of the previous turn."""
+    """Return the laser's last range, or else that of the laser below or of the previous turn."""
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])

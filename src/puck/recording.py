@@ -1,6 +1,6 @@
 """Lossless compression of recordings, or of any other file.
 
-Data packets are recognised by content; the packets of a revolution are encoded as one turn.
+Data packets are found by their content; the packets of a revolution are encoded as one turn.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from puck.sqlite_pages import (
 )
 
 _WINDOW = 1 << 24
-"""Bytes that are searched for packets at a time; the packets' turns form a batch."""
+"""Number of bytes that are searched for packets at a time. Their turns form a batch."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
-"""Limit of the bytes of a recording: a constant, and more for each byte of the stream."""
+"""Limit of a restored recording's size: a constant, and more for each byte of the stream."""
 _FRAME_BYTES = 16
-"""Limit of the bytes that state the length of a single gap; a decoder counts them too."""
+"""Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
 Report = Callable[[int, int], None]
-"""Function that gets the numbers of processed bytes and of all bytes."""
+"""Function that is called with the number of processed bytes and the number of all bytes."""
 
 
 @dataclass(kw_only=True)
@@ -69,18 +69,20 @@ class _Counts:
 
 @dataclass(kw_only=True)
 class RecordingSummary(_Counts):
-    """What a recording holds, and its sizes in bytes before and after compression.
+    """Counts of what a recording holds, and its sizes before and after compression.
 
     Parameters
     ----------
     packets, turns, returns
-        Numbers of data packets, of turns that they form, and of returns in the turns.
+        Number of data packets, number of turns (revolutions) that they form, and number of returns
+        in these turns.
     ranges
-        Number of range pixels (with and without return) and of other pixels; decoders limit it.
+        Number of pixels of range images, with and without a return, plus pixels of other images.
+        Decoders limit this number.
     bytes, compressed
-        Sizes of the recording and of its stream.
+        Size of the recording and size of its stream, in bytes.
     parts
-        Bytes of the stream by kind of record.
+        Number of bytes of the stream by kind of record.
     """
 
     bytes: int = 0
@@ -88,7 +90,7 @@ class RecordingSummary(_Counts):
     parts: dict[str, int] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """Return sizes, their ratio (``share``), and counts, as commands print them."""
+        """Return sizes, compressed share (``share``) and counts by name, as the commands print."""
         share = self.compressed / self.bytes if self.bytes else 1.0
         return {
             "bytes": self.bytes,
@@ -131,25 +133,27 @@ def compress(
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    The data packets of known sensors are found by their content, and the packets of a revolution
-    are coded as one turn. LZMA compresses all other bytes. An Ouster's packets are known only if
-    its metadata (JSON) lie beside the recording.
+    The function finds data packets of known sensors by their content, and codes the packets of a
+    revolution as one turn. LZMA compresses all other bytes. Packets of an Ouster are found only if
+    the sensor's metadata (JSON) lie beside the recording.
 
     Parameters
     ----------
     recording
         Packet capture, ROS bag, or any other file.
     out
-        File to write, whole or not at all.
+        File to write. If compression fails, no incomplete file is left.
     options
-        Effort, and number of turns between key turns; other options must be lossless.
+        Options of encoding. Only `effort` and `key_every` may differ from their defaults, since
+        nothing may be lost.
     report
-        Function that is called with the numbers of processed bytes and of all bytes.
+        Function that is called with the number of processed bytes and the number of all bytes, to
+        show progress.
 
     Returns
     -------
     RecordingSummary
-        Numbers of packets, turns and returns, and the sizes of both files in bytes.
+        Number of packets, turns and returns, and the sizes of both files in bytes.
 
     Raises
     ------
@@ -184,19 +188,21 @@ def decompress(
     Parameters
     ----------
     path
-        Stream (.puck).
+        File that `compress` wrote (.puck).
     out
-        File to write, whole or not at all.
+        File to write. If decompression fails, no incomplete file is left.
     report
-        Function that is called with the numbers of processed bytes and of all bytes of the stream.
+        Function that is called with the number of processed bytes and the number of all bytes of
+        the stream, to show progress.
     trusted
-        Whether to restore a file of any size. By default, a file of more than 48 MiB plus 40 bytes
-        for each byte of the stream is refused, since such a stream may be made to fill the disk.
+        Whether to restore a file of any size. By default, the function refuses to write more than
+        48 MiB plus 40 bytes for each byte of the stream, because a small stream can be made to fill
+        the disk.
 
     Returns
     -------
     RecordingSummary
-        Numbers of packets, turns and returns, and the sizes of both files in bytes.
+        Number of packets, turns and returns, and the sizes of both files in bytes.
 
     Raises
     ------
@@ -315,10 +321,11 @@ class _PacketEncoder:
     def batches(
         self, data: Bytes, packets: _Packets, report: Callable[[int], None]
     ) -> Iterator[_Batch]:
-        """Yield three encodings of `data`; the caller uses the earliest within the limits.
+        """Yield three encodings of `data`, of which the caller uses the first within the decoder's
+        limits.
 
-        Packets are encoded as turns; LZMA compresses all bytes; or bytes are stored, which is
-        always within the decoder's limits.
+        The first encodes packets as turns, the second compresses all bytes by LZMA, and the third
+        stores the bytes, which is always within the limits.
         """
         yield self._batch(data, packets, report)
         self._packets = None

@@ -1,7 +1,7 @@
-"""Container format of streams: a magic number and a version, then records.
+"""Format of streams: a magic number and a version, followed by records.
 
-A record is its kind, the length of its body (base 128) and, unless the body is empty, the CRC-32
-and the body.
+A record consists of its kind, the length of its body (a base-128 number) and, unless the body is
+empty, the CRC-32 and the body.
 """
 
 from __future__ import annotations
@@ -26,21 +26,23 @@ _FEW_RANGES, _RANGES_PER_BYTE = 1 << 22, 32
 Coarsely quantised scans without noise have few bits per range.
 """
 _SMALL_BYTES, _MANY_RANGES = 1 << 20, 6 << 20
-"""A stream of up to 1 MiB holds at most 6 Mi ranges: some seconds of a recording."""
+"""A stream of up to 1 MiB holds at most 6 Mi ranges, which is some seconds of a recording."""
 _RANGES_PER_TURN = 1024
-"""Ranges added for each turn, since decoding even two ranges of a key turn takes 1 ms."""
+"""Number of ranges added for each turn, since decoding even two ranges of a key turn takes 1 ms."""
 DAMAGED = "the stream is damaged or truncated"
 
 
 def check(is_valid: bool) -> None:
-    """Raise InputError for a damaged stream unless `is_valid`."""
+    """Raise InputError, which says that the stream is damaged, unless `is_valid`."""
     if not is_valid:
         raise InputError(DAMAGED)
 
 
 class RecordKind(IntEnum):
-    """Content of a record: end, layout, turn, bytes between packets, page links, beams, or further
-    fields of the last turn's packets.
+    """Kind of a record, which says what the record's body contains.
+
+    The kinds are: end of the stream, layout of images, turn, bytes between packets, page links of
+    an SQLite file, beams of the sensor, and further fields of the last turn's packets.
     """
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
@@ -48,13 +50,13 @@ class RecordKind(IntEnum):
 
 @dataclass(frozen=True)
 class Record:
-    """Part of a stream: its kind, and the bytes of its content."""
+    """One record of a stream: its kind, and its body as bytes."""
 
     kind: RecordKind
     body: bytes
 
     def packed(self) -> bytes:
-        """Return the record as bytes: kind, length, checksum and body."""
+        """Return the bytes of the record in a stream: kind, length, checksum and body."""
         return bytes([self.kind]) + base_128(len(self.body)) + _with_checksum(self.kind, self.body)
 
 
@@ -64,17 +66,17 @@ def _with_checksum(kind: int, body: bytes) -> bytes:
 
 
 def start() -> bytes:
-    """Return the first bytes of every stream: the magic number and the version."""
+    """Return the magic number and the version, with which every stream begins."""
     return MAGIC + bytes([_VERSION])
 
 
 def join_records(records: Iterable[Record]) -> bytes:
-    """Return a stream of records, with the END record that every stream has."""
+    """Return a whole stream (bytes): its start, the records, and the END record that ends it."""
     return b"".join([start(), *(each.packed() for each in (*records, Record(RecordKind.END, b"")))])
 
 
 def read_records(stream: IO[bytes]) -> Iterator[Record]:
-    """Yield the records of a stream up to and including its END record."""
+    """Read a stream, and yield its records up to and including the END record."""
     head = stream.read(len(MAGIC) + 1)
     if head[: len(MAGIC)] != MAGIC:
         raise InputError("not a puck stream")
@@ -113,7 +115,7 @@ def _read(stream: IO[bytes], length: int) -> bytes:
 
 
 def count_ranges(layout: Layout, body: bytes) -> int:
-    """Return the number of ranges in a coded turn, plus `_RANGES_PER_TURN`."""
+    """Return the number of ranges of the coded turn `body`, plus `_RANGES_PER_TURN`."""
     reader = Reader(body)
     reader.take(1)
     reader.number()
@@ -122,12 +124,12 @@ def count_ranges(layout: Layout, body: bytes) -> int:
 
 
 def most_ranges(size: int) -> int:
-    """Return the number of ranges that a decoder accepts in a stream of `size` bytes."""
+    """Return the largest number of ranges that a decoder accepts in a stream of `size` bytes."""
     few = min(_FEW_RANGES + _RANGES_PER_BYTE * size, _MANY_RANGES)
     return few + _RANGES_PER_BYTE * max(size - _SMALL_BYTES, 0)
 
 
 def check_ranges(ranges: int, size: int) -> None:
-    """Raise InputError if a stream of `size` bytes has more ranges than it can hold."""
+    """Raise InputError if a stream of `size` bytes has more ranges than a decoder accepts."""
     if ranges > most_ranges(size):
         raise InputError(f"{ranges} ranges in {size} bytes: more than they can hold")

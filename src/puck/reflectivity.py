@@ -1,8 +1,8 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-Some values are guessed, and coded only if a flag marks the guess as wrong. For a second return at
-the range of the first, the guess is the first return's value; for a firing without a return, it is
-the value of the laser's last such firing.
+Some values are guessed, and are only coded if a flag marks the guess as wrong. For a second return
+at the range of the first, the guess is the first return's value. For a firing without a return, it
+is the value of the laser's last such firing.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class ReflectivityModel(NamedTuple):
 
 
 class ReflectivityContext(NamedTuple):
-    """Reflectivities of a turn and arrays that predict them, (PAD + columns, lasers) each."""
+    """Reflectivities of a turn, and arrays that predict them, all (PAD + columns, lasers)."""
 
     values: Words  # an encoder reads them, a decoder writes them
     held: Words  # 1 + the value of the laser's last return up to this column
@@ -61,7 +61,10 @@ class ReflectivityContext(NamedTuple):
 
 
 def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> ReflectivityModel:
-    """Return a new model; a `lean` one has few contexts and takes a quarter of the time."""
+    """Return a model that has learnt nothing yet.
+
+    With `lean`, the model has few contexts and takes a quarter of the time.
+    """
     sizes = np.array([lasers * 2, 257, 257, 32 * 33, 32 * 32, 257, 32 * 33, 256 * 5, 16 * 33])
     sizes *= _TREE
     zeros = np.zeros(lasers, np.int64)
@@ -85,7 +88,10 @@ def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> R
 
 @compiled_in_place
 def code_reflectivities(model: ReflectivityModel, turn: ReflectivityContext, nearest: Ints) -> bool:
-    """Encode or decode reflectivities of a turn; return False if the stream ends early."""
+    """Encode or decode the reflectivities of a turn, and return False if the stream ends early.
+
+    The argument `nearest` is that of `ranges.code_ranges`.
+    """
     values, held = turn.values, turn.held
     for c in range(PAD, len(values)):
         for laser in range(values.shape[1]):
@@ -198,7 +204,7 @@ def _learn_linear(model: ReflectivityModel, target: int, first: int, laser: int)
 
 @inlined
 def _change(turn: ReflectivityContext, c: int, laser: int) -> int:
-    """Return the level, 1 to 4, of the range's change from the last column; 0 if unknown."""
+    """Return the level, 1 to 4, of the range's change since the last column; 0 if unknown."""
     now, before = turn.ranges[c, laser], turn.ranges[c - 1, laser]
     if now == 0 or before == 0:
         return 0

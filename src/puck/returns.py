@@ -1,4 +1,4 @@
-"""Streams of the returns of a spinning sensor: revolutions with, or without, the sensor's beams."""
+"""Encoding and decoding of streams of returns, with or without a description of the beams."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from puck.turns import TurnDecoder, TurnEncoder, turn_step
 
 
 def encode_returns(returns: Returns, options: CodingOptions | None = None) -> bytes:
-    """Encode returns as one stream, which contains all that `decode_returns` needs.
+    """Encode the returns of a sensor as one stream, which `decode_returns` decodes.
 
     Parameters
     ----------
     returns
         Revolutions, and the beams of the sensor.
     options
-        By default, nothing is lost. A larger step quantises ranges; times and reflectivities can be
-        left out.
+        Options of encoding. By default, nothing is lost; a larger step quantises ranges, and times
+        and reflectivities can be left out.
 
     Returns
     -------
     bytes
-        The stream.
+        The stream, which contains all that `decode_returns` needs.
 
     Raises
     ------
@@ -59,10 +59,18 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 
 
 def decode_returns(stream: bytes) -> Returns:
-    """Decode a stream of `encode_returns`.
+    """Decode a stream that `encode_returns` wrote.
 
-    Ranges are multiples of the quantisation step, in the sensor's quanta; times and reflectivities
-    are None if the encoder left them out.
+    Parameters
+    ----------
+    stream
+        The bytes of the whole stream.
+
+    Returns
+    -------
+    Returns
+        Revolutions, and the beams of the sensor. Ranges are multiples of the quantisation step, in
+        the sensor's quanta. Times and reflectivities are None if the encoder left them out.
 
     Raises
     ------
@@ -76,16 +84,26 @@ def decode_returns(stream: bytes) -> Returns:
 
 
 def range_steps(stream: bytes) -> list[float]:
-    """Return the quantisation step of the ranges in each turn of a stream of `encode_returns`, m.
+    """Return the quantisation step of each turn's ranges, in metres.
 
-    It is the sensor's quantum if nothing was lost. Turns are not decoded.
+    The step is the sensor's quantum if nothing was lost. The turns are not decoded.
+
+    Parameters
+    ----------
+    stream
+        A stream that `encode_returns` wrote.
+
+    Returns
+    -------
+    list of float
+        One step for each turn.
     """
     without_turns, bodies = _read(stream)
     return [turn_step(body) * without_turns.quantum_m for body in bodies]
 
 
 def reflectivity_bytes(stream: bytes) -> int:
-    """Return how many bytes of a stream of `encode_returns` hold reflectivities."""
+    """Return how many bytes of a stream that `encode_returns` wrote hold reflectivities."""
     without_turns, bodies = _read(stream)
     return sum(turns.reflectivity_bytes(body, without_turns.layout) for body in bodies)
 
@@ -93,17 +111,16 @@ def reflectivity_bytes(stream: bytes) -> int:
 def encode_turns(
     turns: Iterable[Turn], layout: Layout, options: CodingOptions | None = None
 ) -> bytes:
-    """Encode revolutions of one layout, in chronological order, as one stream without a sensor's
-    beams.
+    """Encode revolutions that share one layout as one stream, without a description of beams.
 
     Parameters
     ----------
     turns
-        Revolutions; each may have its own number of columns.
+        Revolutions in chronological order. Each may have its own number of columns.
     layout
         Arrangement of the lasers in the images of all turns.
     options
-        By default, nothing is lost.
+        Options of encoding. By default, nothing is lost.
 
     Returns
     -------

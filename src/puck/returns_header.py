@@ -1,4 +1,4 @@
-"""Layouts of images and beams of sensors, as bytes in a stream's first records."""
+"""Encoding of layouts of images and of sensors' beams as bytes in a stream's first records."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from pointkit.lidar.turns import CENTIDEGREES, Layout
 
 _QUANTUM_UNIT_M = 1e-7
 _HAS_STEPS, _HAS_SHIFTS = 128, 64
-"""Flags in the byte of the kinds of return: the layout ends with the number of azimuth steps minus
-1, or the lasers' shifts, in 16 bits each."""
+"""Flags in the byte that states the kinds of return.
+
+The layout ends with the number of azimuth steps minus 1, or with the lasers' shifts (16 bits each).
+"""
 _CLOCKWISE, _HAS_OFFSET = 1, 2
 """Flags: the sensor rotates clockwise; a range offset (8 bytes, m) follows."""
 _MOST_NAME_BYTES = 255
@@ -33,7 +35,7 @@ _USES: tuple[tuple[Firing, bool], ...] = (
 
 
 def encode_layout(layout: Layout) -> bytes:
-    """Return a layout as bytes; up to 16 lasers take half a byte each."""
+    """Return a layout as bytes, in which up to 16 lasers take half a byte each."""
     kinds, more = layout.kinds, b""
     if layout.azimuth_steps != CENTIDEGREES:
         kinds |= _HAS_STEPS
@@ -46,7 +48,7 @@ def encode_layout(layout: Layout) -> bytes:
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
-    """Decode the layout at the beginning of `body`; return the layout and the remaining bytes."""
+    """Decode the layout at the beginning of `body`, and return it with the bytes that follow."""
     reader = Reader(body)
     columns, blocks, kinds, lasers = reader.take(4)
     order, steps, shifts = _read_order(reader, lasers), CENTIDEGREES, b""
@@ -92,7 +94,10 @@ def _beams(name: str, use: int) -> Beams:
 
 
 def encode_beams(returns: Returns) -> bytes:
-    """Encode range quantum, range offset, and lasers as a shipped sensor's name or as angles."""
+    """Return the range quantum, range offset and lasers of returns as bytes.
+
+    The lasers are stored as the name of a sensor that this package knows, or as angles.
+    """
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
     offset = np.array([returns.range_offset_m], "<f8").tobytes() if returns.range_offset_m else b""
     shipped = None if offset else _shipped().get((returns.beams, returns.sensor))
@@ -114,10 +119,10 @@ def _angles(beams: Beams) -> bytes:
 
 
 def decode_beams(body: bytes, layout: Layout) -> Returns:
-    """Decode `encode_beams`; return `Returns` without turns.
+    """Decode the bytes of `encode_beams`, and return a `Returns` object without turns.
 
-    Raises InputError if the bytes are damaged, or name a sensor that is unknown or has other beams
-    now.
+    Raises InputError if the bytes are damaged, or name a sensor that is unknown or whose beams have
+    changed since.
     """
     reader = Reader(body)
     quantum = reader.number() * _QUANTUM_UNIT_M

@@ -1,4 +1,4 @@
-"""Coding of the second ranges of beams, in dual return mode: most are equal to the first."""
+"""Coding of the second ranges of beams in dual return mode, most of which equal the first."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ _FIRST_SCALE = 60 * FINE * 256
 
 
 class SecondReturnModel(NamedTuple):
-    """Adaptive state; `other` is each laser's last second range that differs from the first."""
+    """Adaptive model of second ranges.
+
+    The array `other` holds each laser's last second range that differs from the first range.
+    """
 
     same: Mixer
     value: Mixer
@@ -31,7 +34,7 @@ class SecondReturnModel(NamedTuple):
 def new_second_return_model(
     bits: BitCoder, lasers: int, step: int, farthest: int
 ) -> SecondReturnModel:
-    """Return a model without knowledge; `farthest` is the largest range, in quanta."""
+    """Return an untrained model for ranges up to `farthest` quanta in steps of `step`."""
     same = MixerOptions(
         contexts=3, counters=1024 + lasers * 8 + 640, rows=_SAME_ROWS, weights=[0.4] * 3
     )
@@ -55,11 +58,23 @@ def code_second_returns(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words,
     nearest: Ints, source: Words, source_first: Words,
 ) -> bool:  # fmt: skip
-    """Encode or decode a turn's second ranges; return False if the stream ends early.
+    """Encode or decode a turn's second ranges, and return False if the stream ends early.
 
-    Second ranges fill `ranges` (PAD + columns, lasers) from row PAD on; `first` are first ranges.
-    `then` and `then_first` are the previous turn's; for `nearest` see `ranges.code_ranges`. An
-    encoder reads the original ranges, `source` and `source_first`.
+    Parameters
+    ----------
+    model
+        Adaptive model, which holds the arithmetic encoder or decoder.
+    ranges
+        Result: second ranges (PAD + columns, lasers) are written from row PAD on.
+    first
+        First ranges of this turn.
+    then, then_first
+        Second and first ranges of the previous turn.
+    nearest
+        For each column, the row of the nearest column in the previous turn, as in
+        `ranges.code_ranges`.
+    source, source_first
+        Second and first ranges before quantisation, which only an encoder reads.
     """
     step = model.step
     for c in range(PAD, len(ranges)):

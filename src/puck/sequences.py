@@ -1,4 +1,4 @@
-"""Coding of azimuths and times: numbers that rise at a nearly constant rate."""
+"""Coding of azimuths and times, which are numbers that rise at a nearly constant rate."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SequenceModel(NamedTuple):
 
 
 def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
-    """Return a model without knowledge of numbers that wrap around at `modulus`."""
+    """Return a model that has learnt nothing yet, for numbers that wrap around at `modulus`."""
     counters = _NODES * (16 + 81 + 9 * 16 + 81 + 243)
     weights = [0.3] * _CONTEXTS
     options = MixerOptions(contexts=_CONTEXTS, counters=counters, rows=_NODES, weights=weights)
@@ -39,7 +39,7 @@ def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
 
 @compiled_in_place
 def code_sequence(model: SequenceModel, numbers: Ints) -> bool:
-    """Encode or decode 32-bit numbers in place; return False if the stream ends early."""
+    """Encode or decode 32-bit numbers in place, and return False if the stream ends early."""
     for i in range(len(numbers)):
         numbers[i] = _code_next(model, numbers[i])
         if exhausted(model.mixer.bits):

@@ -1,9 +1,10 @@
-"""Smoothing of decoded ranges: returns are moved along their rays to fitted planes.
+"""Smoothing of decoded ranges, which moves returns along their rays towards fitted planes.
 
-Biases of lasers, estimated from planes that several lasers hit, are subtracted. A return moves out
-of its quantisation interval by at most three standard deviations of the noise, or a tenth of the
-step. Returns that scatter around a plane by more than the noise (leaves) are moved less. The last
-bits of results depend on how a machine rounds sines and square roots.
+Ranges of different lasers differ by biases, which are estimated from planes that several lasers
+hit, and subtracted. A return moves out of its quantisation interval by at most three standard
+deviations of the noise, or a tenth of the step. Returns that scatter around a plane by more than
+the noise, as those of leaves do, are moved less. The last bits of results depend on how a machine
+rounds sines and square roots.
 """
 
 from __future__ import annotations
@@ -27,23 +28,21 @@ _FIRST_TOLERANCE = 3.0
 """Minimum tolerance before biases are subtracted; biases above the noise increase it."""
 _PASSES = 3
 _WIDEN = 3.0
-"""A return may leave its quantisation interval by this number of standard deviations of the noise.
-"""
+"""Number of standard deviations of the noise by which a return may leave its interval."""
 _WIDEN_STEPS = 0.1
-"""Fraction of the step by which any return may leave the interval, as large steps hide the noise.
-"""
+"""Fraction of the step by which any return may leave its interval; large steps hide the noise."""
 _MOST_NOISE_M = 0.05
-"""Limit of the estimated noise: larger estimates come from leaves."""
+"""Upper limit of the estimated noise in metres. Larger estimates come from leaves."""
 _SCATTER = 5.0
-"""A return farther from its plane than this number of standard deviations is not moved."""
+"""A return is not moved if it is farther from its plane than this number of standard deviations."""
 _SUPPORT = 5
-"""A plane with fewer returns is ignored."""
+"""Planes with fewer returns are ignored."""
 _BIAS_M = 0.02
 """Prior standard deviation of a laser's bias."""
 _BIAS_SUPPORT = 50
 """Biases are estimated from planes with at least this number of returns."""
 _CORRELATED = 100.0
-"""This number of neighbouring returns counts as one, as their errors are correlated."""
+"""Number of neighbouring returns that count as one, because their errors are correlated."""
 _HUGE = 1e30
 
 _loop = partial(compiled_in_place, error_model="numpy")
@@ -52,21 +51,21 @@ _loop = partial(compiled_in_place, error_model="numpy")
 def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
     """Return the points of decoded returns, moved along their rays to smooth surfaces.
 
-    Planes are fitted to the first returns of each turn. A return moves towards its plane, out of
-    its quantisation interval by at most three standard deviations of the noise or a tenth of the
-    step.
+    Planes are fitted to the first returns of each turn, and each of these returns moves towards its
+    plane. A return leaves its quantisation interval by at most three standard deviations of the
+    range noise or a tenth of the step.
 
     Parameters
     ----------
     returns
         Decoded returns.
     steps_m
-        Quantisation step of each turn's ranges, m (see `puck.range_steps`).
+        Quantisation step of each turn's ranges in metres, as `puck.range_steps` returns it.
 
     Returns
     -------
     array (n, 3)
-        Points in the sensor's coordinates, m, in the order of ``returns.points()``.
+        Points in the sensor's coordinates, in metres, in the order of ``returns.points()``.
     """
     distances = [
         smoothed_distances(returns, turn, step)
@@ -76,9 +75,23 @@ def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
 
 
 def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
-    """Return smoothed distances of a turn, (returns per beam, columns, lasers), m; 0: no return.
+    """Return the smoothed distances of a turn's returns.
 
-    Second returns, from edges, leaves and glass, are not changed.
+    Second returns, which come from edges, leaves and glass, are not changed.
+
+    Parameters
+    ----------
+    returns
+        The returns that the turn belongs to, with the sensor's beams.
+    turn
+        The decoded turn.
+    step_m
+        Quantisation step of the turn's ranges, in metres.
+
+    Returns
+    -------
+    array (returns per beam, columns, lasers)
+        Distances in metres; 0 where there is no return.
     """
     order = np.asarray(returns.layout.order)
     elevations = np.radians(returns.beams.elevations_deg)[order]
@@ -123,10 +136,24 @@ def smoothed_ranges(
     closes: bool,
     step_m: float,
 ) -> Floats:
-    """Smooth the decoded ranges of an image, (lasers, columns), m; 0: no return.
+    """Return the smoothed ranges of a decoded range image.
 
-    Beams have `directions` and `origins` (lasers, columns, 3); `step_m` is the quantisation step.
-    For `column` and `closes` see `planes.fitted_planes`.
+    Parameters
+    ----------
+    coded
+        Decoded ranges (lasers, columns) in metres; 0 means no return.
+    directions, origins
+        Directions and origins of the beams, (lasers, columns, 3).
+    column, closes
+        Angle between adjacent columns, and whether they make a full turn, as in
+        `planes.fitted_planes`.
+    step_m
+        Quantisation step of the ranges, in metres.
+
+    Returns
+    -------
+    array (lasers, columns)
+        Ranges in metres; 0 where there is no return.
     """
     noise = _noise(coded)
     std = max(noise, step_m / np.sqrt(12))
@@ -148,7 +175,7 @@ def smoothed_ranges(
 
 
 def _noise(ranges: Floats) -> float:
-    """Estimate the standard deviation of range noise from second differences within rows."""
+    """Estimate the standard deviation of the range noise from second differences within rows."""
     parts = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
     is_complete = (parts[0] > 0) & (parts[1] > 0) & (parts[2] > 0)
     if not is_complete.any():
@@ -166,9 +193,9 @@ def _image(coded: Floats, directions: Floats, origins: Floats, biases: Floats) -
 
 
 def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
-    """Estimate the biases of the lasers, (lasers,), m, with mean zero.
+    """Return an estimate of each laser's bias, (lasers,), in metres, with mean zero.
 
-    A bias of all lasers is indistinguishable from a larger room.
+    A bias that all lasers share cannot be told from a larger room.
     """
     labels, vectors = planes
     lasers, most = len(labels), 3 * std
@@ -248,9 +275,9 @@ def _estimate(
     ranges: Floats, directions: Floats, origins: Floats, labels: Labels, planes: Floats, std: float,
     limit: float, spread: Floats, smoothed: Floats,
 ) -> None:  # fmt: skip
-    """Move the ranges in `smoothed` towards their planes by at most `limit`.
+    """Move each range in `smoothed` towards its plane by at most `limit`.
 
-    `spread` (planes, 2) gets each plane's number of returns and sum of squared errors.
+    Each plane's number of returns and sum of squared errors are written to `spread` (planes, 2).
     """
     for moves in (False, True):
         for laser in range(labels.shape[0]):

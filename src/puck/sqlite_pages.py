@@ -1,7 +1,7 @@
-"""Page links of SQLite files (ROS 2 bags).
+"""Page links of SQLite files, such as ROS 2 bags.
 
-An overflow page begins with the next page's number. The first four bytes of all pages are coded
-separately, so that packets are contiguous in the rest.
+An overflow page begins with the number of the next page. The first four bytes of all pages are
+coded separately, so that packets are contiguous in the other bytes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _MAGIC = b"SQLite format 3\x00"
 
 
 def page_size(data: Bytes) -> int:
-    """Return the page size of a complete SQLite file in bytes; 0 for any other file."""
+    """Return the page size in bytes if `data` is a complete SQLite file, and 0 otherwise."""
     if data[: len(_MAGIC)].tobytes() != _MAGIC or len(data) < SMALLEST_PAGE:
         return 0
     size = int.from_bytes(data[16:18].tobytes(), "big")
@@ -27,9 +27,9 @@ def page_size(data: Bytes) -> int:
 
 
 def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Return bytes `first` to `end` of a file without its page links.
+    """Return the bytes from `first` to `end` of a file without page links.
 
-    `page` is the page size, or 0 for a file without links.
+    `page` is the page size in bytes, or 0 for a file without links.
     """
     if not page:
         return data[first:end]
@@ -40,7 +40,10 @@ def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
 
 
 def encode_links(links: Bytes) -> bytes:
-    """Encode big-endian links (n, 4) as differences, the highest bytes of all links first."""
+    """Return page links (n, 4), which are big-endian numbers, as differences in bytes.
+
+    The highest bytes of all links come first.
+    """
     numbers = np.ascontiguousarray(links).view(">u4")[:, 0].astype(np.uint32)
     steps = np.diff(numbers, prepend=np.uint32(0)).astype(">u4")
     return steps.view(np.uint8).reshape(-1, LINK_BYTES).T.tobytes()

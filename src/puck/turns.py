@@ -1,6 +1,7 @@
-"""Coding of one turn in separate parts: azimuths, ranges, second returns, times, reflectivities.
+"""Coding of one turn as separate parts: azimuths, ranges, second returns, times, reflectivities.
 
-A key turn can be decoded alone; other turns continue with the previous turn's adaptive models.
+A turn is one revolution of the sensor. A key turn can be decoded alone; other turns continue with
+the adaptive models of the turn before.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class _State:
 class _CodedTurn:
     """A coded turn, from which the next turn is predicted.
 
-    Lists have an item for each kind of return (strongest, last).
+    Each list has one item for each kind of return (strongest, last).
     """
 
     azimuths: Ints
@@ -111,16 +112,16 @@ def _new_state(
 
 
 class TurnEncoder:
-    """Encodes successive turns of one layout, each with the models that earlier turns have trained.
+    """Encoder of successive turns of one layout, whose models learn from turn to turn.
 
     Parameters
     ----------
     layout
         Arrangement of lasers and columns in the images of all turns.
     options
-        Options of encoding; by default, nothing is lost.
+        Options of encoding. By default, nothing is lost.
     is_quick
-        Whether ranges and reflectivities are coded by `puck.quick_images`.
+        Whether `puck.quick_images` codes ranges and reflectivities.
     """
 
     def __init__(
@@ -132,7 +133,7 @@ class TurnEncoder:
         self._since_key = 0
 
     def encode(self, turn: Turn) -> bytes:
-        """Return a turn's bytes; raise InputError if it does not have the layout."""
+        """Return the bytes of the next turn; raise InputError if it does not have the layout."""
         check_turn(turn, self.layout)
         options = self.options
         effort = EFFORTS.index(options.effort)
@@ -155,14 +156,18 @@ class TurnEncoder:
 
 
 class TurnDecoder:
-    """Decodes successive turns of one layout from a key turn on."""
+    """Decoder of the successive turns of a `TurnEncoder`, starting with a key turn."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self._state: _State | None = None
 
     def decode(self, body: bytes) -> Turn:
-        """Decode a turn; raise InputError if damaged or if the previous turn is missing."""
+        """Return the turn that the bytes `body` encode.
+
+        Raises InputError if the bytes are damaged or the previous turn, which they need, was not
+        decoded.
+        """
         reader = Reader(body)
         flags, step, blocks = reader.take(1)[0], reader.number(), reader.number()
         effort = flags >> _EFFORT & 3
@@ -188,19 +193,19 @@ class TurnDecoder:
 
 
 def is_key(body: bytes) -> bool:
-    """Return whether a coded turn can be decoded alone."""
+    """Return whether a coded turn can be decoded without the turns before it."""
     return bool(body[:1] and body[0] & _KEY)
 
 
 def turn_step(body: bytes) -> int:
-    """Return the quantisation step of a coded turn's ranges, in range quanta."""
+    """Return the quantisation step of a coded turn's ranges, in the sensor's range units."""
     reader = Reader(body)
     reader.take(1)
     return reader.number()
 
 
 def reflectivity_bytes(body: bytes, layout: Layout) -> int:
-    """Return how many bytes of a coded turn hold reflectivities."""
+    """Return how many bytes of the coded turn `body` hold reflectivities."""
     reader = Reader(body)
     if not reader.take(1)[0] & _REFLECTIVITIES:
         return 0
@@ -241,33 +246,33 @@ def _blank(blocks: int, layout: Layout, is_wide: bool) -> Turn:
 
 
 class PartWriter:
-    """Collects the parts of a turn, each from a separate arithmetic coder."""
+    """Collector of a turn's encoded parts, each of which has its own arithmetic coder."""
 
     def __init__(self) -> None:
         self.parts: list[bytes] = []
 
     def open(self, most_decisions: int) -> BitCoder:
-        """Return an encoder for a part of at most so many decisions."""
+        """Return an encoder for the next part, of at most `most_decisions` binary decisions."""
         return bit_writer(most_decisions * _BYTES_PER_DECISION + 64)
 
     def code_images(self, coder: ImageCoder, jobs: list[ImageJob], nearest: Ints) -> list[Words]:
-        """Encode images as parts; return each with borders."""
+        """Encode images as the next parts, and return the images as `ImageCoder.encode` does."""
         images, parts = coder.encode(jobs, nearest)
         self.parts += parts
         return images
 
     def close(self, bits: BitCoder, is_complete: bool) -> None:
-        """End the part of an encoder."""
+        """Append the part that the encoder `bits` has written."""
         del is_complete
         self.parts.append(written(bits))
 
     def joined(self) -> bytes:
-        """Return all parts, each preceded by its length in bytes."""
+        """Return the bytes of all parts, each after its length in bytes."""
         return b"".join(base_128(len(part)) + part for part in self.parts)
 
 
 class PartReader:
-    """Reads parts of a `PartWriter`, each preceded by a length in bytes."""
+    """Reader of the parts that a `PartWriter` wrote, for a decoder."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
@@ -278,12 +283,12 @@ class PartReader:
         return bit_reader(self._reader.take(self._reader.number()))
 
     def code_images(self, coder: ImageCoder, jobs: list[ImageJob], nearest: Ints) -> list[Words]:
-        """Decode images from the next parts; return each with borders."""
+        """Decode images from the next parts, and return the images as `ImageCoder.decode` does."""
         parts = [self._reader.take(self._reader.number()) for _ in jobs]
         return coder.decode(jobs, nearest, parts)
 
     def close(self, bits: BitCoder, is_complete: bool) -> None:
-        """Raise InputError unless the part of a decoder was complete, and read to its end."""
+        """Raise InputError unless the part was complete, and was read to its end."""
         if not is_complete or not read_to_its_end(bits):
             raise InputError("the stream is damaged (a turn)")
 
@@ -321,7 +326,7 @@ def _code_numbers(model: SequenceModel, numbers: Ints, parts: Parts) -> Sequence
 def _code_part(
     parts: Parts, model: _Model, most_decisions: int, code: Callable[..., bool], *arguments: Any
 ) -> _Model:
-    """Encode or decode a part of a turn by ``code(model, *arguments)``; return the model."""
+    """Encode or decode a part of a turn by ``code(model, *arguments)``, and return the model."""
     bits = parts.open(most_decisions)
     model = with_coder(model, bits)
     parts.close(bits, code(model, *arguments))
@@ -329,7 +334,7 @@ def _code_part(
 
 
 def with_coder(model: _Model, bits: BitCoder) -> _Model:
-    """Return a model whose mixers write to, or read from, an arithmetic coder."""
+    """Return a copy of a model whose mixers use the arithmetic coder `bits`."""
     mixers: dict[str, Any] = {
         name: value._replace(bits=bits)
         for name, value in model._asdict().items()
@@ -434,19 +439,31 @@ def _code_all_reflectivities(
 
 
 def padded(values: Values) -> Words:
-    """Return values as 32-bit integers, below PAD rows of zeros."""
+    """Return values (rows, ...) as 32-bit integers, after PAD additional rows of zeros."""
     return np.pad(values.astype(np.int32, "C"), ((PAD, 0), (0, 0)))
 
 
 def extended(values: Words) -> Words:
-    """Return values above PAD rows of zeros."""
+    """Return values (rows, ...) with PAD additional rows of zeros at the end."""
     return np.pad(values, ((0, PAD), (0, 0)))
 
 
 def nearest_columns(azimuths: Ints, previous: Ints | None, layout: Layout) -> Ints:
-    """Return, for each column, the row of the nearest column in the previous turn; 0: none is near.
+    """Return, for each column of a turn, the column of the previous turn with the nearest azimuth.
 
-    `azimuths` and `previous` (or None) are the azimuths of both turns' blocks.
+    Parameters
+    ----------
+    azimuths
+        Azimuths of the turn's blocks.
+    previous
+        Azimuths of the previous turn's blocks, or None if there is no previous turn.
+    layout
+        Arrangement of lasers and columns in both turns.
+
+    Returns
+    -------
+    array (columns,)
+        Row of the nearest column in an array that starts with PAD rows; 0 if no column is near.
     """
     per_block, steps = layout.columns_per_block, layout.azimuth_steps
     if previous is None:

@@ -1,1 +1,1 @@
-"""Attributes of G-PCC (ISO/IEC 23090-9): predicting and lifting transforms, RAHT."""
+"""Encoding and decoding of G-PCC attributes: predicting and lifting transforms, and RAHT."""

@@ -27,13 +27,13 @@ from pointkit.geometry.morton import morton_codes
 
 @dataclass(frozen=True)
 class DecodedCloud(DecodedGeometry):
-    """The points of a decoded stream, with their attributes.
+    """The points of a decoded stream, and their attributes.
 
     Attributes
     ----------
     attributes
         Values by name, as ``uint8`` or, for more than 8 bits, ``uint16``: ``color`` (m, 3) and
-        ``reflectance`` (m,); other attributes of the standard have their names in TMC13. Row i
+        ``reflectance`` (m,). Other attributes of the standard have their names in TMC13. Row i
         belongs to row i of `points`. The other fields are those of `DecodedGeometry`.
     """
 
@@ -58,7 +58,7 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
     Raises
     ------
     InputError
-        If the stream is damaged, or uses a tool that this decoder does not support.
+        The stream is damaged, or uses a tool that this decoder does not support.
     """
     reader = AttributeReader()
     geometry = decode_geometry(stream, reader)
@@ -66,9 +66,9 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
 
 
 def attribute_bytes(stream: bytes) -> dict[str, int]:
-    """Return how many bytes of a stream each attribute takes, by the attribute's name.
+    """Return the number of bytes of each attribute in a stream, by the attribute's name.
 
-    The bytes of an attribute's parameter set and of the prefixes of its data units are included.
+    They include the attribute's parameter set, and the prefixes of the attribute's data units.
     """
     names: list[str] = []
     sizes: dict[str, int] = {}
@@ -102,7 +102,7 @@ def encode_cloud(
     sensor: SensorDescription | None = None,
     source: NDArray[Any] | None = None,
 ) -> bytes:
-    """Encode points and their attributes as a G-PCC stream of one frame, which TMC13 decodes.
+    """Encode points and their attributes as a G-PCC stream of one frame, which TMC13 can decode.
 
     Parameters
     ----------
@@ -112,27 +112,27 @@ def encode_cloud(
         Integer values by name: ``color`` (n, 3) with red, green and blue, ``reflectance`` (n,),
         both, or none. Row i belongs to row i of `points`.
     options
-        Coding tools of the geometry: `GpccOptions` codes an octree, `PredictiveOptions` prediction
-        trees.
+        Coding tools of the positions: `GpccOptions` selects an octree, `PredictiveOptions` selects
+        prediction trees.
     attribute_options
-        Coding tools of each attribute by name; by default ``AttributeOptions()``, which code
-        reflectances without loss.
+        Coding tools of each attribute by name. By default, these are ``AttributeOptions()``, which
+        code reflectances without loss.
     scale, origin, sensor
         As in `encode_geometry`.
     source
         Positions (n, 3) before they were rounded to the grid, in the coordinates of decoded
-        positions. Where several points are merged, their attributes are interpolated between these;
-        by default between `points`.
+        positions. They are used where several points are merged: the attributes of the merged point
+        are interpolated between those of near positions in `source`. By default, `points` are used.
 
     Returns
     -------
     bytes
-        A self-contained stream.
+        The stream, for `decode_cloud`.
 
     Raises
     ------
     InputError
-        If the points cannot be encoded (see `encode_geometry`), or an attribute has another name,
+        The points cannot be encoded (see `encode_geometry`), or an attribute has another name,
         another shape, or values of more bits than its options say.
     """
     options_by_name = attribute_options or {}

@@ -17,9 +17,17 @@ _HALF = 128.0
 
 
 def coded_colours(colours: Values, matrix: int | None, bitdepth: int) -> Values:
-    """Convert red, green and blue (n, 3) to the components (n, 3) that are coded, of `bitdepth`
-    bits.
+    """Return red, green and blue (n, 3), converted to the components (n, 3) that are coded.
 
+    Parameters
+    ----------
+    colours
+        Red, green and blue (n, 3).
+    matrix
+        Colour space of the result: `BT709` or `YCGCO`. With any other value, the components are
+        green, blue and red.
+    bitdepth
+        Number of bits of a value.
     """
     red, green, blue = colours.T
     if matrix == BT709:
@@ -68,10 +76,7 @@ def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def coded_values(values: Values, scaling: Three) -> Values:
-    """Subtract the offset from reflectances (n, 1) and divide them by the scale, before they are
-    coded.
-
-    """
+    """Return reflectances (n, 1) minus the offset, divided by the scale, as they are coded."""
     scale_minus1, frac_bits, offset = scaling
     shifted = (values.astype(np.int64) - offset) << frac_bits
     quotient = np.abs(shifted) // (scale_minus1 + 1) * np.sign(shifted)
@@ -80,7 +85,7 @@ def coded_values(values: Values, scaling: Three) -> Values:
 
 
 def decoded_values(values: Values, scaling: Three) -> Values:
-    """Multiply decoded reflectances by the scale and add the offset; the result has 16 bits."""
+    """Return decoded reflectances, multiplied by the scale, plus the offset, as 16-bit numbers."""
     scale_minus1, frac_bits, offset = scaling
     scaled = (values.astype(np.int64) * (scale_minus1 + 1) >> frac_bits) + offset
     return (scaled & 0xFFFF).astype(np.int32)

@@ -24,9 +24,10 @@ _SPARE_BITS = 3
 
 @dataclass
 class SlicePoints:
-    """The points of a slice in coded order, relative to the slice's origin, along the coded axes.
+    """Points of a slice in coded order, for the coding of attributes.
 
-    Coordinates, orders and levels of detail that several attributes need are computed once.
+    Coordinates are relative to the slice's origin, along the coded axes. Orders and levels of
+    detail that several attributes need are computed once.
     """
 
     gps: GeometryParameterSet
@@ -43,9 +44,9 @@ class SlicePoints:
     _levels: tuple[Hashable, Levels] | None = None
 
     def coordinates(self, aps: AttributeParameterSet) -> Int32s:
-        """Return the coordinates (n, 3) that an attribute's distances refer to: x, y, z, or the
-        sensor's.
+        """Return the coordinates (n, 3) in which an attribute's distances are measured.
 
+        These are x, y and z, or the sensor's coordinates.
         """
         if not aps.spherical_coord_flag:
             return self.positions
@@ -102,14 +103,14 @@ class SlicePoints:
 
 
 def laser_coordinates(positions: Int32s, origin: Sequence[int], elevation: Ints) -> Int32s:
-    """Return the radius, azimuth and laser index (n, 3) of integer positions (n, 3), as TMC13 does.
+    """Return the radius, azimuth and laser index (n, 3) of integer positions, as TMC13 does.
 
     Parameters
     ----------
     positions
-        Coordinates relative to the slice's origin.
+        Coordinates (n, 3) relative to the slice's origin.
     origin
-        The sensor's position in the same coordinates.
+        Position of the sensor in the same coordinates.
     elevation
         Tangents of the lasers' elevations in ascending order, in units of 2^-18.
     """
@@ -130,10 +131,7 @@ def _convert(positions: Int32s, origin: Ints, elevation: Ints, result: Int32s) -
 
 
 def scaled_coordinates(positions: Int32s, scale: Sequence[int]) -> Int32s:
-    """Shift coordinates (n, 3) so that their minimum is 0, and multiply them by ``scale / 256`` per
-    axis.
-
-    """
+    """Return coordinates (n, 3), shifted to a minimum of 0, times ``scale / 256`` per axis."""
     wide = positions.astype(np.int64)
     wide = (wide - wide.min(axis=0)) * np.array(scale, dtype=np.int64) + 128 >> 8
     if wide.max() >= 1 << MOST_BITS + _SPARE_BITS or wide[:, 2].max() >= 1 << MOST_BITS:

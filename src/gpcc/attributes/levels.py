@@ -48,7 +48,11 @@ _MOST_RANGE = 1 << 30
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of detail: coding order (n,) of the points, and end of each level in this order."""
+    """Levels of detail of a slice.
+
+    These are the coding order (n,) of the points, the end of each level in this order, and the
+    predictors of the points.
+    """
 
     order: Int32s
     ends: Ints
@@ -68,7 +72,7 @@ def levels_of_detail(
     points
         The points of a slice, in Morton order unless `aps.canonical_point_order_flag` is set.
     aps, header
-        Parameters of the attribute.
+        Parameter set of the attribute, and header of the data unit.
     bias
         Factors (3,) of distances along the coded axes.
 
@@ -80,7 +84,7 @@ def levels_of_detail(
     Raises
     ------
     InputError
-        If the factors are too large, or the search takes too long, as in some damaged streams.
+        The factors are too large, or the search takes too long, as in some damaged streams.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")
@@ -109,7 +113,6 @@ def _build(
     bias: Ints,
     predictors: Predictors,
 ) -> tuple[Int32s, list[int]]:
-    """Return the points, finest level first, and the number of points left for each level."""
     count = len(points.codes)
     atlases = MEMORY.atlases
     order = np.empty(count, dtype=np.int32)
@@ -193,7 +196,7 @@ def _retain_centroids(
     period: int,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Retain the most central point of each run of nodes that hold at least `period` points."""
+    """Retain the most central point in each run of nodes that hold at least `period` points."""
     # size_log2: log2 of half a node's side.
     # backward: whether to retain the last, not the first, of equally central points.
     count = len(remaining)
@@ -298,8 +301,8 @@ def point_weights(predictors: Predictors, shares: Ints) -> Ints:
     predictors
         The neighbours that predict each point.
     shares
-        (n, 3), or (1, 3) for all points: shares of a point's weight that its neighbours get, in
-        units of 2^-FRACTION_BITS.
+        Shares of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS; (n, 3), or
+        (1, 3) for all points.
     """
     weights = np.full(len(predictors.counts), _ONE, dtype=np.int64)
     _add_weights(predictors, shares, weights)
@@ -317,7 +320,7 @@ def _add_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
 
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
-    """Shift squared distances of point i right, so that the first fits in FRACTION_BITS bits."""
+    """Shift the squared distances of point i right until the first fits in FRACTION_BITS bits."""
     # Return how many of the `count` distances are below 2^FRACTION_BITS times the first.
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):
@@ -351,7 +354,7 @@ def _blend(neighbours: Int32s, weights: Ints, i: int, positions: Int32s) -> None
 
 @inlined
 def divided(numerator: int, denominator: int, fraction_bits: int) -> int:
-    """Divide by a positive number, approximately (`divApprox` in TMC13)."""
+    """Return a number divided by a positive number, approximately (`divApprox` in TMC13)."""
     shift = max(64 - leading_zeros(denominator) - 8, 0)
     inverse = _INVERSES[(denominator + (1 << shift >> 1)) >> shift]
     quotient: int = numerator * inverse >> shift + 16 - fraction_bits

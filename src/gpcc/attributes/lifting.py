@@ -1,4 +1,4 @@
-"""Lifting transform: prediction and update of levels of detail, in fixed-point arithmetic.
+"""Lifting transform, which predicts and updates the levels of detail in fixed-point arithmetic.
 
 In TMC13: `PCCLiftPredict`, `PCCLiftUpdate`, `decodeReflectancesLift`, `decodeColorsLift`.
 """
@@ -24,10 +24,7 @@ _SUM_MASK = 0xFFFFFFFF
 
 
 def lifting_weights(levels: Levels, scalable: bool) -> Ints:
-    """Return the weights (n,) of the points in coding order, by which their coefficients are
-    quantised.
-
-    """
+    """Return the weights (n,) of the points, in coding order, that scale their coefficients."""
     if not scalable:
         return point_weights(levels.predictors, levels.predictors.weights)
     weights = np.full(len(levels.order), 1 << FRACTION_BITS, dtype=np.int64)
@@ -48,14 +45,19 @@ def dequantise(
     last_component: Ints,
     transformed: Ints,
 ) -> None:
-    """Write the transformed values (n, components) that quantised coefficients stand for.
+    """Compute the transformed values that quantised coefficients stand for.
 
     Parameters
     ----------
+    coefficients
+        Quantised coefficients (n, components).
+    quantisers, order, ends, weights
+        Step sizes; indices of the points in coding order; ends of the levels; weights of the
+        points.
     last_component
         Factors (levels,), in units of 1/4, that predict the third component from the second.
     transformed
-        Result, in units of 2^-FRACTION_BITS.
+        Result (n, components), in units of 2^-FRACTION_BITS.
     """
     layer, level = integer(0), integer(0)
     components = coefficients.shape[1]
@@ -81,10 +83,7 @@ def unweighted(scaled: int, root: int) -> int:
 
 
 def transform(levels: Levels, weights: Ints, values: Ints, sign: int) -> None:
-    """Transform values (n, components) in place: the forward transform for the sign -1, its inverse
-    for 1.
-
-    """
+    """Transform values (n, components) in place; the sign is -1 for forward, 1 for the inverse."""
     sums = np.empty(len(weights), dtype=np.int64)
     updates = np.empty_like(values)
     parts = list(zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True))
@@ -165,7 +164,7 @@ def quantise(
 
 @entry
 def choose_last_component(transformed: Ints, ends: Ints, factors: Ints) -> None:
-    """Write the factors (levels,) of `dequantise` for transformed values (n, 3).
+    """Write the factors (levels,) of `dequantise` that suit transformed values (n, 3) to `factors`.
 
     As in TMC13, the factor of the last level before an empty one applies to all later levels.
     """

@@ -1,4 +1,4 @@
-"""Search for the three nearest neighbours of points in a level of detail.
+"""Search for the three nearest neighbours of each point in a level of detail.
 
 Candidates are points of coarser levels, first in the same and adjacent cells, and points of the
 same level that are coded earlier. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
@@ -49,7 +49,7 @@ PRECEDING_NEIGHBOURS = np.array(
 
 
 class Atlas(NamedTuple):
-    """A grid of 128^3 cells that hold points; cells are emptied one by one."""
+    """Grid of 128^3 cells that hold points; cells are emptied one by one."""
 
     # (128^3, 2) first index of a cell's points, and last index + 1 (0 if empty).
     cells: Int32s
@@ -59,7 +59,7 @@ class Atlas(NamedTuple):
 
 
 class SortedPoints(NamedTuple):
-    """Points in Morton order: codes (n,), positions (n, 3), and indices (n,)."""
+    """Points in Morton order, as codes (n,), positions (n, 3) and indices (n,)."""
 
     codes: Ints
     positions: Int32s
@@ -67,7 +67,7 @@ class SortedPoints(NamedTuple):
 
 
 class SearchOptions(NamedTuple):
-    """How the neighbours of the points of one level of detail are searched."""
+    """Options of the search for the neighbours of points of one level of detail."""
 
     # Log2 of the cells' side.
     cell_bits: int
@@ -85,7 +85,7 @@ class SearchOptions(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    """Positions (n, 3), and bounding boxes of 8, 64, 512, ... successive positions."""
+    """Positions (n, 3), and the bounding boxes of 8, 64, 512, ... successive positions."""
 
     positions: Int32s
     # (m, 6), first the boxes of 8 positions.
@@ -106,7 +106,7 @@ def empty_atlas() -> Atlas:
 
 
 class _WorkingMemory(threading.local):
-    """Atlases of each thread, whose used cells are cleared faster than new ones are allocated."""
+    """Atlases of each thread; clearing their used cells is faster than allocating new ones."""
 
     @cached_property
     def atlases(self) -> Atlases:
@@ -150,9 +150,9 @@ def clear(atlas: Atlas) -> None:
 def holds_near_point(
     positions: Int32s, indices: Int32s, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
-    """Return whether the first point of a preceding adjacent cell is within sqrt(`radius2`) of a
-    point.
+    """Return whether the first point of a preceding adjacent cell is near a point.
 
+    Near means that the squared distance is at most `radius2`.
     """
     for offset in PRECEDING_NEIGHBOURS:
         other = neighbour_code(cell, offset)
@@ -200,7 +200,7 @@ def _distance(positions: Int32s, k: int, x: int, y: int, z: int) -> int:
 
 
 class Query(NamedTuple):
-    """A point, and the candidates among which its neighbours are searched."""
+    """A point, and the candidates for its neighbours."""
 
     x: int
     y: int
@@ -219,7 +219,7 @@ class Query(NamedTuple):
 
 @inlined
 def _rank(query: Query, k: int) -> int:
-    """Return a candidate's rank, which decides between equidistant candidates."""
+    """Return the rank of a candidate, which decides between equidistant candidates."""
     # Near candidates rank first, by offset from the centre: 0, 1, -1, 2, -2, ...; those after the
     # centre follow; those before the centre are last.
     if query.centre < 0:
@@ -232,7 +232,7 @@ def _rank(query: Query, k: int) -> int:
 
 @inlined
 def _with_index(query: Query, key: int) -> int:
-    """Replace the rank in the key (see `_with`) of a coarser candidate by the candidate's index."""
+    """Replace the rank of a coarser candidate in the key (see `_with`) by the candidate's index."""
     rank = (key & _RANKS) - 2
     if key == _FAR:
         return key
@@ -272,7 +272,7 @@ def _search_span(best: Best, query: Query, positions: Int32s, first: int, last: 
 
 @inlined
 def _search_boxes(best: Best, query: Query, candidates: Boxes) -> tuple[Best, int]:
-    """Search all candidates; return the nearest and the number of operations."""
+    """Search all candidates, and return the nearest and the number of operations."""
     top = len(candidates.starts) - 1
     work, level, k = 0, top, query.low >> _FAN_LOG2 * top << _FAN_LOG2 * top
     while k <= query.high:
@@ -295,7 +295,7 @@ def _search_boxes(best: Best, query: Query, candidates: Boxes) -> tuple[Best, in
 
 
 class Grid(NamedTuple):
-    """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`."""
+    """Cells with a side of 2^(shift / 3), which hold points sorted by `codes`."""
 
     codes: Ints
     positions: Int32s
@@ -400,7 +400,7 @@ def _chosen(low: int, same: int, high: int, offset: int, axis_bits: int, place: 
 
 @inlined
 def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best, int]:
-    """Search a point's cell and its neighbours, unless they hold too many points."""
+    """Search a point's cell and the adjacent cells, unless they hold too many points."""
     # All points nearer than the returned distance are found.
     _enter_cell(grid, code)
     if grid.state[4] > _MOST_IN_CELLS:
@@ -423,7 +423,7 @@ def _search_cells(best: Best, query: Query, grid: Grid, code: int) -> tuple[Best
 
 
 class Level(NamedTuple):
-    """Points of a level, and those of coarser levels, both sorted by their codes."""
+    """Points of a level of detail and points of coarser levels, both sorted by their codes."""
 
     codes: Ints
     same_level: Boxes
@@ -442,7 +442,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
     Parameters
     ----------
     level, options
-        The points and candidates, and how to search.
+        Points and candidates, and options of the search.
     nearest
         Result (n, 3), the nearest first, -1 where there are fewer. With c coarser points, an index
         below c is that of a coarser point, and c + i is point i of the same level.
@@ -452,7 +452,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
     Returns
     -------
     int
-        What is left of `work`; the search has stopped if it is negative.
+        Number of operations left. If it is negative, the search has stopped.
     """
     coarser_codes = level.near.codes
     coarser_count, following = len(coarser_codes), integer(0)
@@ -479,7 +479,10 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
 
 @inlined
 def _search_near(level: Level, i: int) -> tuple[Best, Best, int]:
-    """Return distances and indices of the three nearest coarser points in near cells."""
+    """Return the three nearest coarser points in near cells, and the number of operations.
+
+    The points are given as squared distances, then as indices.
+    """
     x, y, z = row(level.same_level.positions, i)
     a = b = c = integer(_FAR)
     first = second = third = integer(-1)
@@ -553,7 +556,7 @@ def _search_same_level(
 
 
 class Predictors(NamedTuple):
-    """Up to three points that predict each point (n,), in coding order."""
+    """The points, at most three, that predict each point (n,) in coding order."""
 
     # Number of neighbours.
     counts: NDArray[np.uint8]
@@ -581,15 +584,17 @@ def nearest_neighbours(
     points
         The points of the slice.
     options
-        How to search.
+        Options of the search.
     bias
         Factors (3,) of distances along the axes.
     order
         Indices of the slice's points, finest level first.
+    part
+        Slice of `order` with the points of this level.
     retained
         Indices of the points of coarser levels.
     predictors
-        Result; its `neighbours` are indices of points, not yet places in coding order.
+        Result. Its `neighbours` are indices of points, not yet places in coding order.
     atlases
         Working memory of this thread.
     work
@@ -598,7 +603,7 @@ def nearest_neighbours(
     Returns
     -------
     int
-        What is left of `work`; there is no result if it is negative.
+        Number of operations left. If it is negative, there is no result.
     """
     same_level = order[part]
     scale = bias.astype(np.int32)

@@ -1,4 +1,4 @@
-"""Options of the encoder of attributes, named as in TMC13, and profiles."""
+"""Options of the encoder of attributes, with TMC13's names, and named sets of options."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _QpOffset = Annotated[int, Field(ge=-99, le=99)]
 
 
 class AttributeOptions(Model):
-    """Coding tools of an attribute, which are the options of TMC13 of the same names.
+    """Options of the encoder of an attribute, which have the names and meanings of TMC13's.
 
-    The defaults predict each point's value from up to three near points. With the default `qp` 4
-    this is lossless for reflectances, and for colours if `colour_matrix` is not ``bt709``.
+    The defaults predict each point's value from up to three near points. With the default `qp` 4,
+    this is lossless for reflectances, and also for colours if `colour_matrix` is not ``bt709``.
     """
 
     transform: Literal["raht", "predicting", "lifting"] = Field(
@@ -140,21 +140,23 @@ ATTRIBUTE_PROFILES = {
     ),
     "raht": AttributeOptions(transform="raht", qp=34),
 }
-"""Sets of options: `defaults` are those of TMC13; other sets are MPEG's test conditions for a
-transform, with `_lidar` for frames of sensors (category 3). Lossy sets have a medium rate, which
-`qp` changes."""
+"""Named sets of options.
+
+`defaults` are those of TMC13. The others are MPEG's test conditions for a transform; names with
+`_lidar` are for frames of sensors (category 3). Lossy sets have a medium rate, which `qp` changes.
+"""
 
 _QPS = (51, 46, 40, 34, 28, 22)
-"""QPs of the rates r01 to r06 of MPEG's common test conditions."""
+"""Quantisation parameters of the rates r01 to r06 of MPEG's common test conditions."""
 _SCALES = (1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8, 15 / 16)
-"""Scales of r01 to r06 for clouds of 10 bits."""
+"""Scales of the rates r01 to r06 for clouds of 10 bits."""
 _LOG2_STEPS = np.log2([0.004, 0.008, 0.032, 0.064, 0.256, 0.512])
-"""Log2 of the grid steps (m) of r06 to r01 for frames of 18 bits at 1 mm."""
+"""Log2 of the grid steps (m) of the rates r06 to r01 for frames of 18 bits at 1 mm."""
 _EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
 
 
 def qp_of_scale(scale: float) -> int:
-    """Return the quantisation parameter that suits a scale of the geometry.
+    """Return the quantisation parameter (QP) that suits the scale at which positions are coded.
 
     It is interpolated between the rates of MPEG's test conditions for clouds of 10 bits.
     """
@@ -162,7 +164,7 @@ def qp_of_scale(scale: float) -> int:
 
 
 def qp_of_step(step_m: float) -> int:
-    """Return the quantisation parameter that suits a grid step of the geometry in metres.
+    """Return the quantisation parameter (QP) that suits a grid step of the positions in metres.
 
     It is interpolated between the rates of MPEG's test conditions for frames of sensors.
     """
@@ -183,17 +185,17 @@ def mpeg_conditions(
     attributes
         Values by name, as in `encode_cloud`: ``color`` of 8 bits, ``reflectance`` of 8 or 16 bits.
     qp
-        Quantisation parameter of all attributes, from 4 to 51; None for lossless coding. Lossy
+        Quantisation parameter of all attributes, from 4 to 51; None selects lossless coding. Lossy
         coding divides reflectances of 16 bits by 257, so that they have 8 bits.
     transform
-        Transform of lossy coding.
+        Transform for lossy coding.
     spherical
         Whether distances between points are measured in radius, azimuth and laser index.
 
     Returns
     -------
     dict
-        Options by attribute name, for `encode_cloud`.
+        The options of each attribute by name, for `encode_cloud`.
     """
     chosen = {}
     for name, values in attributes.items():

@@ -1,4 +1,4 @@
-"""Predicting transform: each point's values are predicted from its neighbours' coded values.
+"""Predicting transform, which predicts each point's values from neighbours' coded values.
 
 In TMC13: `decodeReflectancesPred`, `decodeColorsPred`.
 """
@@ -23,11 +23,11 @@ _SCALE = 1 << 20
 _SCALE_LOG2 = 20
 _WINDOW_LOG2 = 6
 _LAMBDA = 0.14
-"""Lagrangian weight of bits against the distortion of colours."""
+"""Weight of bits against the distortion of colours."""
 
 
 class PredictionTools(NamedTuple):
-    """Tools of the predicting transform."""
+    """Parameters of the predicting transform."""
 
     # End of each level of detail in coding order.
     ends: Ints
@@ -45,7 +45,7 @@ class PredictionTools(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A point's index in coding order, layer, region and level."""
+    """Index of a point in coding order, and its layer, region and level."""
 
     point: int
     layer: int
@@ -54,7 +54,7 @@ class Place(NamedTuple):
 
 
 class Coding(NamedTuple):
-    """What the predicting transform of a slice reads and writes."""
+    """Arrays that the predicting transform of a slice reads and writes."""
 
     # (n, components) in coding order: an encoder's input, replaced by the decoded values.
     values: Values
@@ -73,7 +73,7 @@ class Coding(NamedTuple):
 
 @entry
 def code_values(coding: Coding) -> None:
-    """Encode the values in coding order, or decode them if `coding.greater` is empty."""
+    """Encode the values of a slice in coding order, or decode them if `coding.greater` is empty."""
     values, tools, greater = coding.values, coding.tools, coding.greater
     layer, level, encoding = integer(0), integer(0), len(greater) > 0
     for k in range(len(greater)):
@@ -137,7 +137,7 @@ def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools
 
 @inlined
 def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int) -> int:
-    """Return a predicted component: the average for mode 0, otherwise one neighbour's value."""
+    """Return a predicted component: the average in mode 0, otherwise the value of one neighbour."""
     count = integer(predictors.counts[i])
     if mode > count:
         return 0
@@ -191,7 +191,7 @@ def _put_mode(coefficients: Coefficients, i: int, tools: PredictionTools, mode: 
 
 @inlined
 def _with_mode(magnitude: int, tools: PredictionTools, mode: int, k: int, components: int) -> int:
-    """Append a mode's bits, if any, for component `k` to the magnitude of the coefficient."""
+    """Return a coefficient's magnitude with a mode's bits for component `k`, if any, appended."""
     modes, mode = tools.direct + 1 - tools.average_disabled, mode - tools.average_disabled
     if components == 1 and modes == 4:
         return 4 * magnitude + mode
@@ -217,7 +217,7 @@ def _count_residuals(coefficients: Coefficients, i: int, greater: Ints) -> None:
 
 @inlined
 def _with_bits(bits: float, greater: Ints, k: int, size: int) -> float:
-    """Add the estimated number of bits of a magnitude, in TMC13's order of additions."""
+    """Return `bits` plus the estimated number of bits of a magnitude, added in TMC13's order."""
     if size == 0:
         return bits + (_SCALE_LOG2 - math.log2(_SCALE - greater[k, 0]))
     bits += _SCALE_LOG2 - math.log2(greater[k, 0])
@@ -278,7 +278,7 @@ def _best_colour_mode(coding: Coding, place: Place) -> int:
 def choose_inter_component(
     values: Values, predictors: Predictors, ends: Ints, factors: Ints
 ) -> None:
-    """Write the factors (levels, 2) of `PredictionTools.inter_component` for values (n, 3).
+    """Write the factors (levels, 2) of `PredictionTools.inter_component` that suit values (n, 3).
 
     As in TMC13, factors are 0 from the first empty level on.
     """

@@ -22,7 +22,7 @@ _THIRD = (1 << _RECIPROCAL_BITS) // 3
 
 
 class Qps(NamedTuple):
-    """Quantisation parameters of a data unit."""
+    """Quantisation parameters (QPs) of a data unit."""
 
     # (layers, 2) parameters of the first component, and offsets of the other components.
     layers: Ints
@@ -53,12 +53,12 @@ def qps(
     positions: Int32s,
     axes: tuple[int, int, int],
 ) -> Qps:
-    """Return the quantisation parameters of a slice's points.
+    """Return the quantisation parameters of the points of a slice.
 
     Parameters
     ----------
     aps, header
-        Parameters of the attribute.
+        Parameter set of the attribute, and header of the data unit.
     bitdepth
         Number of bits of a value.
     positions
@@ -107,10 +107,16 @@ def step_sizes(qp: Ints) -> tuple[Ints, Ints]:
 def place_of(
     i: int, layer: int, level: int, ends: Ints, quantisers: Quantisers, order: NDArray[np.int32]
 ) -> tuple[int, int, int]:
-    """Return the layer of step sizes, the level of detail and the region of point `i` in coding
-    order.
+    """Return the layer of step sizes, the level of detail and the region of a point.
 
-    `layer` and `level` are the results for the point before; `ends` are the ends of the levels.
+    Parameters
+    ----------
+    i
+        Index of the point in coding order.
+    layer, level
+        Layer and level of the point before.
+    ends
+        Ends of the levels in coding order.
     """
     if i == ends[layer]:
         layer = min(len(quantisers.steps) - 1, layer + 1)
@@ -122,7 +128,10 @@ def place_of(
 
 @inlined
 def quantised(value: int, reciprocal: int) -> int:
-    """Quantise a value with `FRACTION_BITS` fractional bits; from 2/3, round away from 0."""
+    """Return a quantised value, rounded away from 0 if the fraction is at least 2/3.
+
+    The value has `FRACTION_BITS` fractional bits.
+    """
     if value >= 0:
         return (value * reciprocal + _THIRD) >> _RECIPROCAL_BITS
     return -((_THIRD - value * reciprocal) >> _RECIPROCAL_BITS)

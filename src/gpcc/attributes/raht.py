@@ -1,9 +1,9 @@
 """Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
 
-`forward` returns quantised coefficients and the decoder's reconstruction; `inverse` returns the
-reconstruction. Both take ascending Morton codes. Attributes and coefficients are (n, c) for c = 1
-or 3 components; coefficients are in coding order (see `residuals`). The reconstruction is not
-clipped to the bit depth.
+An encoder calls `forward`, which returns quantised coefficients and the values that a decoder
+reconstructs. A decoder calls `inverse`, which returns these values. Both functions take ascending
+Morton codes. Values and coefficients are (n, c) for c = 1 or 3 components; coefficients are in
+coding order (see `residuals`). Reconstructed values are not clipped to the bit depth.
 
 From the root to the points, each block of k children (at most eight) is transformed to its mean,
 which the parent's reconstruction gives, and k - 1 coefficients. A prediction, interpolated from the
@@ -11,8 +11,8 @@ parent and its neighbours, is also transformed and subtracted from the coefficie
 equal positions are transformed last. Fixed-point numbers have 15 fractional bits; products are
 rounded half away from zero.
 
-TMC13 (`RAHT.cpp`) sums attributes in 32 bits, this module in 64: streams differ if sums exceed 2^31
-(33,000 points of 16 bits).
+TMC13 (`RAHT.cpp`) sums attributes in 32 bits, this module in 64 bits. Streams differ if sums exceed
+2^31, which needs 33,000 points of 16 bits.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ def prediction_thresholds(aps: AttributeParameterSet) -> Thresholds:
 
 
 def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> Coded:
-    """Transform and quantise attributes.
+    """Transform and quantise attribute values.
 
     Parameters
     ----------
     codes
-        Ascending Morton codes (n,) of the points; points with equal codes are in decoding order.
+        Ascending Morton codes (n,) of the points. Points with equal codes are in decoding order.
     attributes
         Integer values (n, components).
     qps
@@ -88,18 +88,18 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
 
 def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -> Rows:
-    """Reconstruct values (n, components) from quantised coefficients; parameters are those of
-    `forward`.
+    """Reconstruct values (n, components) from quantised coefficients, as a decoder does.
 
+    The other arguments are those of `forward`.
     """
     sums = np.empty((0, coefficients.shape[1]), dtype=np.int64)
     return _transform(codes, sums, coefficients, qps, thresholds)
 
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
-    """Return, for each occupancy of a block, how its children are transformed.
+    """Return how the children of a block are transformed, for each of the block's occupancies.
 
-    Children are named by their rank, the index among the occupied ones.
+    Children are named by their rank, i.e. the index among the occupied ones.
 
     Returns
     -------
@@ -157,7 +157,7 @@ def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8
 
 
 def _touched(touching: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """Return, for each occupancy, number and directions of the neighbours that touch a child."""
+    """Return the number and directions of the neighbours that touch a child, for each occupancy."""
     touched = np.zeros((256, _DIRECTIONS), dtype=np.uint8)
     for occupancy in range(1, 256):
         directions = np.unique(touching[[k for k in range(8) if occupancy >> k & 1]])[1:]
@@ -174,8 +174,6 @@ _DIVISORS = np.rint(2.0**_FRACTION / np.maximum(np.arange(14), 1)).astype(np.int
 
 
 class _Level(NamedTuple):
-    """Nodes of a level in ascending order of their codes."""
-
     # (m + 1,) first point of each node, then the number of points.
     starts: NDArray[np.int32]
     # first, occupancy: (m,) first child on the level below, and bit mask of the children's octants.
@@ -192,8 +190,6 @@ class _Level(NamedTuple):
 
 
 class _Setting(NamedTuple):
-    """Arrays for the transforms of all levels."""
-
     codes: Ints
     # (n + 1, c) cumulative sums of the points' attributes, or (0, c) in a decoder.
     sums: Ints
@@ -564,7 +560,7 @@ def _fill_buffer(
 
 @inlined
 def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> int:
-    """Transform rows `low` to `high` of the buffer; return the number of butterflies."""
+    """Transform rows `low` to `high` of the buffer, and return the number of butterflies."""
     buffer, weights = setting.buffer, setting.weights
     count = 0
     while _PAIRS[occupancy, count, 1]:
@@ -583,7 +579,7 @@ def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> i
 
 @inlined
 def _code_coefficients(setting: _Setting, place: int, layer: Ints, rank: int, point: int) -> None:
-    """Quantise residuals, if encoding; add the dequantised residuals to the prediction."""
+    """If encoding, quantise residuals; always add the dequantised residuals to the prediction."""
     coefficients, buffer = setting.coefficients, setting.buffer
     components = coefficients.shape[1]
     qp, others = _qps(setting, layer, point)
@@ -611,7 +607,7 @@ def _transform_duplicates(
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
-    """Transform the points at each position; the last point is split off first."""
+    """Transform the points at each position, where the last point is split off first."""
     coefficients = setting.coefficients
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])

@@ -21,7 +21,7 @@ from pointkit.errors import InputError
 Attribute = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_VALUES = 1 << 26
-"""Maximum number of attribute values of a stream, which bounds the memory."""
+"""Maximum number of attribute values of a stream, which limits the memory."""
 MAX_ATTRIBUTES = 16
 _RAW_BLOCK = 1 << 16
 _HALF = 1 << FRACTION_BITS >> 1
@@ -36,9 +36,9 @@ COLOUR, REFLECTANCE = 0, 1
 
 
 class AttributeReader:
-    """Decoder of a stream's attributes, to which `decode_geometry` gives the payloads in their
-    order.
+    """Decoder of a stream's attributes.
 
+    The function `decode_geometry` passes the payloads to it in their order.
     """
 
     def __init__(self) -> None:
@@ -53,9 +53,9 @@ class AttributeReader:
         self._branches: list[AttributeReader] = []
 
     def branch(self) -> AttributeReader:
-        """Return a decoder of the next slices, with the parameter sets read so far.
+        """Return a decoder of the next slices, which knows the parameter sets read so far.
 
-        The decoder may run in another thread.
+        It may run in another thread.
         """
         branch = AttributeReader()
         branch._aps = dict(self._aps)
@@ -63,12 +63,12 @@ class AttributeReader:
         return branch
 
     def expect(self, sps: SequenceParameterSet, count: int) -> None:
-        """Count the values of a slice of `count` points before they are decoded.
+        """Add the values of a slice of `count` points, before they are decoded, to a limited total.
 
         Raises
         ------
         InputError
-            If attributes are not supported, or there are too many values.
+            Attributes are not supported, or there are too many values.
         """
         if len(sps.attributes) > MAX_ATTRIBUTES:
             raise InputError(f"G-PCC stream: more than {MAX_ATTRIBUTES} attributes")
@@ -151,9 +151,10 @@ class AttributeReader:
         return self._sps.attributes[header.attr_sps_attr_idx]
 
     def attributes(self, converted: bool) -> dict[str, Attribute]:
-        """Return all decoded values by name, (n,) or (n, 3); colours are red, green, blue if
-        `converted`.
+        """Return all decoded values by name, each (n,) or (n, 3).
 
+        If `converted`, colours are red, green and blue; otherwise they are in the coded colour
+        space.
         """
         result: dict[str, Attribute] = {}
         readers = [reader for reader in (self, *self._branches) if reader._values]
@@ -239,7 +240,7 @@ def decoded_attribute(
 def prediction_tools(
     levels: Levels, aps: AttributeParameterSet, header: AttributeHeader, bits: int
 ) -> tuple[prediction.PredictionTools, NDArray[np.int64]]:
-    """Return the tools of the predicting transform, and the weights (n,) of residuals."""
+    """Return the tools of the predicting transform, and the weights (n,) of points' residuals."""
     shares = np.array([aps.quant_neigh_weight], dtype=np.int64)
     factors = np.array(header.inter_component_coeffs, dtype=np.int64).reshape(-1, 2)
     tools = prediction.PredictionTools(

@@ -1,4 +1,4 @@
-"""Attributes of points with changed or merged positions, from those of source points.
+"""Attributes of moved or merged points, computed from the attributes of source points.
 
 In TMC13: `recolourColour`, `recolourReflectance`, with their default parameters.
 """
@@ -25,7 +25,7 @@ _DISTANCE_OFFSET = 4.0
 
 
 class Source(NamedTuple):
-    """Points (n, 3) whose positions in the coded cloud are points * scale - offset."""
+    """Source points (n, 3), whose positions in the coded cloud are points * scale - offset."""
 
     points: Floats
     scale: float
@@ -33,11 +33,11 @@ class Source(NamedTuple):
 
 
 def recoloured(positions: NDArray[np.int32], values: Values, source: Source, most: int) -> Values:
-    """Return the values (m, components) of merged points, from the values of the points before
-    merging.
+    """Return the attribute values of merged points, from the values of the points before merging.
 
-    Each value minimises the larger of two errors: from the average of the nearest source points,
-    and from all source points to which the merged point is nearest.
+    Two errors matter: the difference from the average of the nearest source points, and the
+    difference from all source points to which the merged point is nearest. Each value minimises the
+    larger of the two.
 
     Parameters
     ----------
@@ -49,6 +49,11 @@ def recoloured(positions: NDArray[np.int32], values: Values, source: Source, mos
         The source points.
     most
         Largest value.
+
+    Returns
+    -------
+    ndarray
+        Values (m, components).
     """
     target = positions.astype(np.float64)
     averages = np.empty((len(target), values.shape[1]), dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Arithmetic coding of quantised coefficients: runs of zeros, magnitudes, signs.
+"""Arithmetic coding of quantised coefficients as runs of zeros, magnitudes and signs.
 
 In TMC13: `PCCResidualsEncoder`, `PCCResidualsDecoder`.
 """
@@ -51,21 +51,23 @@ def initial_probabilities() -> Probabilities:
 def decode_coefficients(
     data: Bytes, bypass: Bytes | None, contexts: Probabilities, count: int, components: int
 ) -> Coefficients:
-    """Decode quantised coefficients (count, components).
+    """Decode quantised coefficients (count, components), and return them.
 
     Parameters
     ----------
     data
         Arithmetic-coded bytes.
     bypass
-        Bypass bits, one in each byte, if the stream holds them apart.
+        Bypass bits, one in each byte, if the stream holds them separately; otherwise None.
     contexts
-        Probabilities, which are adapted.
+        Probabilities, which the decoding adapts.
+    count, components
+        Number of points, and number of components of a value.
 
     Raises
     ------
     InputError
-        If the data are damaged or truncated.
+        The data are damaged or truncated.
     """
     coder = decoder(contexts, data, bypass)
     values = np.zeros((count, components), dtype=np.int32)
@@ -86,7 +88,7 @@ def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
 
 @entry
 def _code_coefficients(coder: Any, values: Coefficients, i: int, end: int, encoding: bool) -> int:
-    """Code the coefficients of points `i` to `end` - 1, and the rest of a run of zeros."""
+    """Code the coefficients of points `i` to `end` - 1, and what is left of a run of zeros."""
     # Returns the next point, or -1 if the stream is too short.
     count, components = values.shape
     while i < end:

@@ -12,9 +12,9 @@ from gpcc.syntax import AttributeDescription, Three, refuse
 from pointkit.errors import InputError
 
 RAHT, PREDICTING, LIFTING, RAW = range(4)
-"""Values of attr_encoding."""
+"""Values of attr_encoding, the transform."""
 BY_DISTANCE, PERIODIC, CENTROID = range(3)
-"""Values of lod_decimation_type."""
+"""Values of lod_decimation_type, which says how levels of detail are chosen."""
 
 MAX_DETAIL_LEVELS = 256
 SCALABLE_LEVELS = 21
@@ -26,7 +26,10 @@ _MOST_DIST2 = 40
 
 @dataclass
 class AttributeParameterSet:
-    """Coding tools of an attribute; lod_neigh_bias and attr_coord_scale are factors along axes."""
+    """Parameter set with the coding tools of an attribute.
+
+    The elements lod_neigh_bias and attr_coord_scale are factors along the axes.
+    """
 
     aps_attr_parameter_set_id: int = 0
     aps_seq_parameter_set_id: int = 0
@@ -83,7 +86,7 @@ class QpRegion:
 
 @dataclass
 class AttributeHeader:
-    """Header of a data unit."""
+    """Header of a data unit with attribute values of a slice."""
 
     attr_attr_parameter_set_id: int = 0
     attr_sps_attr_idx: int = 0

@@ -52,21 +52,21 @@ _MOST_DISTANCE_LOG2 = 20
 
 
 class AttributeEncoder:
-    """Encoder of attributes, from which the geometry's encoder takes their parts of the stream.
+    """Encoder of the attributes of a cloud, which the encoder of the positions calls.
 
     Parameters
     ----------
     attributes, options
         Values and options by attribute name, as in `encode_cloud`.
     count
-        Number of input points.
+        Number of points of the input.
     recolour
         Function that returns the values of merged points.
 
     Raises
     ------
     InputError
-        If an attribute has another name, shape or range than its options allow.
+        An attribute has another name, shape or range than its options allow.
     """
 
     def __init__(
@@ -91,10 +91,21 @@ class AttributeEncoder:
     def start(
         self, sps: SequenceParameterSet, gps: GeometryParameterSet, extent: Sequence[int]
     ) -> list[bytes]:
-        """Describe the attributes in the sequence's parameter set, and return their own parameter
-        sets.
+        """Describe the attributes in the sequence parameter set, and return their parameter sets.
 
-        `extent` holds the largest x, y and z of the points, relative to the sequence's origin.
+        Parameters
+        ----------
+        sps
+            Sequence parameter set, to which descriptions of the attributes are added.
+        gps
+            Parameter set of the geometry.
+        extent
+            Largest x, y and z of the points, relative to the sequence's origin.
+
+        Returns
+        -------
+        list of bytes
+            One parameter set for each attribute.
         """
         sps.attributes, sps.num_attributes = self._described, len(self._described)
         self._parameters = [
@@ -106,7 +117,22 @@ class AttributeEncoder:
     def data_units(
         self, slice_id: int, origin: Three, coded: CodedPoints
     ) -> list[tuple[int, bytes]]:
-        """Return the payload type and the payload of each attribute of a slice."""
+        """Encode the attributes of a slice.
+
+        Parameters
+        ----------
+        slice_id
+            Number of the slice.
+        origin
+            Origin of the slice.
+        coded
+            The points of the slice, as they were coded.
+
+        Returns
+        -------
+        list of (int, bytes)
+            The payload type and the payload of each attribute's data unit.
+        """
         units = []
         for index in sorted(range(len(self._names)), key=self._names.__getitem__):
             values = self._values[index]
@@ -250,7 +276,15 @@ def _coordinate_scale(gps: GeometryParameterSet, extent: Sequence[int]) -> list[
 
 
 def estimated_distance_log2(positions: Int32s, percentile: float) -> int:
-    """Return log2 of the distance between points that suits the finest level of detail."""
+    """Return log2 of the distance between points that suits the finest level of detail.
+
+    Parameters
+    ----------
+    positions
+        Coordinates (n, 3).
+    percentile
+        Share, from 0 to below 1, of the points with smaller distances to the nearest point.
+    """
     count = len(positions)
     if count < 2:
         return 0
@@ -277,7 +311,8 @@ def encoded_attribute(
 ) -> Values:
     """Return the quantised coefficients (n, components) of a slice's values, in coding order.
 
-    Factors of predictions between components, if they are used, are written to `header`.
+    Factors by which components are predicted from each other, if they are used, are written to
+    `header`.
     """
     bits = attribute.attr_bitdepth_minus1 + 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)

@@ -1,1 +1,1 @@
-"""Recordings of spinning sensors: packets in captures and bags, the turns and returns in them."""
+"""Readers of recordings of spinning sensors: packets in captures and bags, turns and returns."""

@@ -1,7 +1,8 @@
-"""Link-layer packets in pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
+"""Reader of link-layer packets in pcap and pcapng files.
 
-dpkt is not used, since it gives all packets of a pcapng file the clock of the first interface, and
-does not tell what a truncated file lacks.
+The formats are those of the IETF drafts opsawg-pcap and opsawg-pcapng. The library dpkt is not
+used, since it gives all packets of a pcapng file the clock of the first interface, and does not
+tell what a truncated file lacks.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from struct import Struct, unpack_from
 from typing import NamedTuple
 
 _MAGICS = {0xA1B2C3D4: (10**6, 16), 0xA1B23C4D: (10**9, 16), 0xA1B2CD34: (10**6, 24)}
-"""Clock ticks per second, and bytes of a record's header, by magic number."""
+"""For each magic number: clock ticks per second, and number of bytes of a record's header."""
 _PCAP_HEADER = 24
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _SECTION_START = b"\x0a\x0d\x0d\x0a"
@@ -22,7 +23,12 @@ _RESOLUTION, _OFFSET = 9, 14
 
 
 class CapturedPacket(NamedTuple):
-    """Position of a packet in a capture file, its original length, and its time in s since 1970."""
+    """A packet in a capture file.
+
+    `start` and `end` are positions of the packet's bytes in the file, `length` is the number of
+    bytes before truncation, `received` is the time of capture in seconds since 1970, and `link` is
+    the link type.
+    """
 
     link: int
     received: float
@@ -32,7 +38,7 @@ class CapturedPacket(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """Link type, snap length, clock ticks per second and offset of a pcapng interface."""
+    """Interface of a pcapng file: link type, snap length, clock ticks per second, time offset."""
 
     link: int
     snap_length: int
@@ -41,10 +47,10 @@ class Interface(NamedTuple):
 
 
 class CapturedPackets:
-    """Iterable of the packets in a pcap or pcapng file.
+    """Iterable of the packets in the bytes of a pcap or pcapng file.
 
-    After iteration, `end` is the offset after the last complete record or block, `links` are the
-    link types, and `unreadable` is the number of inconsistent packet blocks.
+    After iteration, `end` is the position after the last complete record or block, `links` are the
+    link types that occur, and `unreadable` is the number of inconsistent packet blocks.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -89,7 +95,7 @@ class CapturedPackets:
                 yield packet._replace(received=received)
 
     def _block(self, order: str) -> tuple[str, int, int, int] | None:
-        """Return byte order, type, start and end of the next pcapng block; None if truncated."""
+        """Return byte order, type, start and end of the next pcapng block, or None if truncated."""
         data, at = self._data, self.end
         if at + _MIN_BLOCK_BYTES > len(data):
             return None
@@ -112,7 +118,17 @@ def is_packet_capture(data: bytes) -> bool:
 
 
 def pcap_layout(data: bytes) -> tuple[str, int, int] | None:
-    """Return byte order, ticks per second and record header size; None if it is not a pcap file."""
+    """Return how the records of a pcap file are laid out, or None if `data` is no pcap file.
+
+    Returns
+    -------
+    order
+        Byte order, ``<`` or ``>``.
+    ticks
+        Clock ticks per second.
+    header
+        Number of bytes of a record's header.
+    """
     if len(data) < _PCAP_HEADER:
         return None
     for order in "<>":

@@ -1,4 +1,4 @@
-"""Compressed point clouds in ROS messages: zlib, Zstandard, Draco and Cloudini."""
+"""Decompression of point clouds in ROS messages: zlib, Zstandard, Draco and Cloudini."""
 
 from __future__ import annotations
 
@@ -35,10 +35,18 @@ _log = logging.getLogger(__name__)
 
 
 def decompressed_columns(message: Any) -> Columns:
-    """Decompress a deserialised message; return its fields as `point_columns` does.
+    """Decompress the points of a deserialised message, and return the fields by name.
 
-    Formats are zlib, zstd, draco and (if pureini is installed) cloudini. Other formats and damaged
-    messages raise InputError.
+    Returns
+    -------
+    dict of arrays
+        The fields, as `point_columns` returns them.
+
+    Raises
+    ------
+    InputError
+        The format is not zlib, zstd, draco or cloudini, or the message is damaged. For cloudini,
+        the package pureini must be installed.
     """
     if message.format in _PARSED:
         is_empty = not message.height * message.width
@@ -119,7 +127,7 @@ def _values(attribute: NDArray[Any], value: Value) -> NDArray[Any]:
 
 
 def parse_draco(path: Path) -> ParsedFile:
-    """Decode a Draco stream; the columns are the cloud's attributes (n, values per point)."""
+    """Decode a file with a Draco stream; the result's columns are the attributes (n, values)."""
     try:
         import DracoPy
     except ImportError as error:
@@ -144,7 +152,7 @@ def _cloudini_columns(message: Any) -> Columns:
 
 
 def parse_cloudini(path: Path) -> ParsedFile:
-    """Decode a Cloudini stream; the column `data` contains the points' bytes."""
+    """Decode a file with a Cloudini stream; the result's column `data` holds the points' bytes."""
     try:
         from pureini import PointcloudDecoder
     except ImportError as error:

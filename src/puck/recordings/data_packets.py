@@ -1,4 +1,4 @@
-"""Choice of a sensor's data packets among the datagrams of a capture, and what is left out."""
+"""Choice of a sensor's data packets among a capture's datagrams, and counts of the others."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LEFT_OUT = {
     "cut_packets": "packets cut by the snap length",
     "bytes_cut_off": "bytes of a last packet that is not whole",
 }
-"""Counts of data left out of a recording: names and descriptions."""
+"""Names and descriptions of the counts of data that are left out of a recording."""
 _MOST_LISTED = 4
 
 
@@ -52,7 +52,7 @@ class PayloadKind(IntEnum):
 
 
 def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
-    """Return the kind (p,), a `PayloadKind`, of payloads (p, 1206)."""
+    """Return the kind of each payload (p, 1206) as an array (p,) of `PayloadKind` numbers."""
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     flags = np.isin(packets["blocks"]["flag"], BANK_FLAGS).sum(axis=1)
     codes = kind_codes(payloads)
@@ -67,8 +67,18 @@ def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
 def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     """Return the undamaged data packets of one stream of a packet capture.
 
-    `name` is ``sender:port to receiver:port`` or its beginning; None selects the only stream with
-    data packets. The result's `about` counts the data left out (`LEFT_OUT`).
+    Parameters
+    ----------
+    capture
+        Datagrams of the capture.
+    name
+        The stream, as ``sender:port to receiver:port`` or the beginning of this text. None selects
+        the only stream with data packets.
+
+    Returns
+    -------
+    PacketLog
+        The packets. The attribute `about` counts the data left out (see `LEFT_OUT`).
     """
     sized = [datagram for datagram in capture.datagrams if datagram.length == PACKET_BYTES]
     payloads = joined([datagram.payload for datagram in sized], [], {}).payloads
@@ -88,8 +98,8 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
 def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -> PacketLog | None:
     """Return the packets of an Ouster sensor, or None if the capture seems to have none.
 
-    The sensor's metadata are beside the recording (`ouster.metadata_beside`);
-    `packets_of_capture` explains `name`.
+    The sensor's metadata are read from a file beside the recording (see `ouster.metadata_beside`).
+    The argument `name` selects a stream as in `packets_of_capture`.
     """
     sizes = Counter(datagram.length for datagram in capture.datagrams)
     metadata = metadata_beside(recording)
@@ -124,9 +134,16 @@ def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -
 def whole_packets(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """Return the distinct undamaged packets among 1,206-byte payloads, in the sensor's order.
+    """Return the undamaged packets among payloads, without repeated ones, in the sensor's order.
 
-    `received` are times, s. The result's `about` also counts the payloads left out or sorted.
+    Parameters
+    ----------
+    payloads
+        Contents of 1,206 bytes each.
+    received
+        Times of reception, in seconds.
+    about
+        Facts about the recording. In the result, counts of payloads left out or sorted are added.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):
@@ -147,7 +164,7 @@ def whole_packets(
 
 
 def log_left_out(path: Path, about: Mapping[str, Any]) -> None:
-    """Warn of the data of a recording that were left out, by the counts in `about`."""
+    """Log a warning about the data of a recording that were left out, which `about` counts."""
     parts = [f"{what} ({about[name]:,})" for name, what in LEFT_OUT.items() if about.get(name)]
     if parts:
         logging.getLogger(__name__).warning("%s: left out %s", path, ", ".join(parts))

@@ -1,4 +1,4 @@
-"""ROS bags with an index of their messages: ROS 1 (.bag) and MCAP."""
+"""Reader of ROS bags that have an index of their messages: ROS 1 (.bag) and MCAP."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from puck.recordings.topics import BagFile, added_up
 
 @contextmanager
 def indexed_bag(path: Path) -> Iterator[BagFile]:
-    """Open a bag; raise ValueError if its chunks overlap, as only damaged bags' do."""
+    """Open a bag, and yield its topics and the function that reads messages.
+
+    Raises ValueError if chunks overlap, which only happens in damaged bags.
+    """
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 

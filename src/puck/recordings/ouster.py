@@ -30,24 +30,39 @@ _LASERS = (16, 32, 64, 128)
 _COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
 """Allowed numbers of columns in a packet, and the usual number."""
 _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-"""First elements of the transform from lidar to sensor coordinates; the next is the height."""
+"""The first elements of the transform from lidar to sensor coordinates; the next is the height."""
 
 
 class Field(NamedTuple):
-    """Place of a value in a pixel: the 32-bit word, the first bit, and the number of bits."""
+    """Place of a value in the 32-bit words of a pixel: word, first bit, and number of bits."""
 
     word: int
     bit: int
     bits: int
 
     def of(self, words: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        """Return the field's values, of the shape of `words` without its last axis."""
+        """Return the field's value in each pixel.
+
+        Parameters
+        ----------
+        words
+            Pixels (..., words).
+
+        Returns
+        -------
+        array (...)
+            Values, as unsigned 32-bit integers.
+        """
         values = (words[..., self.word] >> self.bit) & ((1 << self.bits) - 1)
         return values.astype(np.uint32, copy=False)
 
 
 class Profile(NamedTuple):
-    """Format of a pixel: number of words, fields for each kind of return, and quantum of ranges."""
+    """Format of a pixel in an Ouster's packets.
+
+    It states the number of 32-bit words, the fields of each kind of return (strongest, second), and
+    the quantum of ranges in metres.
+    """
 
     words: int
     ranges: tuple[Field, ...]
@@ -100,7 +115,19 @@ Compressed recordings store a profile's index; therefore, add new profiles at th
 def packet_type(
     profile: str, lasers: int, columns: int = _USUAL_COLUMNS, is_fusa: bool = False
 ) -> np.dtype[Any]:
-    """Return the structure of a packet; bytes that are not decoded belong to no field."""
+    """Return the NumPy structure of a packet; bytes that are not decoded belong to no field.
+
+    Parameters
+    ----------
+    profile
+        Name of the profile, a key of `PROFILES`.
+    lasers
+        Number of lasers of the sensor.
+    columns
+        Number of columns in a packet.
+    is_fusa
+        Whether packets have the header of Ouster's functional safety format.
+    """
     pixels = ("pixels", "<u4", (lasers, PROFILES[profile].words))
     if profile == LEGACY:
         head = [("time", "<u8"), ("column", "<u2"), ("frame", "<u2"), ("encoder", "<u4")]
@@ -120,10 +147,10 @@ def packet_type(
 
 @dataclass(frozen=True)
 class OusterSensor:
-    """An Ouster sensor and the format of its packets.
+    """An Ouster sensor, and the format of its packets.
 
-    `columns` is the number of columns in a revolution, `whole` that in the azimuth window, which a
-    whole turn contains.
+    `columns` is the number of columns in a revolution. `whole` is the number of columns in the
+    azimuth window in which the sensor measures; a complete turn contains all of these.
     """
 
     name: str
@@ -144,7 +171,7 @@ class OusterSensor:
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
-        """Structure of a packet."""
+        """NumPy structure of a packet."""
         return packet_type(self.profile, self.lasers, self.columns_per_packet, self.is_fusa)
 
     @property
@@ -171,10 +198,10 @@ class OusterSensor:
 
 
 def metadata_beside(recording: Path) -> Path | None:
-    """Return the JSON file with a recording's metadata, or None.
+    """Return the JSON file with the metadata of a recording, or None if there is none.
 
-    For ``x.pcap`` this is ``x_0.json``, else ``x.json``, else the file with the longest stem with
-    which ``x`` begins.
+    For ``x.pcap`` this is ``x_0.json``, or else ``x.json``, or else the file with the longest name
+    (without suffix) with which ``x`` begins.
     """
     stem = recording.stem
     names = (path for path in recording.parent.glob("*.json") if path.is_file())
@@ -183,7 +210,10 @@ def metadata_beside(recording: Path) -> Path | None:
 
 
 def read_sensor(path: Path) -> OusterSensor:
-    """Read an Ouster's metadata (JSON); raise InputError if they are not such metadata."""
+    """Read an Ouster sensor's metadata from a JSON file.
+
+    Raises InputError if the file does not contain such metadata.
+    """
     document = object_of(read_bytes(path), str(path))
     with naming(path):
         try:
@@ -241,28 +271,43 @@ def _floats(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def is_size_of_packets(size: int) -> bool:
-    """Whether a lidar packet of 16 columns can have this size in bytes."""
+    """Return whether a packet of 16 columns of a known profile can have this size in bytes."""
     return any(size == packet_type(*each).itemsize for each in product(PROFILES, _LASERS))
 
 
 def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
-    """Return the serial number in a packet; None for early firmware, which sends none."""
+    """Return the sensor's serial number in a packet; None for early firmware, which sends none."""
     if sensor.profile == LEGACY:
         return None
     return int.from_bytes(np.frombuffer(payload, sensor.packet)["serial"].tobytes(), "little")
 
 
 class OusterTurns(NamedTuple):
-    """Revolutions, and the index range from the first to the last complete one."""
+    """Revolutions of an Ouster sensor.
+
+    `whole` is the range of indices from the first to the last complete revolution in `returns`.
+    """
 
     returns: Returns
     whole: range
 
 
 def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTurns:
-    """Decode packets (p, size in bytes), which may be in any order within a revolution.
+    """Decode the packets of an Ouster sensor.
 
     Repeated columns and columns without data are left out. Times have a resolution of 1 us.
+
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    payloads
+        Packets (p, size in bytes), which may be in any order within a revolution.
+
+    Returns
+    -------
+    OusterTurns
+        The revolutions, and the indices of the complete ones.
     """
     frames, columns = numbered_columns(sensor, payloads)
     _, rows = np.unique(frames * sensor.columns + columns["column"], return_index=True)
@@ -280,7 +325,15 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
 def numbered_columns(
     sensor: OusterSensor, payloads: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Return the columns (c,) with data of packets, and the numbers (c,) of their revolutions."""
+    """Return the columns of packets that contain data, and the revolution that each belongs to.
+
+    Returns
+    -------
+    numbers
+        Number of each column's revolution, (c,).
+    columns
+        Structures of the columns, (c,).
+    """
     packets = np.ascontiguousarray(payloads).view(sensor.packet)[:, 0]
     columns = packets["columns"].reshape(-1)
     frames = np.repeat(_frames(sensor, packets), sensor.columns_per_packet)
@@ -289,7 +342,7 @@ def numbered_columns(
 
 
 def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the counter of revolutions in each packet (p,), which wraps around."""
+    """Return each packet's counter of revolutions (p,), which wraps around."""
     is_legacy = "frame" not in (packets.dtype.names or ())
     numbers = packets["columns"]["frame"][:, 0] if is_legacy else packets["frame"]
     return np.asarray(numbers, dtype=np.int64)
@@ -303,7 +356,10 @@ def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def turn_of_columns(profile: Profile, columns: NDArray[Any], steps: int) -> Turn:
-    """Convert columns (c,) of packets to a turn with `steps` columns in a whole revolution."""
+    """Convert the columns (c,) of a revolution's packets to a turn.
+
+    `steps` is the number of columns in a whole revolution.
+    """
     words = columns["pixels"]
     ranges, reflectivities = (
         np.stack([field.of(words) for field in fields])

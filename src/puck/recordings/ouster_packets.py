@@ -1,4 +1,8 @@
-"""Kinds of an Ouster's packets, and their conversion to turns and further images, and back."""
+"""Kinds of an Ouster's packets, and conversion between packets and turns with further images.
+
+A turn, i.e. one revolution, does not hold all data of packets. The rest is held in further images
+and arrays, from which packets are restored bit for bit.
+"""
 
 from __future__ import annotations
 
@@ -40,9 +44,10 @@ _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("fra
 
 
 class Channel(NamedTuple):
-    """A pixel field, for one kind of return, that a `Turn` does not store.
+    """A pixel field, for one kind of return, that a `Turn` does not store but a further image does.
 
-    For a reflectivity, `signal` is the channel index of the return's signal; otherwise None.
+    For a reflectivity, `signal` is the index of the channel that holds the return's signal;
+    otherwise it is None.
     """
 
     field: Field
@@ -51,18 +56,18 @@ class Channel(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """Data of packets that a `Turn` does not store.
+    """The data of a revolution's packets that a `Turn` does not store.
 
     Parameters
     ----------
     images
-        An image (columns, lasers) for each channel.
+        An image (columns, lasers) for each channel (see `OusterKind.channels`).
     heads
-        (columns, bytes) headers of columns.
+        Headers of columns, (columns, bytes).
     outsides
-        (packets, bytes) data before and after each packet's columns; a correct CRC-64 becomes 0.
+        Data before and after each packet's columns, (packets, bytes). A correct CRC-64 becomes 0.
     remainders
-        (columns,), remainders of times below 1 us, in units of `unit` ns.
+        Remainders of times below 1 us, (columns,), in units of `unit` nanoseconds.
     """
 
     images: list[NDArray[np.uint16]]
@@ -75,9 +80,10 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True)
 class OusterKind:
-    """Format of packets, and the layout of their images.
+    """Kind of an Ouster's packets: their format, and the layout of images of a turn.
 
-    If `is_fragmented`, packets are split into IP fragments of the usual size, `hole` bytes apart.
+    If `is_fragmented`, packets lie in the file as IP fragments of the usual size, `hole` bytes
+    apart.
     """
 
     profile: str
@@ -89,12 +95,15 @@ class OusterKind:
 
     @classmethod
     def of(cls, sensor: OusterSensor) -> OusterKind:
-        """Return the kind of a sensor's packets, as UDP payloads in one piece."""
+        """Return the kind of a sensor's packets, which are UDP payloads in one piece."""
         return cls(sensor.profile, sensor.is_fusa, sensor.columns_per_packet, sensor.layout)
 
     @classmethod
     def decode(cls, layout: Layout, code: bytes) -> OusterKind:
-        """Invert `code`; raise InputError if no packets have this code and layout."""
+        """Return the kind that `code` describes, together with a layout.
+
+        Raises InputError if no packets have this code and layout.
+        """
         profile, flags, columns = code
         if profile < len(PROFILES) and flags < 4 and columns > 1:
             is_fusa, is_fragmented = bool(flags & 1), bool(flags & 2)
@@ -106,13 +115,13 @@ class OusterKind:
 
     @property
     def code(self) -> bytes:
-        """Three bytes that describe the format of packets in a stream."""
+        """Three bytes that describe the format of packets in a stream (see `decode`)."""
         flags = self.is_fusa | self.is_fragmented << 1
         return bytes([list(PROFILES).index(self.profile), flags, self.columns_per_packet])
 
     @property
     def pieces(self) -> list[int]:
-        """Number of bytes of a packet in each fragment."""
+        """Number of bytes of a packet in each IP fragment."""
         if not self.is_fragmented:
             return [self.size]
         edges = [0, *range(_FRAGMENT_BYTES - _UDP_BYTES, self.size, _FRAGMENT_BYTES), self.size]
@@ -120,17 +129,17 @@ class OusterKind:
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
-        """Structure of a packet."""
+        """NumPy structure of a packet."""
         return packet_type(self.profile, self.layout.lasers, self.columns_per_packet, self.is_fusa)
 
     @property
     def size(self) -> int:
-        """Size of a packet, bytes."""
+        """Number of bytes of a packet."""
         return self.packet.itemsize
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """Fields of all pixel bits that `turn_of` does not convert."""
+        """Pixel fields that no turn holds, which cover all bits that `turn_of` leaves out."""
         profile = PROFILES[self.profile]
         signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
         dependent = [
@@ -146,7 +155,7 @@ class OusterKind:
         return PROFILES[self.profile].reflectivities[kind]._replace(bits=bits)
 
     def find(self, data: Payloads) -> NDArray[np.int64]:
-        """Return ascending positions in `data` of packets with consecutive column numbers."""
+        """Return the positions in `data` of packets with consecutive column numbers, ascending."""
         span = self.size + self.hole * (len(self.pieces) - 1)
         last = len(data) - span + 1
         if last < 1 or self.columns_per_packet < 2:
@@ -167,7 +176,10 @@ class OusterKind:
         return without_overlaps(places[is_packet], span)
 
     def split_turns(self, payloads: Payloads) -> Iterator[tuple[OusterKind, Payloads]]:
-        """Split packets (p, size) where the counter of revolutions changes."""
+        """Split packets (p, size) into revolutions where the counter of revolutions changes.
+
+        Yields this kind and the packets of each revolution.
+        """
         changes = np.flatnonzero(np.diff(frame_numbers(self._viewed(payloads)))) + 1
         most = self.layout.max_blocks // self.columns_per_packet
         for first, end in pairwise([0, *changes.tolist(), len(payloads)]):
@@ -175,13 +187,13 @@ class OusterKind:
                 yield self, payloads[start : min(start + most, end)]
 
     def turn_of(self, payloads: Payloads) -> Turn:
-        """Convert packets (p, size) of one revolution to a turn."""
+        """Convert the packets (p, size) of a revolution to a turn."""
         profile = PROFILES[self.profile]
         turn = turn_of_columns(profile, self._columns(payloads), self.layout.azimuth_steps)
         return replace(turn, reflectivities=None) if profile.signals else turn
 
     def rest_of(self, payloads: Payloads) -> Rest:
-        """Return what packets (p, size) hold beyond their turn."""
+        """Return the data of the packets (p, size) of a revolution that the turn does not hold."""
         columns = self._columns(payloads)
         words = columns["pixels"]
         images = [channel.field.of(words).astype(np.uint16) for channel in self.channels]
@@ -199,7 +211,7 @@ class OusterKind:
         )  # fmt: skip
 
     def packets_of(self, turn: Turn, rest: Rest) -> Payloads:
-        """Return the packets (p, size) of a turn and its rest, bit for bit as they were."""
+        """Restore the packets (p, size) of a revolution bit for bit from the turn and the rest."""
         count, uneven = divmod(len(turn.azimuths), self.columns_per_packet)
         if uneven or turn.times is None or rest.remainders.max(initial=0) * rest.unit >= _NS:
             raise InputError("the stream is damaged (packets of a turn)")
@@ -233,7 +245,7 @@ class OusterKind:
 
     @property
     def outside_bytes(self) -> int:
-        """Number of bytes of a packet before and after its columns."""
+        """Number of bytes of a packet that lie before and after the columns."""
         return 0 if self.profile == LEGACY else 2 * _OUTSIDE_BYTES
 
     def _outsides(self, payloads: Payloads) -> tuple[Payloads, bool]:
@@ -258,7 +270,7 @@ HEAD_BYTES = _HEAD.itemsize
 
 
 def _unused(fields: list[Field], words: int) -> list[Field]:
-    """Return fields of at most 16 bits that cover a pixel's unused bits."""
+    """Return fields of at most 16 bits that cover the unused bits of a pixel."""
     is_used = np.zeros(32 * words, bool)
     for field in fields:
         first = 32 * field.word + field.bit
@@ -284,7 +296,7 @@ def checks_of(payloads: Payloads) -> Payloads:
 
 @cache
 def _crc_tables() -> NDArray[np.uint64]:
-    """Return the CRCs (8, 256) of each byte, followed by 0 to 7 zero bytes."""
+    """Return the CRCs (8, 256) of each byte when 0 to 7 zero bytes follow."""
     tables = np.zeros((8, 256), np.uint64)
     tables[0] = np.arange(256)
     for _ in range(8):

@@ -1,6 +1,7 @@
-"""Order of data packets, and what is told of packets that are late or lost, or of leaps.
+"""Sorting of data packets, and warnings of packets that are late or lost, and of leaps.
 
-A sensor's packets follow at equal intervals of its clock, while its azimuth rises at one rate.
+A sensor sends packets at equal intervals of its clock, and its azimuth rises at one rate. A leap is
+a sudden change of the clock or of the azimuth.
 """
 
 from __future__ import annotations
@@ -21,18 +22,26 @@ from puck.recordings.ouster import OusterSensor, numbered_columns
 from puck.recordings.packets import PACKET, PacketLog
 
 _LEAP_US = 5e5
-"""Smallest step of a clock that is a leap; packets that are later are not sorted."""
+"""Smallest step of a clock, in us, that is a leap. Later packets are not sorted."""
 _FEWEST_STEPS = 15
-"""Least number of steps between packets of which the usual one is known."""
+"""Least number of steps between packets from which the usual step is estimated."""
 _MOST_USUAL, _MOST_OFF = 1.5, 0.5
-"""Limit of usual times between packets, and of the rotation rate's deviation, relative to the
-medians."""
+"""Limits of usual times between packets and of the rotation rate's deviation.
+
+Both are relative to the medians.
+"""
 _RECEIVED_ALIKE = 0.1
-"""Relative difference of a leap to the time of reception by which it is a pause."""
+"""Limit of the difference between a step of the clock and the time between receptions.
+
+The limit is a share of the step. Below it, a large step is a pause, not a leap.
+"""
 
 
 def in_order(log: PacketLog) -> PacketLog:
-    """Sort a Velodyne's packets by its clock, except where it leaps; `about` counts late ones."""
+    """Return a Velodyne's packets sorted by the sensor's clock, except where the clock leaps.
+
+    The result's `about` counts the packets that were late.
+    """
     steps = clock_steps(_clock_us(log), HOUR_US)
     is_leap = np.abs(steps) >= _LEAP_US
     late = int(((steps < 0) & ~is_leap).sum())
@@ -47,9 +56,9 @@ def in_order(log: PacketLog) -> PacketLog:
 
 
 def tell_irregularities(source: Path, log: PacketLog) -> None:
-    """Warn of packets that are late or lost, and of leaps of the clock or of the azimuth.
+    """Log warnings about packets that are late or lost, and about leaps of clock or azimuth.
 
-    Raises InputError if the azimuth falls.
+    Raises InputError if the azimuth falls. The warnings name the file `source`.
     """
     told = []
     if late := log.about.get("late_packets"):

@@ -69,11 +69,13 @@ class PacketKind:
 
     Parameters
     ----------
-    product, mode
-        Codes of the sensor and of its return mode, as in a packet's last two bytes: 0x22 is a
-        VLP-16; 0x37 reports a beam's strongest return, 0x38 the last, 0x39 both.
+    product
+        Code of the sensor, as in a packet's last byte: 0x22 is a VLP-16.
+    mode
+        Code of the return mode, as in a packet's last byte but one: 0x37 reports a beam's strongest
+        return, 0x38 the last return, 0x39 both.
     layout
-        Arrangement of lasers and columns in a `Turn`.
+        Arrangement of lasers and columns in the images of a `Turn`.
     """
 
     product: int
@@ -82,25 +84,35 @@ class PacketKind:
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Indices of a packet's blocks, (firings, kinds of return, banks); strongest kind first."""
+        """Indices of a packet's blocks, (firings, kinds of return, banks), strongest first."""
         return _blocks(self.product, self.mode)
 
     @property
     def rest(self) -> slice:
-        """Bytes of a packet that do not belong to its turn: status, or blocks without lasers."""
+        """Bytes of a packet that no turn holds, as a slice: status, or blocks without lasers."""
         if self.product == HDL64E:
             return slice(PACKET_BYTES - _STATUS_BYTES, PACKET_BYTES)
         return slice(self.blocks.size * _BLOCK_BYTES, BLOCKS * _BLOCK_BYTES)
 
     @property
     def has_rest(self) -> bool:
-        """Whether packets have bytes that do not belong to their turn (`rest`)."""
+        """Whether packets have bytes that no turn holds (see `rest`)."""
         return self.product == HDL64E or self.blocks.size < BLOCKS
 
     def returns(self, turns: Iterable[Turn], sensor: Sensor | None = None) -> Returns:
-        """Return turns with the beams of `sensor`, by default the one that the product code names.
+        """Return turns together with the beams of the sensor, as `Returns`.
 
-        Raises InputError if the sensor has another number of lasers, or no firing times.
+        Parameters
+        ----------
+        turns
+            Revolutions in chronological order.
+        sensor
+            Description of the lasers; by default, the nominal one of the product code.
+
+        Raises
+        ------
+        InputError
+            The sensor has another number of lasers, or no firing times.
         """
         sensor = sensor or load_sensor(SENSORS[self.product])
         if sensor.lasers != self.layout.lasers or sensor.firing_sequence_us is None:
@@ -112,9 +124,17 @@ class PacketKind:
 
 @cache
 def packet_kind(product: int, mode: int) -> PacketKind:
-    """Return the kind of packets with a product code and a return mode (see `PacketKind`).
+    """Return the kind of packets with a product code and a return mode.
 
-    Raises InputError for sensors and modes that are not supported.
+    Parameters
+    ----------
+    product, mode
+        Codes of the sensor and of its return mode, as in `PacketKind`.
+
+    Raises
+    ------
+    InputError
+        The sensor or the mode is not supported.
     """
     if product not in SENSORS:
         name = PRODUCTS.get(product, "an unknown sensor")
@@ -150,7 +170,7 @@ def _flags(product: int, mode: int) -> NDArray[np.int64]:
 
 
 def kind_codes(payloads: Payloads) -> NDArray[np.int64]:
-    """Return the product and the return mode (p, 2) of packets (p, 1206)."""
+    """Return the product code and the return mode of each packet (p, 1206), as an array (p, 2)."""
     codes = payloads[:, :-3:-1].astype(np.int64)
     blocks = _viewed(payloads)["blocks"]
     is_64 = (blocks["flag"] == _flags(HDL64E, STRONGEST_MODE)).all(axis=1)
@@ -162,7 +182,7 @@ def kind_codes(payloads: Payloads) -> NDArray[np.int64]:
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
-    """Return the ascending positions in `data` of the data packets of `SENSORS`."""
+    """Return the positions in `data` at which data packets of `SENSORS` begin, ascending."""
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
@@ -193,7 +213,10 @@ def _with_flags(
 
 
 def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
-    """Drop from ascending `places` packets of `size` bytes that overlap an earlier kept one."""
+    """Return those of the ascending `places` whose packets overlap no earlier packet that is kept.
+
+    Each packet has `size` bytes.
+    """
     if (np.diff(places) >= size).all():
         return places
     kept: list[int] = []
@@ -204,9 +227,10 @@ def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDA
 
 
 def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
-    """Split packets (p, 1206) into revolutions; each begins with the packet that passes azimuth 0.
+    """Split packets (p, 1206) into revolutions, and yield the kind and the packets of each.
 
-    A part also ends where the sensor or return mode changes, or after `Layout.max_blocks` blocks.
+    A revolution begins with the packet that passes azimuth 0. It also ends where the sensor or the
+    return mode changes, or after `Layout.max_blocks` blocks.
     """
     codes = kind_codes(payloads)
     ends = np.flatnonzero((np.diff(codes, axis=0) != 0).any(axis=1)) + 1
@@ -225,7 +249,10 @@ def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
 
 
 def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
-    """Convert packets (p, 1206) to a turn; of two returns of a beam, the strongest comes first."""
+    """Convert the packets (p, 1206) of a revolution to a turn.
+
+    Of two returns of a beam, the strongest comes first.
+    """
     packets = _viewed(payloads)
     blocks = packets["blocks"]
     return Turn(
@@ -237,10 +264,11 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads, codes: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
-    """Return for each packet (p, 1206) whether its flags and azimuths are valid.
+    """Return a mask (p,) of the packets (p, 1206) whose flags and azimuths are valid.
 
     Blocks of a firing must have equal azimuths. Packets of unknown sensors are checked as a
-    VLP-16's. `codes` are the packets' `kind_codes`, computed if None.
+    VLP-16's. The argument `codes` is the result of `kind_codes` for the packets; by default, it is
+    computed.
     """
     packets, is_valid = _viewed(payloads)["blocks"], np.zeros(len(payloads), np.bool_)
     codes = kind_codes(payloads) if codes is None else codes.copy()
@@ -259,14 +287,19 @@ def _is_supported(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Returns:
-    """Decode packets (p, 1206) to returns; the first and the last revolution may be incomplete.
+    """Decode packets to the returns of one sensor, split into revolutions.
 
     Parameters
     ----------
     payloads
-        Bytes of data packets in the order in which the sensor sent them.
+        Data packets (p, 1206), in the order in which the sensor sent them.
     sensor
         Description of the lasers; by default, the nominal one of the packets' product.
+
+    Returns
+    -------
+    Returns
+        The revolutions, of which the first and the last may be incomplete, and the beams.
 
     Raises
     ------
@@ -286,10 +319,15 @@ def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Retu
 
 
 def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTable:
-    """Decode packets (p, 1206) to a table with a row for each return (see `returns_of_packets`).
+    """Decode packets to a table with a row for each return.
 
-    A turn begins where the azimuth passes 0. The table's ``about`` tells sensor, return mode and
-    number of packets.
+    Parameters and errors are those of `returns_of_packets`.
+
+    Returns
+    -------
+    ReturnTable
+        The returns. A new turn number begins where the azimuth passes 0. The attribute ``about``
+        tells sensor, return mode and number of packets.
     """
     returns = returns_of_packets(payloads, sensor)
     product, number = kind_codes(payloads[:1])[0].tolist()
@@ -302,7 +340,6 @@ def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTa
 
 
 def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
-    """Return each return's turn number: how often the azimuth has passed 0."""
     passed, previous = 0, 0
     numbers: list[NDArray[np.int64]] = []
     for turn in returns.turns:
@@ -317,16 +354,17 @@ def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
 
 
 def packets_of(kind: PacketKind, turn: Turn, rest: Payloads | None = None) -> Payloads:
-    """Convert a turn back to data packets, the inverse of `turn_of`.
+    """Convert a turn back to the data packets that `turn_of` converted.
 
     Parameters
     ----------
     kind
-        Sensor and return mode.
+        Sensor and return mode of the packets.
     turn
-        A turn of whole packets, with times and reflectivities.
+        A revolution of whole packets, with times and reflectivities.
     rest
-        Bytes (p, r) that stand at `PacketKind.rest` in each packet; by default 0.
+        Bytes (p, r) of each packet that the turn does not hold, which are at `PacketKind.rest`; by
+        default 0.
 
     Returns
     -------

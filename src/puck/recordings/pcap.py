@@ -1,4 +1,4 @@
-"""UDP datagrams in packet captures: Ethernet, VLANs, IPv4 and IPv6, whole or in fragments."""
+"""Reader of UDP datagrams in packet captures (Ethernet, VLANs, IPv4, IPv6), also from fragments."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MAX_LISTED = 4
 
 
 class Stream(NamedTuple):
-    """Sender and receiver of datagrams, with their ports."""
+    """Sender and receiver of datagrams, each with its port."""
 
     sender: str
     sender_port: int
@@ -43,13 +43,20 @@ class Stream(NamedTuple):
 
 
 def refuse_stream(name: str | None) -> None:
-    """Raise InputError if a stream `name` is set for a file that is not a packet capture."""
+    """Raise InputError if `name`, which selects a stream, is set for a file without streams.
+
+    Only packet captures have streams.
+    """
     if name is not None:
         raise InputError(f"stream '{name}': only packet captures have streams")
 
 
 class Datagram(NamedTuple):
-    """A UDP datagram; ``length`` is its size when sent, ``received`` its time in s since 1970."""
+    """A UDP datagram of a capture.
+
+    The captured data may be shorter than `length`, the datagram's size in bytes when it was sent.
+    The time `received` is in seconds since 1970.
+    """
 
     stream: Stream
     payload: bytes
@@ -59,11 +66,20 @@ class Datagram(NamedTuple):
 
 @dataclass(frozen=True)
 class Capture:
-    """Complete UDP datagrams of a packet capture, and counts of its other content.
+    """The complete UDP datagrams of a packet capture, and counts of what else it contains.
 
-    `fragments` counts IP fragments of incomplete datagrams; `cut` counts packets truncated by the
-    snap length (`cut_sizes`: by length in bytes and port); `others` counts packets of other
-    protocols. `bytes_cut_off` is the size of an incomplete last packet.
+    Attributes
+    ----------
+    fragments
+        Number of IP fragments whose datagrams are incomplete.
+    cut
+        Number of packets truncated by the snap length.
+    cut_sizes
+        Number of truncated packets by length in bytes and port.
+    others
+        Number of packets of other protocols.
+    bytes_cut_off
+        Size in bytes of an incomplete last packet.
     """
 
     datagrams: list[Datagram]
@@ -74,7 +90,7 @@ class Capture:
     bytes_cut_off: int
 
     def contents(self) -> str:
-        """Describe for an error message what the capture holds, most frequent first."""
+        """Describe what the capture holds for an error message, most frequent first."""
         sizes = Counter((each.length, each.stream.receiver_port) for each in self.datagrams)
         cut = "; ".join(_listed(self.cut_sizes))
         counts = {
@@ -88,7 +104,23 @@ class Capture:
 
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the complete UDP datagrams; raise InputError if all link layers are unsupported."""
+    """Read the complete UDP datagrams of a packet capture.
+
+    Parameters
+    ----------
+    data
+        The bytes of the file (pcap or pcapng).
+
+    Returns
+    -------
+    Capture
+        The datagrams, and counts of other content.
+
+    Raises
+    ------
+    InputError
+        No link layer of the capture is supported.
+    """
     if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
     packets, datagrams, fragments = CapturedPackets(data), list[Datagram](), _Fragments()
@@ -119,7 +151,10 @@ def read_datagrams(data: bytes) -> Capture:
 
 
 def udp_datagram(content: bytes, link: int = _ETHERNET) -> Datagram | None:
-    """Return the UDP datagram in a packet, or None for fragments and other protocols."""
+    """Return the UDP datagram in a packet, or None for fragments and other protocols.
+
+    The packet begins with the header of the link layer whose code is `link`, by default Ethernet.
+    """
     packet = _ip_packet(content, link)
     return None if packet is None else _datagram(content, packet)
 
@@ -154,7 +189,7 @@ class _Parts:
             self.whole = fragment.offset + len(data)
 
     def joined(self) -> bytes:
-        """Return the payload of the packet; empty if fragments are missing or overlap."""
+        """Return the packet's payload, or empty bytes if fragments are missing or overlap."""
         if self.size != self.whole:
             return b""
         parts = sorted(self.parts.items())
@@ -165,7 +200,7 @@ class _Parts:
 
 
 class _Fragments:
-    """Joins the fragments of IP packets, which may be in any order (RFC 791, RFC 8200)."""
+    """Joins the fragments of IP packets, which may come in any order (RFC 791, RFC 8200)."""
 
     def __init__(self) -> None:
         self._packets: dict[tuple[bytes, int, bytes], _Parts] = {}
@@ -175,7 +210,7 @@ class _Fragments:
         return sum(packet.count for packet in self._packets.values())
 
     def joined(self, frame: bytes, packet: _IpPacket, fragment: _Fragment) -> bytes:
-        """Add a fragment; return the packet's payload if complete, else empty bytes."""
+        """Add a fragment, and return the packet's payload if it is complete, or empty bytes."""
         key = (packet.addresses, packet.protocol, fragment.identification)
         parts = self._packets.setdefault(key, _Parts())
         parts.add(fragment, frame[packet.payload : fragment.end])

@@ -1,4 +1,4 @@
-"""Values of the points in ROS's messages of the type PointCloud2."""
+"""Reader of the points' values in ROS messages of the type PointCloud2."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pointkit.isolated import Columns
 
 POINT_CLOUD2 = "sensor_msgs/msg/PointCloud2"
 KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-"""NumPy types by the message's data type codes."""
+"""NumPy types by the codes of data types in the message."""
 _PADDING = ("", "_")
 """Names of fields that contain no values."""
 _MAX_VALUES = 4096
@@ -23,7 +23,11 @@ _MAX_NAME_LENGTH = 40
 
 
 class Value(NamedTuple):
-    """A value of each point: type, byte offset in the point, and position in a message field."""
+    """Place of one value in the bytes of each point.
+
+    It has a NumPy type, a byte offset in the point, and a position in a message field of several
+    values.
+    """
 
     name: str
     kind: np.dtype[Any]
@@ -33,11 +37,25 @@ class Value(NamedTuple):
 
 
 def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Columns:
-    """Return the fields of a deserialised message as arrays (height * width,), by name.
+    """Return the fields of a deserialised message as arrays by name, one value per point.
 
-    `data` are the points' bytes if the message has none. A field `a` with several values per point
-    becomes the columns `a_0`, `a_1`, ... The columns need at most the memory of the data. Raises
-    InputError if the message is inconsistent or the data are too short.
+    Parameters
+    ----------
+    message
+        A message of the type sensor_msgs/msg/PointCloud2.
+    data
+        The points' bytes, if they are not in the message.
+
+    Returns
+    -------
+    dict of arrays (height * width,)
+        A field `a` with several values per point becomes the columns `a_0`, `a_1`, ... The columns
+        need at most the memory of the data.
+
+    Raises
+    ------
+    InputError
+        The message is inconsistent, or the data are too short.
     """
     data = np.asarray(message.data if data is None else data, dtype=np.uint8)
     height, width, step = int(message.height), int(message.width), int(message.point_step)
@@ -54,7 +72,10 @@ def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Column
 
 
 def point_values(message: Any) -> list[Value]:
-    """Return the layout of a point's values; raise InputError if fields are inconsistent."""
+    """Return the place of each value in the bytes of a point.
+
+    Raises InputError if the message's fields are inconsistent.
+    """
     order = ">" if message.is_bigendian else "<"
     values = list(_values(message.fields, order, int(message.point_step)))
     names = Counter(value.name for value in values)

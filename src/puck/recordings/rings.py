@@ -1,8 +1,9 @@
-"""Recovery of a sensor's raw returns from frames of points, as data sets publish them.
+"""Recovery of a sensor's raw returns from published frames of points.
 
 Each laser's points form a ring, to which four parameters are fitted: elevation, height, distance
 from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E S2 User's Manual
-63-HDL64ES2, Appendix F). The parameters convert each point to an encoder step and a range.
+63-HDL64ES2, Appendix F). By these parameters, each point is converted to an encoder step and a
+range.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from pointkit.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
 from pointkit.lidar.turns import CENTIDEGREES, Layout, Turn
 
 _NEAR_M = 0.2
-"""Points nearer than this are firings without a return, which sensors report with range 0."""
+"""Points nearer than this stand for firings without a return, which sensors report with range 0."""
 _MOST_SIDEWAYS_M = 0.08
 _MOST_TURNED_DEG = 14.0
 _FEWEST = 16
-"""Least number of points of a fitted beam."""
+"""Least number of points to which a laser's beam is fitted."""
 _FEWEST_EQUAL = 3
 _MOST_MOVED_M = 4.0
-"""Limit of the motion in a turn: 80 m/s at 20 turns per second."""
+"""Limit of the sensor's motion in a revolution: 80 m/s at 20 revolutions per second."""
 _MOST_QUANTA = 0xFFFF
 
 Steps = NDArray[np.int64]
@@ -34,10 +35,11 @@ Steps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RecoveredReturns:
-    """Returns recovered from a frame of points, as one revolution of the sensor.
+    """Returns that were recovered from a frame of points, as one revolution of the sensor.
 
-    `xyz` (points, 3) are the frame's points, m, in the moving sensor's coordinates. `rows` (n,) are
-    indices into `xyz`, in the order of ``returns.points()``.
+    `xyz` (points, 3) are the frame's points in metres, in the coordinates of the moving sensor.
+    `rows` (n,) are the indices in `xyz` of the points that became returns, in the order of
+    ``returns.points()``.
     """
 
     returns: Returns
@@ -45,7 +47,14 @@ class RecoveredReturns:
     xyz: Floats
 
     def about(self) -> dict[str, float]:
-        """Return the number of points left out, and displacements of the other points, mm."""
+        """Return the number of points left out, and how far the other points were moved.
+
+        Returns
+        -------
+        dict
+            ``points_left_out``, and the root mean square and maximum of displacements in
+            millimetres, ``moved_rms_mm`` and ``moved_most_mm``.
+        """
         moved = np.linalg.norm(self.returns.points() - self.xyz[self.rows], axis=1)
         return {
             "points_left_out": len(self.xyz) - len(self.rows),
@@ -55,13 +64,21 @@ class RecoveredReturns:
 
 
 _Beam = tuple[float, float, float]
-"""A laser: tangent of elevation, height, m, and distance from the sensor's axis, m."""
+"""A laser's tangent of elevation, height in metres, and distance from the axis in metres."""
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
-    """Split a frame's points into one ring per laser; return the indices of each ring.
+    """Split a frame's points into one ring per laser, where the azimuths wrap around.
 
-    A ring begins where the azimuths (n,), rad, wrap around.
+    Parameters
+    ----------
+    azimuths
+        Azimuths (n,) of the points, in radians, laser by laser.
+
+    Returns
+    -------
+    list of arrays
+        Indices of each ring's points.
     """
     ends = np.flatnonzero(np.diff(azimuths) < -np.pi) + 1
     return list(np.split(np.arange(len(azimuths)), ends))
@@ -72,9 +89,22 @@ def recovered_returns(
 ) -> RecoveredReturns:
     """Recover returns from the points of a frame, and fit each laser's parameters.
 
-    Points (n, 3), m, are in the coordinates of a sensor rotating counter-clockwise (x right, y
-    forward). `rings` are the indices of each laser's points; `step_deg`, the encoder's step, is a
-    multiple of 0.01.
+    Parameters
+    ----------
+    xyz
+        Points (n, 3) in metres, in the coordinates (x right, y forward) of a sensor that rotates
+        counter-clockwise.
+    rings
+        Indices of each laser's points, as `split_rings` returns them.
+    step_deg
+        Step of the rotary encoder in degrees, a multiple of 0.01.
+    sensor
+        Name of the sensor.
+
+    Returns
+    -------
+    RecoveredReturns
+        The returns, and the points they come from.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
@@ -100,11 +130,23 @@ def recovered_returns(
 
 
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
-    """Recover returns from a frame that includes firings without a return (range 0).
+    """Recover returns from a frame that includes firings without a return, whose range is 0.
 
-    Points (columns, lasers, 3), m, are in the coordinates (x right, y forward) of a clockwise
-    sensor at the end of its revolution. The data set corrected the points for the car's motion;
-    firings without a return reveal this correction, which is undone.
+    The data set corrected the points for the motion of the car. Firings without a return reveal
+    this correction, which is undone.
+
+    Parameters
+    ----------
+    xyz
+        Points (columns, lasers, 3) in metres, in the coordinates (x right, y forward) of a sensor
+        that rotates clockwise, at the end of the revolution.
+    sensor
+        Name of the sensor.
+
+    Returns
+    -------
+    RecoveredReturns
+        The returns, and the points they come from.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -132,10 +174,10 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 
 
 def _first_place(xyz: Floats, left: Floats) -> Floats:
-    """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
+    """Return the sensor's position (3,) at the first firing, or zeros if it cannot be estimated.
 
-    Firings of range 0 reveal the position: several lasers of a column have equal points. `left` is
-    each column's remaining fraction of the revolution.
+    Firings of range 0 reveal the position: several lasers of a column have equal points. The
+    argument `left` is the remaining fraction of the revolution at each column.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -149,10 +191,10 @@ def _first_place(xyz: Floats, left: Floats) -> Floats:
 def _without_turning(
     xyz: Floats, whole: NDArray[np.bool_], left: Floats
 ) -> tuple[Floats, list[_Beam]]:
-    """Undo the sensor's pitch and roll in a revolution; return the points and the lasers.
+    """Undo the sensor's pitch and roll in a revolution, and return the points and the lasers.
 
-    Least squares fit pitch, roll and the lasers' parameters to elevations. `whole` is the mask of
-    returns; `left` is as in `_first_place`.
+    Pitch, roll and the lasers' parameters are fitted to elevations by least squares. The argument
+    `whole` is the mask of returns, and `left` is as in `_first_place`.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -176,9 +218,19 @@ def _without_turning(
 
 
 def fitted_cone(level: Floats, z: Floats, prior: float = 0.0) -> tuple[float, float]:
-    """Fit ``z = level * tangent + height`` without outliers; return tangent and height.
+    """Fit ``z = level * tangent + height`` without outliers.
 
-    `prior` is the weight of a height of 0, relative to a point at 1 m.
+    Parameters
+    ----------
+    level, z
+        Distance from the axis and height of each point of a laser, in metres.
+    prior
+        Weight of a height of 0, relative to the weight of a point at 1 m.
+
+    Returns
+    -------
+    tangent, height
+        Tangent of the laser's elevation, and the beam's height at the axis in metres.
     """
     near = np.ones(len(level), bool)
     fit = np.zeros(2)
@@ -196,9 +248,10 @@ def fitted_cone(level: Floats, z: Floats, prior: float = 0.0) -> tuple[float, fl
 
 
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
-    """Return a laser's distance from the axis, m, and its azimuth modulo the encoder's step, rad.
+    """Return a laser's distance from the axis in metres, and its azimuth modulo the encoder's step.
 
-    The distance maximises the length of the circular mean of the points' azimuths modulo the step.
+    The azimuth is in radians. The distance maximises the length of the circular mean of the points'
+    azimuths modulo the step.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step
@@ -212,7 +265,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return the azimuth shift of each ring, in encoder steps, that aligns the lasers."""
+    """Return the shift of each ring's azimuths, in encoder steps, that aligns the lasers."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)
@@ -238,7 +291,7 @@ def _image(
     clockwise: bool,
     sensor: str,
 ) -> RecoveredReturns:
-    """Make the image; `degrees` are azimuths of columns, and of lasers relative to columns."""
+    """Return the returns; `degrees` are azimuths of columns, and of lasers relative to columns."""
     lasers, (columns_deg, lasers_deg) = len(rings), degrees
     ranges = np.zeros((1, len(columns_deg), lasers), np.uint16)
     source = np.zeros(ranges.shape[1:], np.intp)

@@ -23,14 +23,17 @@ from puck.recordings.sqlite_bags import SIDE_FILE_SUFFIXES, sqlite_bag
 from puck.recordings.topics import BagFile, Topic, Topics, added_up, choose_topic, listed
 
 _MAGICS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
-"""File suffixes of bag formats by a file's first bytes."""
+"""File suffix of each bag format, by the first bytes of a file."""
 _METADATA = "metadata.yaml"
 _MAX_MAGIC_LENGTH = 16
 
 
 @dataclass(frozen=True)
 class Messages:
-    """Deserialised messages of a topic; `format` is "rosbag" (ROS 1) or "ros2bag"."""
+    """Deserialised messages of one topic of a ROS bag.
+
+    `format` is "rosbag" (ROS 1) or "ros2bag", `kind` is the type of the messages.
+    """
 
     topic: str
     kind: str
@@ -39,12 +42,12 @@ class Messages:
 
 
 def bag_format(start: bytes) -> str | None:
-    """Return the file suffix of ROS bags that begin with the bytes `start`, or None."""
+    """Return the suffix of ROS bags that begin with the bytes `start`; None for other files."""
     return next((suffix for magic, suffix in _MAGICS.items() if start.startswith(magic)), None)
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path can be a ROS bag: a folder, or a file with the first bytes of a bag."""
+    """Return whether a path is a folder or a file with the first bytes of a ROS bag."""
     if path.is_dir():
         return True
     try:
@@ -57,7 +60,7 @@ def is_bag(path: Path) -> bool:
 def read_topics(path: Path) -> Topics:
     """Return the topics of a bag by name, with their types and numbers of messages.
 
-    Raises InputError if the file is damaged or no bag.
+    Raises InputError if the file is damaged or is no bag.
     """
     topics = _isolated(parse_topics, path).about["topics"]
     return {name: Topic(*topic) for name, topic in topics.items()}
@@ -116,7 +119,7 @@ def _isolated(parse: Callable[..., ParsedFile], path: Path, **options: Any) -> P
 
 
 def parse_topics(path: Path, folder: str) -> ParsedFile:
-    """Read topics as `read_topics` does, in the worker process."""
+    """Read topics as `read_topics` does; this function runs in the worker process."""
     with _reading(path, folder):
         files, _ = _files(path, Path(folder))
         return ParsedFile({}, {"topics": _all_topics(_topics_of_files(files, Path(folder)))})
@@ -125,9 +128,10 @@ def parse_topics(path: Path, folder: str) -> ParsedFile:
 def parse_bag(
     path: Path, folder: str, kinds: Sequence[str], topic: str | None, numbers: Sequence[int] | None
 ) -> ParsedFile:
-    """Read messages as `read_messages` does; `folder` is for temporary files.
+    """Read messages as `read_messages` does; this function runs in the worker process.
 
-    The columns are ``data`` (joined bytes of all messages) and ``sizes`` (bytes of each message).
+    The result has the columns ``data``, the joined bytes of all messages, and ``sizes``, the number
+    of bytes of each message. The argument `folder` is for temporary files.
     """
     with _reading(path, folder):
         files, are_compressed = _files(path, Path(folder))

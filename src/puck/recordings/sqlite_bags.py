@@ -1,4 +1,4 @@
-"""Reader of ROS 2 bags in SQLite databases (.db3) with untrusted schemas."""
+"""Reader of ROS 2 bags in SQLite databases (.db3), whose schemas are not trusted."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pointkit.errors import InputError
 from puck.recordings.topics import BagFile, Topics, added_up
 
 SIDE_FILE_SUFFIXES = ("-wal", "-journal")
-"""Suffixes of files with changes that are not yet in the database file."""
+"""Suffixes of files that hold changes not yet in the database file."""
 _TABLES = ("topics", "messages")
 _CHECK_INTERVAL = 10_000
 _MIN_STEPS, _STEPS_PER_BYTE = 10_000_000, 100
-"""SQLite instructions allowed per file and, in addition, per byte; a row takes about twenty."""
+"""SQLite instructions allowed for a file, and more for each byte. A row takes about twenty."""
 
 _KINDS = "SELECT type, rootpage > 0 FROM sqlite_schema WHERE lower(name) = ?"
 _ROWS = (
@@ -27,10 +27,11 @@ _ROWS = (
 
 @contextmanager
 def sqlite_bag(path: Path, folder: Path) -> Iterator[BagFile]:
-    """Open a bag.
+    """Open a bag, and yield its topics and the function that reads messages.
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
-    changes side files. Damage, and too many SQLite instructions, raise apsw.Error.
+    changes side files. If the file is damaged, or needs too many SQLite instructions, apsw.Error is
+    raised.
     """
     with closing(_connection(path, folder)) as database:
         _check_tables(database)

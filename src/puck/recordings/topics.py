@@ -1,4 +1,4 @@
-"""Topics of ROS bags, and the choice of one."""
+"""Topics of ROS bags, and selection of one of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MAX_LISTED, _MAX_NAME_LENGTH = 8, 60
 
 
 class Topic(NamedTuple):
-    """The type of a topic ("sensor_msgs/msg/PointCloud2") and its number of messages."""
+    """Type of a topic, such as "sensor_msgs/msg/PointCloud2", and number of its messages."""
 
     kind: str
     messages: int
@@ -21,7 +21,10 @@ Topics = dict[str, Topic]
 
 
 def added_up(parts: Iterable[tuple[str, str, int]]) -> Topics:
-    """Merge topics (name, type, number of messages) by name; add their numbers of messages."""
+    """Return topics by name, with the numbers of messages of equally named `parts` added up.
+
+    Each of the `parts` has a name, a type and a number of messages.
+    """
     topics: Topics = {}
     for name, kind, messages in parts:
         before = topics[name].messages if name in topics else 0
@@ -30,9 +33,10 @@ def added_up(parts: Iterable[tuple[str, str, int]]) -> Topics:
 
 
 class BagFile(NamedTuple):
-    """The topics of one file of a bag, and a function that reads messages of a topic.
+    """One file of a bag: its topics, and a function that reads the messages of a topic.
 
-    The function takes a sorted sequence of message numbers, in time order, or None (all messages).
+    The function takes the topic's name and the sorted numbers of messages in time order, or None
+    for all messages.
     """
 
     topics: Topics
@@ -40,15 +44,19 @@ class BagFile(NamedTuple):
 
 
 def refuse_topic(name: str | None) -> None:
-    """Raise InputError if a topic `name` is set for a file that is not a ROS bag."""
+    """Raise InputError if `name`, which selects a topic, is set for a file without topics.
+
+    Only ROS bags have topics.
+    """
     if name is not None:
         raise InputError(f"topic '{name}': only ROS bags have topics")
 
 
 def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) -> str:
-    """Return the topic `name`; by default, the only topic of the first type in `kinds` that occurs.
+    """Return the name of the topic to read.
 
-    Raises InputError if no topic or several topics match.
+    This is `name` if it is given, otherwise the only topic of the first type in `kinds` that
+    occurs. Raises InputError if no topic or several topics match.
     """
     if name is not None:
         if name not in topics:
@@ -70,7 +78,7 @@ def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) 
 
 
 def listed(names: Collection[str]) -> str:
-    """Return names, sorted and at most eight of them, for an error message."""
+    """Return at most eight of the names, sorted, as text for an error message."""
     shortened = [
         "".join(letter if letter.isprintable() else "?" for letter in name)[:_MAX_NAME_LENGTH]
         for name in sorted(names)[:_MAX_LISTED]
