@@ -70,9 +70,15 @@ class Equations:
 
 @dataclass(frozen=True)
 class RestrictedLikelihood:
-    """Restricted likelihood of observations with ranges rounded to multiples of `quantum_m`.
+    """Restricted likelihood of observed range errors, as a function of their parameters.
 
-    Rounding adds ``quantum_m^2 / 12`` to the variance of a ray.
+    Parameters
+    ----------
+    seen
+        The observations.
+    quantum_m
+        Step to which the sensor rounds ranges, m. Rounding adds ``quantum_m^2 / 12`` to the
+        variance of a ray.
     """
 
     seen: Observations
@@ -91,9 +97,17 @@ class RestrictedLikelihood:
         return equations.log_determinant + determinant + equations.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Return the best linear unbiased prediction of the lasers' biases, (lasers,), m.
+        """Estimate the bias of each laser by the best linear unbiased prediction.
 
-        Its covariance, (lasers, lasers), is returned as well.
+        Parameters
+        ----------
+        sigmas
+            Parameters of the range errors.
+
+        Returns
+        -------
+        tuple of arrays
+            The biases, (lasers,), m, and their covariance matrix, (lasers, lasers), m^2.
         """
         equations, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(equations.matrix)

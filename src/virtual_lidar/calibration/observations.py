@@ -92,10 +92,19 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Compute range errors from tables of plane residuals, one for each device.
+    """Compute range errors from tables of plane residuals.
 
-    `cells` is ``"frame"`` or ``"spot"``, as in `CalibrationOptions`. Raises InputError if a table
-    lacks a column or has invalid values, or if there are fewer than 100 residuals.
+    Parameters
+    ----------
+    tables
+        Tables with the columns `virtual_lidar.residual_table.COLUMNS`, one for each device.
+    cells
+        ``"frame"`` or ``"spot"``, as in `CalibrationOptions`.
+
+    Raises
+    ------
+    InputError
+        A table lacks a column or has invalid values, or there are fewer than 100 residuals.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")

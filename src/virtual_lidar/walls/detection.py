@@ -43,7 +43,8 @@ class PlaneSearch(Model):
     Parameters
     ----------
     threshold_m
-        Largest distance of a return on a plane, after subtraction of its laser's bias.
+        Largest distance from the plane of a return that counts as lying on the plane, after
+        subtraction of the mean error (bias) of its laser.
     share_on_plane
         Least fraction of a pixel's returns that lie on the plane.
     most_planes
@@ -94,18 +95,19 @@ class PlaneSearch(Model):
 
 @dataclass(frozen=True)
 class DetectedPlane:
-    """A plane in a recording.
+    """A plane that was found in a recording, with the returns that lie on it.
 
     Parameters
     ----------
     kind
         `WALL`, `FLOOR`, `CEILING` or `OBLIQUE`.
     plane
-        The plane, with its normal towards the sensor.
+        Equation of the plane; its normal points towards the sensor.
     rows
-        Rows of the recording's table whose returns lie on the plane, (n,).
+        Numbers of the recording's rows whose returns lie on the plane, (n,).
     width_m, height_m
-        Extents of these returns in the plane, horizontally and perpendicular to that.
+        Extents of these returns within the plane: horizontally, and perpendicular to the
+        horizontal.
     """
 
     kind: str
@@ -122,7 +124,15 @@ class DetectedPlane:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A plane that does not meet the criteria of a `PlaneSearch`, and why, in a few words."""
+    """A plane that does not meet the criteria of a `PlaneSearch`.
+
+    Parameters
+    ----------
+    surface
+        The plane.
+    reason
+        The criterion that is not met, in a few words.
+    """
 
     surface: DetectedPlane
     reason: str
@@ -131,21 +141,21 @@ class Rejected:
 def find_surfaces(
     table: ReturnTable, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
-    """Find walls, floors and ceilings by RANSAC, one after the other.
+    """Find walls, floors and ceilings in a recording by RANSAC, one after the other.
 
     Parameters
     ----------
     table
         Returns of a sensor at rest.
     search
-        Criteria.
+        Criteria that a plane must meet.
     rng
         Source of the random samples.
 
     Returns
     -------
     taken, rejected
-        Planes that meet the criteria, those with most returns first, and planes that do not.
+        Planes that meet the criteria, in decreasing number of returns; and planes that do not.
     """
     least = least_returns(table, search)
     view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
@@ -172,20 +182,26 @@ def find_surfaces(
 def surface_of(
     table: ReturnTable, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
-    """Fit a plane robustly to some returns, and select those that lie on it.
+    """Fit a plane robustly to some returns, and select the returns that lie on the plane.
 
     Parameters
     ----------
     table
         The recording.
     rows
-        Rows of the returns to fit; of fewer than three, none lies on the plane.
+        Row numbers of the returns to fit. If they are fewer than three, the result is `start`
+        without returns.
     start
         Plane with which the fit begins.
     kind
-        Kind of the result.
+        Kind of the result, such as `WALL`.
     search
-        Criteria of the returns that count as lying on the plane.
+        Criteria that say which returns count as lying on the plane.
+
+    Returns
+    -------
+    DetectedPlane
+        The fitted plane and the selected returns.
     """
     part = table.select(rows)
     if len(rows) < 3:
@@ -198,7 +214,7 @@ def surface_of(
 
 
 def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) -> str | None:
-    """Return which criterion a plane does not meet, in a few words, or None if it meets all."""
+    """Return in a few words the first criterion that a plane fails; None if it meets all criteria."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -214,12 +230,12 @@ def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) ->
 
 
 def least_returns(table: ReturnTable, search: PlaneSearch) -> int:
-    """Return the least number of returns on a plane in all turns of a recording."""
+    """Return the least number of returns that a plane needs, over all revolutions of a recording."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
 def incidence(table: ReturnTable, plane: Plane) -> Floats:
-    """Return the angles between the nominal rays of returns and a plane's normal, (n,), rad."""
+    """Return the angle between each return's nominal ray and the normal of a plane, (n,), rad."""
     azimuth, elevation = table["azimuth"], table["elevation"]
     level = np.cos(elevation)
     rays = [level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)]
@@ -228,7 +244,7 @@ def incidence(table: ReturnTable, plane: Plane) -> Floats:
 
 
 def kind_of(plane: Plane, search: PlaneSearch) -> str:
-    """Return whether a plane is a `WALL`, `FLOOR` or `CEILING` of its sensor, or `OBLIQUE`."""
+    """Return whether a plane is a `WALL`, a `FLOOR` or a `CEILING` above the sensor, or `OBLIQUE`."""
     up = np.array(search.up) / np.linalg.norm(search.up)
     rise = float(plane.facing(np.zeros(3)).normal @ up)
     tilt = math.radians(search.tilt_deg)
@@ -241,14 +257,17 @@ def kind_of(plane: Plane, search: PlaneSearch) -> str:
 
 @dataclass(frozen=True)
 class RangeImage:
-    """Pixels of a recording's n returns in an image with a row for each laser, by elevation.
+    """Assignment of a recording's n returns to the pixels of an image.
+
+    A row of the image belongs to a laser, in the order of elevation; a column is one degree of
+    azimuth.
 
     Parameters
     ----------
     pixel
         Flat index of each return's pixel, (n,).
     shape
-        Numbers of rows and columns.
+        Numbers of rows and columns of the image.
     """
 
     pixel: NDArray[np.intp]
@@ -275,9 +294,16 @@ class RangeImage:
 
 
 def largest_patch(pixels: Mask, returns: Floats) -> Mask:
-    """Return the patch of a mask's pixels with most returns, as a mask.
+    """Return, as a mask, the connected patch of a mask's pixels that has the most returns.
 
-    `returns` are counts for each pixel; gaps of up to two pixels do not split a patch.
+    Gaps of up to two pixels do not split a patch.
+
+    Parameters
+    ----------
+    pixels
+        Mask of the pixels to connect, (rows, columns).
+    returns
+        Number of returns in each pixel, (rows, columns).
     """
     from scipy import ndimage
 
@@ -291,7 +317,7 @@ def largest_patch(pixels: Mask, returns: Floats) -> Mask:
 
 
 def widened(pixels: Mask) -> Mask:
-    """Return a mask with the eight neighbours of each pixel as well; azimuths are cyclic."""
+    """Return a mask that also contains the eight neighbours of each pixel; azimuths are cyclic."""
     beside = pixels | np.roll(pixels, 1, axis=1) | np.roll(pixels, -1, axis=1)
     padded = np.pad(beside, ((1, 1), (0, 0)))
     wide: Mask = padded[:-2] | padded[1:-1] | padded[2:]
