@@ -85,8 +85,7 @@ class ScanJob:
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> Iterator[ScanTable]:
-        """Make the scan frame by frame and yield it as several tables, which limits the memory
-        needed.
+        """Make the scan frame by frame and yield it as several tables, which saves memory.
 
         Parameters
         ----------

@@ -73,7 +73,5 @@ def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> Err
 
 
 def module_of_model(model: ErrorModel) -> str:
-    """Return the name of the module that defines an error model, even if a receiver wraps the
-    model.
-    """
+    """Return the name of the module that defines an error model, with or without a receiver."""
     return type(model.model if isinstance(model, Received) else model).__module__

@@ -37,8 +37,7 @@ class Surfaces:
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return a number for each triangle, (t,), chosen by the name or class of the triangle's
-        object.
+        """Return a number for each triangle, (t,), by the name or class of its object.
 
         Parameters
         ----------
@@ -135,7 +134,7 @@ def standard_noise(
 
 
 class ErrorModel(Model):
-    """Base class of error models, which say how measurements of a virtual scan deviate from the
+    """Base class of error models, which say how measurements in virtual scans deviate from the
     truth.
 
     The fields of a subclass are its parameters; the name of a field ends with its unit. A subclass

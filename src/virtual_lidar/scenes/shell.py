@@ -18,18 +18,20 @@ CASING = 0.07
 
 @dataclass(frozen=True)
 class Opening:
-    """An opening in a wall, in metres.
+    """A door or window in a wall, in metres.
 
     Parameters
     ----------
     wall
-        Index of an edge of the room's outline.
+        Index of the edge of the room's outline on which the wall stands.
     at
-        Centre of the opening, as a share of the wall's length, from the end of the edge.
+        Centre of the opening as a share (0 to 1) of the wall's length, counted from the end of the
+        edge.
     kind
-        A closed door, an open door that leads to a closed space (``"passage"``), or a window.
+        ``"door"`` is a closed door, ``"passage"`` an open door that leads to a closed space,
+        ``"window"`` a window.
     width, height
-        Size.
+        Size of the opening.
     sill
         Height of the lower edge above the floor.
     """
@@ -42,7 +44,7 @@ class Opening:
     sill: float = 0.0
 
     def span(self, length: float) -> tuple[float, float]:
-        """Return where the opening begins and ends along a wall of a given length."""
+        """Return where the opening begins and ends along a wall of the given length, m."""
         return self.at * length - self.width / 2, self.at * length + self.width / 2
 
 

@@ -244,7 +244,11 @@ def incidence(table: ReturnTable, plane: Plane) -> Floats:
 
 
 def kind_of(plane: Plane, search: PlaneSearch) -> str:
-    """Return whether a plane is a `WALL`, a `FLOOR` or a `CEILING` above the sensor, or `OBLIQUE`."""
+    """Return whether a plane is a `WALL`, a `FLOOR`, a `CEILING` or `OBLIQUE`.
+
+    The class follows from the tilt of the plane; a floor is below the sensor, and a ceiling is
+    above it.
+    """
     up = np.array(search.up) / np.linalg.norm(search.up)
     rise = float(plane.facing(np.zeros(3)).normal @ up)
     tilt = math.radians(search.tilt_deg)

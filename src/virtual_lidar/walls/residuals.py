@@ -121,7 +121,7 @@ _LEAST_RETURNS = 50
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """The planes that were found in a recording, and the part of the recording with a sensor at
+    """The planes found in a recording, and the part of the recording in which the sensor was at
     rest.
 
     Parameters

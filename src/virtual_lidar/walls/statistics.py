@@ -161,9 +161,7 @@ def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
 
 
 def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
-    """Compare the lasers' biases on several planes; return None if no two planes share enough
-    lasers.
-    """
+    """Compare the lasers' biases on several planes; return None if planes share too few lasers."""
     correlations, covariances = [], []
     for first_bias, second_bias in combinations(biases, 2):
         _, first, second = np.intersect1d(
@@ -199,6 +197,10 @@ class PlaneStatistics:
 
     Parameters
     ----------
+    surface
+        The plane.
+    rows
+        The returns on the plane.
     residual
         Distance of each return from the plane, (n,), m, positive towards the sensor.
     deviation
@@ -218,9 +220,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Standard deviation, m, of deviations that neither biases nor ray noise explain; None if
-        unknown.
-        """
+        """Standard deviation, m, that neither biases nor ray noise explain; None if unknown."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
