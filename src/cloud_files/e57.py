@@ -1,4 +1,4 @@
-"""E57 files (ASTM E2807) from terrestrial scanners, read by pye57 if installed."""
+"""Reader of E57 files (ASTM E2807) from terrestrial scanners, which needs the package pye57."""
 
 from __future__ import annotations
 

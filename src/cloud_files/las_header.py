@@ -1,4 +1,4 @@
-"""Sizes in the headers of LAS files, checked before a parser relies on them."""
+"""Checks of the sizes in the header of a LAS file, before a parser relies on them."""
 
 from __future__ import annotations
 

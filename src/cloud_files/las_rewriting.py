@@ -1,4 +1,4 @@
-"""Decoded points in place of those of a LAS file, whose header, records and attributes are kept."""
+"""Writing of changed points to a LAS file that otherwise keeps the content of another LAS file."""
 
 from __future__ import annotations
 
@@ -128,11 +128,14 @@ def _extended_waveforms(content: bytearray) -> int:
 
 
 def parse_las_file(path: Path) -> ParsedFile:
-    """Read a LAS or LAZ file as an uncompressed LAS file, and what laspy would lose of it.
+    """Read a LAS or LAZ file as an uncompressed LAS file, with what laspy would lose of it.
 
-    The columns of the result are arrays of bytes: ``bytes`` (the LAS file, without the records that
-    describe the chunks of a COPC file), ``date`` (of creation) and ``waveforms`` (their record in
-    LAS 1.3, often empty).
+    Returns
+    -------
+    ParsedFile
+        Three columns of bytes: ``bytes`` is the LAS file, without the records that describe the
+        chunks of a COPC file; ``date`` is the date of creation; ``waveforms`` is the record of
+        waveforms in LAS 1.3, often empty.
     """
     import laspy
 

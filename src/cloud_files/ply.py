@@ -160,7 +160,7 @@ def _warn_of_lines(header: _PlyHeader, body: bytes, path: Path) -> None:
 
 
 def has_faces(path: Path) -> bool:
-    """Return whether a file is a PLY file with faces, thus a mesh, by its header."""
+    """Return whether a file is a PLY file that has faces and is thus a mesh."""
     try:
         elements = _header(read_content(path, _MAX_HEADER_BYTES), path).elements
     except InputError:
@@ -169,10 +169,19 @@ def has_faces(path: Path) -> bool:
 
 
 def read_ply(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the vertices of a PLY file: arrays (n,) by the names of their properties.
+    """Read the vertices of a PLY file.
 
-    Properties that are lists are left out, with a warning. Raises InputError if the file is damaged
-    or has no vertices.
+    Properties that are lists are left out, with a warning.
+
+    Returns
+    -------
+    dict
+        One array (n,) for each property, by the name of the property.
+
+    Raises
+    ------
+    InputError
+        The file is damaged or has no vertices.
     """
     elements = read_elements(path)
     if "vertex" not in elements:
@@ -186,10 +195,16 @@ def read_ply(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def write_ply(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a binary PLY file of vertices, with a property for each column.
+    """Write a binary PLY file of vertices, with one property for each column.
 
-    `columns` are arrays (n,) by name, of a type that PLY has: integers and floating-point numbers
-    of at most 32 bits, and float64. The file appears only when it is complete.
+    The file appears only when it is complete.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    columns
+        Arrays (n,) by name: integers and floating-point numbers of at most 32 bits, and float64.
     """
     with written_whole(path) as temporary:
         write_vertices(temporary, columns)

@@ -125,7 +125,7 @@ class ScanJob:
             raise InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
 
     def check(self) -> None:
-        """Raise InputError if the mesh, or the sensor's position or path in the mesh, is invalid."""
+        """Raise InputError if the mesh is invalid, or the sensor's position or path in it."""
         self._caster()
 
     def _caster(self) -> RayCaster:

@@ -203,7 +203,7 @@ class Sweep(Model):
         return times, self._trajectory.at(times).positions
 
     def steps(self, sensor: Sensor) -> int:
-        """Return the number of whole azimuth steps in a frame; raise InputError if there is none."""
+        """Return the number of whole azimuth steps in a frame; raise InputError if it is 0."""
         steps = self._degrees_per_frame(sensor) / self.step_deg(sensor)
         count = int(steps * (1 + 1e-9))
         if count < 1:
@@ -240,13 +240,13 @@ class Sweep(Model):
         return Rays(np.broadcast_to(yaw, shape), np.broadcast_to(pitch, shape))
 
     def timestamps(self, sensor: Sensor, frames: range) -> Floats:
-        """Return when each azimuth step begins, (frames, azimuth steps), s after the sweep's start."""
+        """Return when azimuth steps begin, (frames, azimuth steps), s after the sweep's start."""
         second_per_step = self.step_deg(sensor) / (360.0 * self.turning_hz(sensor))
         within = np.arange(self.steps(sensor)) * second_per_step
         return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
 
     def firing_times(self, sensor: Sensor, frames: range) -> Floats:
-        """Return when each laser fires, (frames, azimuth steps, lasers), s after the sweep's start."""
+        """Return when lasers fire, (frames, azimuth steps, lasers), s after the sweep's start."""
         steps = self.timestamps(sensor, frames)[:, :, None]
         fired = steps + _delays(sensor) if self.timing == "firing" else steps
         return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))

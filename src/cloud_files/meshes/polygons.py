@@ -54,7 +54,15 @@ class Polygons:
 
 
 def uniform_polygons(vertices: Floats, faces: Ints) -> Polygons:
-    """Make polygons of faces that all have as many corners; `faces` (f, corners) are rows."""
+    """Make polygons from faces that all have the same number of corners.
+
+    Parameters
+    ----------
+    vertices
+        Coordinates of the vertices, (v, 3).
+    faces
+        Row numbers in `vertices` of each face's corners, (f, corners).
+    """
     count, size = faces.shape
     return Polygons(vertices, faces.reshape(-1), np.full(count, size, dtype=np.int64))
 
@@ -76,14 +84,14 @@ def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
     Returns
     -------
     tuple of Mesh and array
-        The mesh, with the vertices as they are, and the face of each of its triangles, (t,), in
-        ascending order.
+        The mesh with unchanged vertices; and the number of the face from which each triangle comes,
+        (t,), in ascending order.
 
     Raises
     ------
     InputError
-        A face refers to a vertex that does not exist, or a concave face has more than
-        `MAX_CORNERS` corners.
+        A face refers to a vertex that does not exist, or a concave face has more than `MAX_CORNERS`
+        corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):
@@ -154,7 +162,7 @@ def _on_best_plane(points: Floats) -> Floats:
 
 
 def select_triangles(mesh: Mesh, rows: NDArray[np.bool_]) -> Mesh:
-    """Return a mesh with the triangles where `rows` (t,) is true, and all vertices."""
+    """Return a mesh with all vertices, but only those triangles where the mask `rows` (t,) is true."""
     labels = _select_labels(mesh.labels, np.flatnonzero(rows))
     return replace(mesh, triangles=mesh.triangles[rows], labels=labels)
 

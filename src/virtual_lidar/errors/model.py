@@ -134,8 +134,7 @@ def standard_noise(
 
 
 class ErrorModel(Model):
-    """Base class of error models, which say how measurements in virtual scans deviate from the
-    truth.
+    """Base class of error models: how measurements in virtual scans deviate from the truth.
 
     The fields of a subclass are its parameters; the name of a field ends with its unit. A subclass
     overrides one or more of the methods below, which by default leave rays, distances and points as
@@ -236,7 +235,7 @@ class ErrorModel(Model):
         return None
 
     def described(self) -> dict[str, Any]:
-        """Return the class name (``model``) and the parameters of the model, as scans store them."""
+        """Return the class name (``model``) and the parameters of the model, as scans store it."""
         kind = vars(type(self)).get("variant_of") or type(self)
         return {"model": kind.__name__, **self.model_dump()}
 

@@ -19,8 +19,7 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 
 
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
-    """Make a scene to measure range errors: a wall at y = 0, and a floor that extends to the
-    sensor.
+    """Make a scene to measure range errors: a wall at y = 0, and a floor up to the sensor.
 
     The wall is 1.6 m wide and 2.2 m high.
 

@@ -39,9 +39,7 @@ class FloorPlan:
     heights: list[tuple[float, float]] = field(default_factory=list)
 
     def occupy(self, rectangle: Floats, low: float, high: float) -> None:
-        """Mark the space over a rectangle (4, 2), between the heights `low` and `high`, as
-        occupied.
-        """
+        """Mark the space over a rectangle (4, 2), from height `low` to `high`, as occupied."""
         self.rectangles.append(rectangle)
         self.heights.append((low, high))
 

@@ -147,10 +147,14 @@ class Modeller:
         return solids.tube(path, radius, self.steps(float(np.max(radius))), closed=closed)
 
     def smooth(self, points: Sequence[Sequence[float]], steps: int = 8) -> Floats:
-        """Return points of a smooth path through given points, with `steps` segments between two of
-        them.
+        """Return points of a smooth path through the given points.
 
-        The number of segments is that at detail 1.
+        Parameters
+        ----------
+        points
+            Points to pass through.
+        steps
+            Number of segments between two of these points, at detail 1.
         """
         segments = max(2, round(steps * self.detail))
         return catmull_rom(np.array(points, dtype=np.float64), segments)

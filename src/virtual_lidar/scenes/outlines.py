@@ -42,9 +42,7 @@ def line(*points: Point) -> Outline:
 
 
 def ring(*paths: Outline) -> Outline:
-    """Make a closed outline from paths; lines connect the end of each path to the start of the
-    next.
-    """
+    """Make a closed outline from paths, with a line from the end of each path to the next path."""
     following = (*paths[1:], paths[0])
     return tuple(
         segment

@@ -136,9 +136,7 @@ def room_spec(name: str, seed: int = 0) -> RoomSpec:
 
 @cache
 def room_types() -> dict[str, str]:
-    """Return the type (such as "office") of each generated room, by name (such as
-    "Area_1_office_1").
-    """
+    """Return the type ("office") of each generated room, by name ("Area_1_office_1")."""
     return {
         f"{area}_{kind}_{number}": kind
         for area, counts in AREAS.items()

@@ -225,9 +225,7 @@ def _street_furniture(street: _Street) -> None:
 def _scatter(
     street: _Street, cad: Modeller, frame: Floats, maker: Maker, per_200_m: int, y: float
 ) -> None:
-    """Put items at random positions along a side of the street, `per_200_m` in 200 m, if there is
-    space.
-    """
+    """Put items at random free positions along a side, `per_200_m` in 200 m of street."""
     end = street.length / 2 - 8.0
     for _ in range(max(1, round(per_200_m * street.length / 200.0))):
         street.put(maker(cad), frame @ pose(cad.between(-end, end), y, PAVEMENT_Z))

@@ -214,7 +214,7 @@ def surface_of(
 
 
 def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) -> str | None:
-    """Return in a few words the first criterion that a plane fails; None if it meets all criteria."""
+    """Return in a few words the first criterion that a plane fails; None if it meets all."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -230,7 +230,7 @@ def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) ->
 
 
 def least_returns(table: ReturnTable, search: PlaneSearch) -> int:
-    """Return the least number of returns that a plane needs, over all revolutions of a recording."""
+    """Return the least number of returns that a plane needs in all revolutions of a recording."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 

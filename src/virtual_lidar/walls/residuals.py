@@ -121,8 +121,7 @@ _LEAST_RETURNS = 50
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """The planes found in a recording, and the part of the recording in which the sensor was at
-    rest.
+    """The planes found in a recording, and that part of it in which the sensor was at rest.
 
     Parameters
     ----------

@@ -261,7 +261,7 @@ def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
 
 
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
-    """Return the statistics of a recording and its planes as a dictionary that JSON can represent."""
+    """Return the statistics of a recording and its planes as a dictionary, ready for JSON."""
     parts, table = plane_statistics(planes), planes.table
     walls = [part.bias for part in parts if part.surface.kind == WALL]
     stds = [bias.std_m for bias in walls if bias.std_m is not None]
