@@ -194,8 +194,7 @@ def read_unchecked_cloud(
 def without_missing(
     cloud: UncheckedCloud, missing: NDArray[np.bool_], path: Path
 ) -> UncheckedCloud:
-    """Return a cloud without its missing returns, i.e. points that stand for firings without a
-    return.
+    """Return a cloud without missing returns: points that stand for firings without a return.
 
     The number of removed points is logged as a warning and added to ``about`` as
     ``missing_returns``.
@@ -233,7 +232,7 @@ def without_invalid(cloud: UncheckedCloud, path: Path) -> UncheckedCloud:
 
 
 def removal_counts(about: Mapping[str, Any]) -> dict[str, int]:
-    """Return those entries of a cloud's description that say how many points its reader left out."""
+    """Return the entries of a cloud's description that say how many points its reader left out."""
     return {name: about[name] for name in ("dropped_points", "missing_returns") if name in about}
 
 

@@ -48,7 +48,7 @@ def plain_name(path: Path) -> Path:
 
 
 def limit_of(path: Path) -> int:
-    """Return the largest number of bytes that the content of a file may have after decompression."""
+    """Return the largest number of bytes that a file's content may have after decompression."""
     return max(LEAST_LIMIT, MOST_TIMES * path.stat().st_size)
 
 

@@ -74,8 +74,7 @@ def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
 
 
 def write_float32_frame(path: str | Path, columns: Columns) -> None:
-    """Write a frame as KITTI does: x, y, z and intensity of each point as float32, without a
-    header.
+    """Write a frame as KITTI does: x, y, z and intensity of each point as float32, no header.
 
     Parameters
     ----------

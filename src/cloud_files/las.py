@@ -76,9 +76,7 @@ def las_bytes(las: Any, is_compressed: bool) -> bytes:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read a file that `write_las` wrote; return the columns (n,) by the names given to
-    `write_las`.
-    """
+    """Read a file that `write_las` wrote; return its columns (n,) under their original names."""
     columns = parse_isolated(parse_las, path, "LAS file").columns
     names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
     return {names[name]: part for name, part in columns.items() if name in names}

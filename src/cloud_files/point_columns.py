@@ -88,7 +88,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> UncheckedCloud:
 
 
 def colours_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[Any] | None:
-    """Return the colours among the columns of a file, (n, 3) in the file's type; None without any."""
+    """Return the colours among a file's columns, (n, 3) in the file's type; None without any."""
     return _pop_triple({name: _native(values) for name, values in columns.items()}, _COLOURS)
 
 

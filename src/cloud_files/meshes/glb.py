@@ -39,7 +39,7 @@ def read_glb(path: Path) -> Polygons:
     The triangles are transformed as their nodes say; a mesh that several nodes use is repeated.
     Lines and points are left out, and their number is returned in ``skipped``. Raises InputError if
     the file is damaged, if it needs other files, compression or instancing, or if the scene would
-    take more memory than 512 MiB and ten times the file's size.
+    take more memory than the larger of 512 MiB and ten times the file's size.
     """
     data = read_bytes(path)
     try:

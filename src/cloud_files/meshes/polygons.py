@@ -162,7 +162,7 @@ def _on_best_plane(points: Floats) -> Floats:
 
 
 def select_triangles(mesh: Mesh, rows: NDArray[np.bool_]) -> Mesh:
-    """Return a mesh with all vertices, but only those triangles where the mask `rows` (t,) is true."""
+    """Return a mesh with all vertices, but only the triangles in the mask `rows` (t,)."""
     labels = _select_labels(mesh.labels, np.flatnonzero(rows))
     return replace(mesh, triangles=mesh.triangles[rows], labels=labels)
 

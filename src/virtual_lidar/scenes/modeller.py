@@ -81,7 +81,7 @@ class Modeller:
         return solids.pipe(points, radius, bend, self.steps(radius))
 
     def legs(self, foot: Point, top: Point, height: float, radius: float) -> list[Surface]:
-        """Make four rods, each from a point (+-x, +-y) of `foot` on z = 0 to (+-x, +-y) of `top`."""
+        """Make four rods from the points (+-x, +-y) of `foot`, z = 0, to (+-x, +-y) of `top`."""
         (x0, y0), (x1, y1) = foot, top
         sides = [(a, b) for a in (-1, 1) for b in (-1, 1)]
         return [self.rod((a * x0, b * y0, 0), (a * x1, b * y1, height), radius) for a, b in sides]

@@ -126,7 +126,7 @@ def room_box(name: str, seed: int = 0) -> Floats:
 
 
 def room_spec(name: str, seed: int = 0) -> RoomSpec:
-    """Return the specification of a room of `make_room`; raise InputError if there is no such room."""
+    """Return the specification of a room of `make_room`; raise InputError for other names."""
     if name in room_types():
         return building_room(name, seed)
     if name not in ROOMS:
