@@ -212,7 +212,7 @@ def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[An
 
 
 def is_table_of(path: Path, kind: type[ColumnTable]) -> bool:
-    """Return whether a file is a Parquet file of a table of this kind, according to its metadata."""
+    """Return whether a file's metadata say that it is a Parquet file of a table of this kind."""
     return kind.schema.metadata_key.encode() in parquet_metadata(path)
 
 

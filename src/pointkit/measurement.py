@@ -31,9 +31,7 @@ class Cost(NamedTuple):
     peak_mib: float
 
     def plus(self, other: Cost) -> Cost:
-        """Return the cost of two successive calls: the sum of the times, and the larger peak
-        memory.
-        """
+        """Return the cost of two successive calls: total time, and the larger peak memory."""
         return Cost(self.seconds + other.seconds, max(self.peak_mib, other.peak_mib))
 
 
@@ -60,7 +58,7 @@ class Measured(NamedTuple, Generic[T]):
     most_s: float
 
     def costs(self, what: str) -> dict[str, float]:
-        """Return the costs as result columns, whose names begin with `what`, such as ``encode_s``."""
+        """Return the costs as result columns; `what` is the prefix of names, as in ``encode_s``."""
         return {
             f"{what}_s": self.seconds,
             f"{what}_s_min": self.least_s,
@@ -121,7 +119,7 @@ class CostlyResult(Generic[T]):
         self.saved = NO_COST
 
     def of(self, key: object, make: Callable[[], T], reuse: bool = True) -> T:
-        """Return the result for a key; call `make` only if the key has changed or `reuse` is false."""
+        """Return the result for a key; call `make` only for a new key, or if `reuse` is false."""
         if reuse and key == self._key:
             self.saved = self._cost
         else:

@@ -14,7 +14,10 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class Model(BaseModel):
-    """Base class of immutable records of options, which reject unknown names and convert no types."""
+    """Base class of immutable records of options.
+
+    A record rejects unknown names of options, and converts no values to other types.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_name=True

@@ -35,8 +35,7 @@ LOW, HIGH, CODE, POSITION, WRITING = range(5)
 
 
 class BitCoder(NamedTuple):
-    """State of an arithmetic coder: an encoder if `bit_writer` made it, a decoder if `bit_reader`
-    did.
+    """State of an arithmetic coder: `bit_writer` makes an encoder, `bit_reader` a decoder.
 
     Parameters
     ----------
@@ -138,7 +137,10 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """Return adaptation rates in units of 1 / ONE, (MAX_MEMORY + 1,), by the number of coded bits."""
+    """Return adaptation rates by the number of coded bits, (MAX_MEMORY + 1,).
+
+    The rates are in units of 1 / ONE.
+    """
     return np.rint(ONE / (np.arange(MAX_MEMORY + 1) + 1.6)).astype(np.int64)
 
 
@@ -239,7 +241,7 @@ def _next_byte(coder: BitCoder) -> int:
 def code_gamma(coder: BitCoder, value: int) -> int:
     """Encode or decode a number in Elias gamma code, and return the number.
 
-    The code has about 2 log2(number) bits.
+    The code of a number n has about 2 log2(n) + 1 bits.
 
     Parameters
     ----------

@@ -84,9 +84,7 @@ class MixerOptions:
 
 
 class MixerSizes(NamedTuple):
-    """Sizes of a mixer. Each is the length of a tuple, so that compiled code knows it as a
-    constant.
-    """
+    """Sizes of a mixer, each as a tuple whose length is a constant for compiled code."""
 
     experts: Lanes
     contexts: Lanes

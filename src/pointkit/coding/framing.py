@@ -40,7 +40,7 @@ class Framing:
         return self.magic + bytes([self.version])
 
     def framed(self, body: bytes, header: bytes = b"") -> bytes:
-        """Return a stream with the given body and header; the header must have the format's size."""
+        """Return a stream with the given body, and with a header of the format's header size."""
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:

@@ -34,7 +34,15 @@ class Primitive:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object in a scene: a name (``"chair_3"``) and a semantic class (``"chair"``)."""
+    """An object in a scene.
+
+    Parameters
+    ----------
+    name
+        Unique name, such as ``"chair_3"``.
+    semantic
+        Semantic class, such as ``"chair"``.
+    """
 
     name: str
     semantic: str
@@ -42,9 +50,16 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Labels:
-    """Object and primitive of each triangle of a scene.
+    """Object and geometric primitive to which each of t triangles of a scene belongs.
 
-    ``object_id`` and ``primitive_id`` (t,) are indices into ``objects`` and ``primitives``.
+    Parameters
+    ----------
+    object_id, primitive_id
+        Index into `objects`, and index into `primitives`, of each triangle, (t,).
+    objects
+        The objects of the scene.
+    primitives
+        The geometric primitives on which triangles lie.
     """
 
     object_id: NDArray[np.int32]
@@ -55,7 +70,7 @@ class Labels:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with z up.
+    """A triangle mesh with z up, optionally with labels.
 
     Parameters
     ----------
@@ -98,7 +113,7 @@ class Mesh:
 
 
 def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Transform a primitive from a scaled frame: ``metres = scaled / scale + offset``."""
+    """Convert a primitive from scaled coordinates to metres: ``metres = scaled / scale + offset``."""
     parameters = dict(primitive.parameters)
     for name in _LENGTHS:
         if name in parameters:
@@ -113,9 +128,7 @@ def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> P
 
 
 def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
-    """Transform a mesh and its primitives from a scaled frame: ``metres = scaled / scale +
-    offset``.
-    """
+    """Convert a mesh and its primitives to metres: ``metres = scaled / scale + offset``."""
     labels = _labels_in_metres(mesh.labels, scale, offset)
     return Mesh(mesh.vertices / scale + offset, mesh.triangles, labels)
 
@@ -136,7 +149,11 @@ def _labels_in_metres(labels: Labels | None, scale: float, offset: Floats) -> La
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
-    """Raise InputError for a mesh without area, with invalid indices or non-finite vertices."""
+    """Raise InputError for a mesh without area, with invalid indices or vertices that are not
+    finite.
+
+    The message begins with `source`.
+    """
     if len(mesh.triangles) == 0:
         raise InputError(f"{source}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
