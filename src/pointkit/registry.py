@@ -114,9 +114,7 @@ class Registry(Generic[T]):
 
     @property
     def group(self) -> str:
-        """Name of the entry-point group in which other packages declare single plug-ins of this
-        kind.
-        """
+        """Name of the entry-point group in which packages declare single plug-ins of this kind."""
         return f"puckbench.{self.kind.replace(' ', '_')}s"
 
     @cached_property
@@ -156,9 +154,7 @@ class Registry(Generic[T]):
         return places
 
     def names(self) -> list[str]:
-        """Return the names of all plug-ins: of the own package, of installed packages, and added
-        ones.
-        """
+        """Return the names of all plug-ins: the package's own, installed ones, and added ones."""
         return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:

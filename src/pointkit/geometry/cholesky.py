@@ -43,7 +43,7 @@ def substitute(factor: Floats, right: Floats) -> None:
 
 @partial(compiled_in_place, error_model="numpy")
 def solve(matrix: Floats, right: Floats, least: float = -np.inf) -> None:
-    """Solve ``matrix @ x = right``; write x (n,) to `right`, and the Cholesky factor to `matrix`."""
+    """Solve ``matrix @ x = right``; x (n,) replaces `right`, and the factor replaces `matrix`."""
     factorise(matrix, least)
     substitute(matrix, right)
     for i in range(len(right) - 1, -1, -1):

@@ -113,7 +113,7 @@ class Mesh:
 
 
 def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Convert a primitive from scaled coordinates to metres: ``metres = scaled / scale + offset``."""
+    """Convert a primitive from a scaled frame to metres: ``metres = scaled / scale + offset``."""
     parameters = dict(primitive.parameters)
     for name in _LENGTHS:
         if name in parameters:
@@ -128,7 +128,7 @@ def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> P
 
 
 def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
-    """Convert a mesh and its primitives to metres: ``metres = scaled / scale + offset``."""
+    """Convert a labelled mesh from a scaled frame to metres: ``metres = scaled / scale + offset``."""
     labels = _labels_in_metres(mesh.labels, scale, offset)
     return Mesh(mesh.vertices / scale + offset, mesh.triangles, labels)
 
@@ -149,8 +149,7 @@ def _labels_in_metres(labels: Labels | None, scale: float, offset: Floats) -> La
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
-    """Raise InputError for a mesh without area, with invalid indices or vertices that are not
-    finite.
+    """Raise InputError for a mesh without area, with invalid indices, or that is not finite.
 
     The message begins with `source`.
     """

@@ -38,7 +38,7 @@ def first_child_code(morton: int, axes: int) -> int:
     morton
         Code of the node.
     axes
-        Bit mask of the axes that this level of the octree splits.
+        Bit mask of the axes that this level of the octree splits: 4 for x, 2 for y, 1 for z.
     """
     if axes == 7:
         return morton << 3

@@ -66,7 +66,7 @@ def ransac_plane(
     Raises
     ------
     InputError
-        All points lie on one line.
+        There are fewer than three points, or all points lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
