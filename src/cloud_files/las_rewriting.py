@@ -106,7 +106,7 @@ def _check_compressed(las: Any, content: bytes, path: str | Path) -> None:
 
 
 def _place_waveforms(content: bytearray, record: bytes) -> None:
-    """Set the offset to the waveforms in a LAS file, after appending their `record` (LAS 1.3)."""
+    """Append the `record` of waveforms to a LAS 1.3 file, and set its offset in the header."""
     if content[_MINOR_AT] < 3:
         return
     offset = len(content) if record else 0
@@ -117,7 +117,7 @@ def _place_waveforms(content: bytearray, record: bytes) -> None:
 
 
 def _extended_waveforms(content: bytearray) -> int:
-    """Return the offset to the waveforms among a file's extended records, or 0 without any."""
+    """Return the offset of the waveforms among a file's extended records, or 0 if there are none."""
     offset, records = _EXTENDED.unpack_from(content, _EXTENDED_AT)
     for _ in range(records):
         user, number, length = _RECORD.unpack_from(content, offset)

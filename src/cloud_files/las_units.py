@@ -87,7 +87,7 @@ def _system_records(header: Any) -> list[Any]:
 
 
 def _crs_in_latin(header: Any) -> Any:
-    """Return the system of a text in another encoding than UTF-8, which laspy does not read."""
+    """Return a coordinate reference system whose text laspy cannot read, since it is not UTF-8."""
     import pyproj
     from laspy import VLR
 

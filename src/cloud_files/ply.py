@@ -42,9 +42,10 @@ class _Element:
 
 @dataclass(frozen=True)
 class _PlyHeader:
-    """A header of `size` bytes, and its `lines` without comments.
+    """Header of a PLY file.
 
-    ``is_plain`` says that plyfile can read the header, and ``is_text`` that the data are ASCII.
+    Its length is `size` bytes, and `lines` are its lines without comments. `is_plain` says that
+    plyfile can read the header, and `is_text` that the data are ASCII.
     """
 
     size: int
@@ -57,9 +58,18 @@ class _PlyHeader:
 def read_elements(path: Path) -> Any:
     """Read a PLY file of any kind, text or binary, which may be compressed.
 
-    Returns plyfile's `PlyData`: elements by name (``elements["vertex"].data``), each with rows of
-    its properties. Raises InputError if the file is damaged, or too short for what its header
-    announces; warns of data after the last element.
+    Data after the last element are ignored with a warning.
+
+    Returns
+    -------
+    PlyData
+        The elements, as plyfile returns them: ``elements["vertex"].data`` has one row for each
+        vertex with its properties.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or shorter than its header says.
     """
     head = read_content(path, _MAX_HEADER_BYTES)
     header = _header(head, path)
@@ -211,7 +221,7 @@ def write_ply(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def write_vertices(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a PLY file as `write_ply` does, but directly to `path`."""
+    """Write a PLY file of vertices as `write_ply` does, but directly to `path`."""
     from plyfile import PlyData, PlyElement
 
     kinds = [(name, part.dtype) for name, part in columns.items()]

@@ -131,7 +131,8 @@ def decoded(name: bytes) -> str:
     """Return the name of a field as text.
 
     A name that is not valid UTF-8 is decoded as Windows-1252, the usual encoding of Windows in
-    Western Europe; bytes that are invalid there, too, become U+FFFD (the replacement character).
+    Western Europe. Bytes that are invalid in this encoding, too, become U+FFFD (the replacement
+    character).
     """
     try:
         return name.decode()
@@ -150,11 +151,22 @@ def ascii_name(name: str) -> str:
 
 
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
-    """Convert the fields of a cloud, arrays (n,) by name, to columns that a PLY file can hold.
+    """Convert the fields of a cloud to columns that a PLY file can hold, without loss.
 
-    Nothing is lost: integers of 64 bits get the smallest type that holds them, or are split into
-    two columns (``NAME_high`` and ``NAME_low``). Names keep their letters, digits and underscores;
-    those that would be taken, or mean something else in PLY, end with further underscores.
+    Integers of 64 bits get the smallest type that holds them, or are split into two columns
+    (``NAME_high`` and ``NAME_low``). Other characters than letters, digits and underscores are
+    replaced in names; underscores are appended to names that are already taken or have another
+    meaning in PLY.
+
+    Parameters
+    ----------
+    fields
+        Arrays (n,) by name.
+
+    Returns
+    -------
+    dict
+        Columns (n,) by name.
     """
     columns: Columns = {}
     for field, values in fields.items():
@@ -270,7 +282,7 @@ def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    """Return colours in 8 bits, and whether they hold all of `colours`."""
+    """Return colours in 8 bits, and whether the conversion was lossless."""
     values = np.nan_to_num(colours) if colours.dtype.kind == "f" else colours
     low, high = values.min(initial=0), values.max(initial=0)
     if high > _MAX_COLOUR:

@@ -55,7 +55,10 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _TextHeader:
-    """Lines before the points, whether one of them counts the points (PTS), and the first point."""
+    """The lines of a text file before its points, and the line of the first point.
+
+    `has_count` says that one of these lines is the number of points, as in PTS files.
+    """
 
     titles: Sequence[str]
     comments: Sequence[str]
@@ -154,7 +157,7 @@ def _real(line: str) -> str:
 
 
 def _check_titles(titles: Sequence[str], separator: str, path: Path) -> None:
-    """Raise InputError for titles that are nearly points; warn of units that are not metres."""
+    """Raise InputError if titles look like a point; warn if they name units other than metres."""
     places: list[int] = []
     for line in titles:
         fields = _split(line, separator)

@@ -164,8 +164,9 @@ def read_object(path: Path) -> dict[str, Any]:
 
 
 def object_of(data: bytes, what: str) -> dict[str, Any]:
-    """Parse a JSON object to a dictionary; for other data, raise InputError that begins with
-    `what`.
+    """Parse a JSON object to a dictionary; raise InputError for other data.
+
+    Messages of errors begin with `what`.
     """
     value = json_of(data, what)
     if not isinstance(value, dict):

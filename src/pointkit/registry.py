@@ -200,7 +200,7 @@ class Registry(Generic[T]):
 
 @cache
 def _packages(package: str) -> list[str]:
-    """Return a registry's own package and those that declare plug-ins."""
+    """Return the registry's own package, and the packages that declare plug-ins."""
     return [package, *(point.value for point in entry_points(group=_PLUGINS))]
 
 
@@ -286,7 +286,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if a module elsewhere hides one in `top` that a file imports."""
+    """Raise ImportError if a module of the same name elsewhere hides a module that a file imports."""
     text = path.read_text(encoding="utf-8", errors="replace")
     for name in re.findall(r"^\s*(?:from|import)\s+(\w+)", text, re.M):
         for own in (top / f"{name}.py", top / name / "__init__.py"):

@@ -153,7 +153,8 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
     """Yield the nodes of a tree, each after its descendants.
 
-    `sizes` gets, by ``id(node)``, the number of nodes in its subtree with aliases expanded.
+    `sizes` receives the number of nodes in each node's subtree, with aliases expanded, by
+    ``id(node)``.
     """
     if id(node) in sizes:
         if not sizes[id(node)]:

@@ -113,7 +113,10 @@ class Mesh:
 
 
 def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Convert a primitive from a scaled frame to metres: ``metres = scaled / scale + offset``."""
+    """Convert a primitive from a scaled frame to metres.
+
+    A coordinate in metres is ``scaled / scale + offset``.
+    """
     parameters = dict(primitive.parameters)
     for name in _LENGTHS:
         if name in parameters:
@@ -128,13 +131,16 @@ def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> P
 
 
 def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
-    """Convert a labelled mesh from a scaled frame to metres: ``metres = scaled / scale + offset``."""
+    """Convert a labelled mesh from a scaled frame to metres.
+
+    A coordinate in metres is ``scaled / scale + offset``.
+    """
     labels = _labels_in_metres(mesh.labels, scale, offset)
     return Mesh(mesh.vertices / scale + offset, mesh.triangles, labels)
 
 
 def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
-    """Convert a mesh and its primitives from another unit to metres."""
+    """Return a mesh, and its primitives, converted from another unit to metres."""
     labels = mesh.labels
     if metres_per_unit != 1:
         labels = _labels_in_metres(labels, 1 / metres_per_unit, np.zeros(3))

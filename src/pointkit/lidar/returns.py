@@ -147,11 +147,11 @@ FIRING_COLUMNS: ColumnSpecs = {
 
 @dataclass(frozen=True)
 class FiringTable(ColumnTable):
-    """File form of `Returns`: a table with one row for each firing of a laser, with or without a
-    return.
+    """File form of `Returns`: a table with one row for each firing of a laser.
 
-    Rows are in the order of revolutions, columns and lasers. In dual return mode, i.e. if the
-    sensor reports two returns of a beam, a firing has one row for each of them.
+    Firings without a return have a row, too. Rows are in the order of revolutions, columns and
+    lasers. In dual return mode, i.e. if the sensor reports two returns of a beam, a firing has one
+    row for each of them.
     """
 
     schema = TableSchema("table of firings", "puckbench_firings", FIRING_COLUMNS)
@@ -164,8 +164,7 @@ class _FiringTableInSteps(FiringTable):
 
 @dataclass(frozen=True)
 class Returns:
-    """Revolutions of a spinning sensor as integers, with its beams; codecs of returns code this
-    object.
+    """Revolutions of a spinning sensor as integers, and its beams; some codecs code this object.
 
     The sensor's coordinates are x right, y forward, z up. The distance of a return from the start
     of its beam is the integer range times `quantum_m`, plus `range_offset_m` and the beam's
@@ -219,8 +218,9 @@ class Returns:
         return sum(turn.ranges[0].size for turn in self.turns)
 
     def distances(self, turn: Turn) -> Floats:
-        """Return the distances of a revolution, (kinds of return, columns, lasers), m; 0 for no
-        return.
+        """Return the distances of a revolution's firings, m; 0 for a firing without a return.
+
+        The shape is (kinds of return, columns, lasers).
         """
         distances: Floats = turn.ranges.astype(np.float64) * self.quantum_m
         if self.range_offset_m or self.beams.range_mm:
@@ -305,10 +305,7 @@ class Returns:
     def _near(
         self, distance: Floats, right: Floats, forward: Floats, lasers: NDArray[np.intp]
     ) -> tuple[Floats, Floats]:
-        """Return the near corrections (n,), m, along x and y (velodyne_decoder's formula).
-
-        Heights get the mean of both; in the manual, the correction along y.
-        """
+        """Return the near corrections along x and along y, each (n,), m, as velodyne_decoder does."""
         beams = self.beams
         far = np.asarray(beams.range_mm or (0.0,) * beams.lasers)[lasers] / 1000
         is_near = distance - far < _FAR_M
@@ -330,7 +327,10 @@ class Returns:
         return np.asarray(np.radians(fired))
 
     def column_azimuths(self, turn: Turn) -> Floats:
-        """Return the azimuth of each firing, (columns, lasers), rad, without `Beams.azimuths_deg`."""
+        """Return the azimuth of each firing, (columns, lasers), rad.
+
+        By contrast to `azimuths`, `Beams.azimuths_deg` are not added.
+        """
         return np.asarray(np.radians(self._fired_deg(turn)))
 
     def _fired_deg(self, turn: Turn) -> Floats:
@@ -347,7 +347,7 @@ class Returns:
 
     @property
     def columns_per_turn(self) -> int:
-        """Number of columns in a whole revolution, computed from the usual step between azimuths."""
+        """Number of columns in a whole revolution, computed from the usual azimuth step."""
         steps = self.layout.azimuth_steps
         rises = [np.mod(np.diff(turn.azimuths.astype(int)), steps) for turn in self.turns]
         increases = np.concatenate(rises) if rises else np.zeros(0, int)
@@ -410,7 +410,7 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
-    """Return the fields of `part`, without newer fields that have the default."""
+    """Return the fields of `part` by name; recently added fields are left out at their default."""
     later: dict[str, Any] = dict.fromkeys(
         ("radial_mm", "range_mm", "near_right_mm", "near_forward_mm", "shifts"), ()
     )
@@ -525,7 +525,9 @@ def _check_order(image: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _shared(image: Mapping[str, NDArray[Any]], name: str, columns: int) -> NDArray[Any]:
-    """Return a value for each `columns` columns; raise InputError if they have several."""
+    """Return one value for each group of `columns` columns; raise InputError if a group has
+    several.
+    """
     values = image[name]
     first: NDArray[Any] = values[::columns, 0, 0]
     if (values != np.repeat(first, columns)[: len(values), None, None]).any():
@@ -550,7 +552,7 @@ def _check_firings(table: FiringTable, layout: Layout, most_range: int) -> None:
 
 
 def _known(name: str, values: NDArray[_Number]) -> NDArray[_Number] | None:
-    """Return values of which none is -1, None if all are; raise InputError if some are."""
+    """Return the values, or None if all are -1; raise InputError if only some are -1."""
     unknown = values == _UNKNOWN
     if unknown.any() and not unknown.all():
         raise InputError(f"column {name} has {_UNKNOWN} (not known) in a part of a turn")

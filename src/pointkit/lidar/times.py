@@ -135,7 +135,7 @@ def _unit_by_rotation(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
 
 
 def _nearest_unit(per_tick: float, per_second: float) -> TimeUnit | None:
-    """Return the unit with which a rate per tick is a rate per second, within a factor of 31."""
+    """Return the unit of ticks for which `per_tick` matches `per_second` within a factor of 31."""
     off = {unit: abs(np.log(per_tick * ticks / per_second)) for unit, ticks in PER_SECOND.items()}
     best = min(off, key=lambda unit: off[unit])
     return best if off[best] < np.log(_LARGEST_FACTOR) else None

@@ -177,7 +177,7 @@ def _flat(values: NDArray[_Value]) -> NDArray[_Value]:
 
 @lru_cache(maxsize=8)
 def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
-    """Return the flat index, in its input, of each value of `by_elevation`'s result."""
+    """Return, for each value of `by_elevation`'s result, its flat index in the input."""
     order = np.asarray(layout.order)
     shifted = np.arange(columns)[:, None] - np.asarray(layout.shifts)[order]
     return np.asarray(shifted % columns * lasers + order).ravel()

@@ -23,9 +23,14 @@ SQUARES, LOGARITHMS = 14, 15
 
 
 class Columns(NamedTuple):
-    """For each group, (g,): its cell and surface, and the matrix columns of two biases.
+    """Cell and surface of each of g groups of returns, and the matrix columns of two of its biases.
 
-    They are that of the laser, and that of the laser in its scan.
+    Parameters
+    ----------
+    cell, surface
+        Number of each group's cell and surface, (g,).
+    laser, scan
+        Matrix columns of the laser's bias, and of the laser's bias in its scan, (g,).
     """
 
     cell: Codes
@@ -159,10 +164,19 @@ def _take_cell(
 def eliminate_scan_biases(
     core: int, variance: float, matrix: Floats, right: Floats
 ) -> tuple[float, float]:
-    """Eliminate the lasers' biases in single scans, the columns from `core` on, from the equations.
+    """Eliminate the lasers' biases in single scans from the normal equations.
 
-    They are normally distributed with variance `variance`; no equation contains two. Returns the
-    decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to them.
+    The biases are normally distributed, and no equation contains two of them. Returns the decrease
+    of ``z' V^-1 z`` and the increase of ``log |V|`` that they cause.
+
+    Parameters
+    ----------
+    core
+        First matrix column of these biases; they occupy all columns from there on.
+    variance
+        Variance of the biases.
+    matrix, right
+        The normal equations, which are changed in place.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -182,7 +196,7 @@ def eliminate_scan_biases(
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
     """Return ``log |A|`` and ``b' A^-1 b`` for A = `matrix` and b = `right`.
 
-    Both are nan unless A is positive definite.
+    Both numbers are nan if A is not positive definite.
     """
     lower, y = matrix.copy(), right.copy()
     factorise(lower, -np.inf)

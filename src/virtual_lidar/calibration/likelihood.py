@@ -30,12 +30,13 @@ _LEAST_SIGMA_M = 1e-6
 
 @dataclass(frozen=True)
 class Sigmas:
-    """Parameters of range errors, which are estimated.
+    """Parameters of a sensor's range errors, as `calibrate` estimates them.
 
-    Each laser has three biases, drawn once for a device, once for a scan, and for every frame (or
-    spot, see `CalibrationOptions`). Their standard deviations are `laser_sigma_m`, `scan_sigma_m`
-    and `frame_sigma_m`. The noise of a ray at the incidence theta, rad, and the range r, m, has the
-    standard deviation ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r``.
+    Each laser has three biases: one is drawn for the device, one for each scan, and one for each
+    frame (or spot, see `CalibrationOptions`). Their standard deviations are `laser_sigma_m`,
+    `scan_sigma_m` and `frame_sigma_m`. In addition, each ray has noise. For a ray of the incidence
+    theta (rad) and the range r (m), its standard deviation is ``ray_sigma_m + ray_incidence_m *
+    theta^2 + ray_range * r``.
     """
 
     laser_sigma_m: float = 0.0
@@ -57,9 +58,14 @@ BIASES, RAYS = NAMES[:3], NAMES[3:]
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations ``matrix @ x = right`` for errors z with covariance V.
+    """Normal equations ``matrix @ x = right`` for range errors z with covariance V.
 
-    `squares` is ``z' V^-1 z``, and `log_determinant` is ``log |V|``.
+    Parameters
+    ----------
+    squares
+        The number ``z' V^-1 z``.
+    log_determinant
+        The number ``log |V|``.
     """
 
     matrix: Floats
@@ -141,7 +147,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, equations.squares, equations.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Change variables from laser biases to the mean bias and scaled deviations."""
+        """Transform laser biases to their mean and scaled deviations from the mean."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]

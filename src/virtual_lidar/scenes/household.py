@@ -135,7 +135,6 @@ def bottle(cad: Modeller, member: int) -> Item:
 
 
 def _ear(cad: Modeller, xs: Sequence[float], zs: Sequence[float], radius: float) -> Surface:
-    """Make a handle of round wire, bent in the plane y = 0."""
     path = [(x, 0.0, z) for x, z in zip(xs, zs, strict=True)]
     return cad.tube(cad.smooth(path), radius)
 

@@ -17,7 +17,15 @@ MEMBERS = 12
 
 
 class ObjectClass(NamedTuple):
-    """Function that makes the object number ``member`` of a class, and `Modeller.unit` for it."""
+    """A class of generated objects, such as chairs.
+
+    Parameters
+    ----------
+    make
+        Function that makes the object with a given number.
+    unit
+        `Modeller.unit` for this function.
+    """
 
     make: Callable[[Modeller, int], Item]
     unit: float

@@ -350,9 +350,16 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Return the best of random planes through three nearby returns, or None if it is poor.
+        """Return the best of several random planes, or None if the best is poor.
 
-        The mask `free` (n,) selects the returns; the best plane has most of them near it.
+        Each plane passes through three nearby returns; the best one has the most returns near it.
+
+        Parameters
+        ----------
+        free
+            Mask (n,) of the returns that may be used.
+        rng
+            Source of random numbers.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
@@ -366,10 +373,17 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """Fit a plane to its largest connected patch of pixels; return both.
+        """Return a plane fitted to its largest connected patch of pixels, and this patch as a mask.
 
-        Selection of the patch, among returns in the mask `free` (n,), and fitting alternate until
-        the patch stays the same. Laser biases are subtracted, so that no laser loses its pixels.
+        Two steps alternate until the patch no longer changes: selection of the patch, and fitting
+        of the plane. The lasers' biases are subtracted, so that no laser loses its pixels.
+
+        Parameters
+        ----------
+        plane
+            The plane with which to begin.
+        free
+            Mask (n,) of the returns that may be used.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
@@ -396,7 +410,7 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Return normals (k, 3) and offsets (k,) of planes that are not oblique."""
+        """Return random planes that are not oblique, as normals (k, 3) and offsets (k,)."""
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))
         first = rng.integers(len(order), size=_SAMPLES)
