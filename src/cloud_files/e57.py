@@ -102,7 +102,7 @@ def _concatenated(scans: list[Columns]) -> Columns:
 
 
 def _unite_colours(scans: list[Columns]) -> None:
-    """Scale the colours of all scans to the widest of their types: shares of 1, 8 bits or 16 bits."""
+    """Scale the colours of all scans to the widest of their types: shares, bytes or 16 bits."""
     coloured = [scan for scan in scans if all(name in scan for name in _COLOURS)]
     whites = [_white(scan) for scan in coloured]
     for scan, white in zip(coloured, whites, strict=True):

@@ -117,7 +117,7 @@ def _place_waveforms(content: bytearray, record: bytes) -> None:
 
 
 def _extended_waveforms(content: bytearray) -> int:
-    """Return the offset of the waveforms among a file's extended records, or 0 if there are none."""
+    """Return the offset of the waveforms among a file's extended records; 0 without any."""
     offset, records = _EXTENDED.unpack_from(content, _EXTENDED_AT)
     for _ in range(records):
         user, number, length = _RECORD.unpack_from(content, offset)

@@ -30,7 +30,7 @@ _SEMICOLONS = "commas separate its numbers and their decimals; separate by semic
 
 
 def _uneven_commas() -> re.Pattern[bytes]:
-    """Return a pattern that finds three fields, one of which is two numbers with a comma between."""
+    """Return a pattern of three fields, one of which is two numbers with a comma between."""
     pair, field, apart = rb"[-+]?\d+,\d+", rb"[-+]?\d+(?:,\d+)?", rb",[ \t]+"
     orders = [[pair, field, field], [field, pair, field], [field, field, pair]]
     lines = b"|".join(apart.join(order) for order in orders)
@@ -84,7 +84,7 @@ def with_e_exponents(lines: bytes, first: str) -> bytes:
 
 
 def decimal_sign(lines: bytes, separator: str, path: Path) -> str:
-    """Return the sign before decimals, a comma or a point, as bytes.
+    """Return the sign that precedes decimals in lines of points: a comma or a point.
 
     Parameters
     ----------

@@ -286,7 +286,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if a module of the same name elsewhere hides a module that a file imports."""
+    """Raise ImportError if a module elsewhere hides an equally named one that a file imports."""
     text = path.read_text(encoding="utf-8", errors="replace")
     for name in re.findall(r"^\s*(?:from|import)\s+(\w+)", text, re.M):
         for own in (top / f"{name}.py", top / name / "__init__.py"):

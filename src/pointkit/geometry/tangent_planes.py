@@ -117,9 +117,7 @@ def _fit(
 
 @compiled_in_place
 def _first_key_in_row(key: int, row: int) -> int:
-    """Return the lowest key of one of the nine rows (0 to 8) of the 3 x 3 x 3 blocks around a
-    block.
-    """
+    """Return the lowest key of one of the nine rows (0 to 8) of blocks around a block."""
     return key + ((row // 3 - 1) << 2 * _BITS) + ((row % 3 - 1) << _BITS) - 1
 
 

@@ -305,7 +305,7 @@ class Returns:
     def _near(
         self, distance: Floats, right: Floats, forward: Floats, lasers: NDArray[np.intp]
     ) -> tuple[Floats, Floats]:
-        """Return the near corrections along x and along y, each (n,), m, as velodyne_decoder does."""
+        """Return the near corrections along x and y, each (n,), m, as velodyne_decoder does."""
         beams = self.beams
         far = np.asarray(beams.range_mm or (0.0,) * beams.lasers)[lasers] / 1000
         is_near = distance - far < _FAR_M
@@ -525,9 +525,7 @@ def _check_order(image: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _shared(image: Mapping[str, NDArray[Any]], name: str, columns: int) -> NDArray[Any]:
-    """Return one value for each group of `columns` columns; raise InputError if a group has
-    several.
-    """
+    """Return one value for each `columns` columns; raise InputError if these have several."""
     values = image[name]
     first: NDArray[Any] = values[::columns, 0, 0]
     if (values != np.repeat(first, columns)[: len(values), None, None]).any():
