@@ -41,22 +41,24 @@ def rewrite_las(
     rows: NDArray[np.int64],
     metres_per_unit: float = 1.0,
 ) -> None:
-    """Write points with the header, the records and the attributes of another LAS or LAZ file.
+    """Write points to a LAS or LAZ file that otherwise keeps the content of another LAS file.
+
+    The header, the records and the attributes of points come from the file `source`.
 
     Parameters
     ----------
     path
-        The file to write: a LAZ file if its suffix is ``.laz``, else a LAS file.
+        The file to write: a LAZ file if the suffix is ``.laz``, otherwise a LAS file.
     source
-        The file whose header (version, point format, scale, offset), records and waveforms are
-        kept.
+        The LAS or LAZ file whose header (version, point format, scale, offset), records and
+        waveforms are kept.
     points
-        Coordinates (m, 3) in metres. They are written in the unit of `source`.
+        Coordinates (m, 3) in metres, which are converted to the unit of `source`.
     rows
-        For each point, (m,), the number of the point in `source` whose attributes it gets; -1 for
-        a point whose attributes are 0.
+        Number of the point in `source` from which each written point takes its attributes, (m,). It
+        is -1 for a point whose attributes are 0.
     metres_per_unit
-        Length of one unit of `source` in metres. If it is 1, the unit is that of the coordinate
+        Length of one unit of `source` in metres. If it is 1, the unit is taken from the coordinate
         reference system of `source`.
 
     Raises

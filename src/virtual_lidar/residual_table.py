@@ -59,7 +59,7 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a table of plane residuals (Parquet or CSV) with the columns `COLUMNS`.
+    """Read a table of plane residuals (Parquet or CSV) as a data frame with the columns `COLUMNS`.
 
     Tables of older versions may lack `range_m` and the columns after it. Raises InputError if
     another column is missing.

@@ -19,28 +19,30 @@ _TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Polygons:
-    """The content of a mesh file: faces of any number of corners.
+    """The content of a mesh file: faces with any number of corners.
+
+    Functions that read one format return this object; `triangulate` makes a triangle mesh of it.
 
     Parameters
     ----------
     vertices
         Coordinates of the vertices, (v, 3), in the unit of the file.
     corners
-        Rows of `vertices` at the corners of the first face, then of the second, and so on: one
-        array of as many integers as all faces have corners.
+        Row numbers in `vertices` of the corners of the first face, then of the second face, and so
+        on, in one array.
     sizes
         Number of corners of each face, (f,).
     up
-        Axis that points up, "y" or "z", if the file format says so, else None.
+        Axis that points up, "y" or "z", if the file format defines it; otherwise None.
     labels
         Object and primitive of each face, for scenes that `write_mesh` wrote.
     skipped
-        Number of elements of the file that are no faces and were left out, by kind.
+        Numbers of elements that were left out because they are no faces, by kind.
     materials
         Names of the materials.
     material_id
-        Index into `materials` for each face, (f,), -1 for a face without material; None if the
-        file names no materials.
+        Index into `materials` for each face, (f,), -1 for a face without material; None if the file
+        names no materials.
     """
 
     vertices: Floats

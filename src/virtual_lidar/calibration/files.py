@@ -84,14 +84,14 @@ _DIGITS = 6
 
 
 def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the content of a calibration's file, which the error model ``calibrated`` reads.
+    """Return the content of a calibration file, which the error model ``calibrated`` reads.
 
     Parameters
     ----------
     calibration
         Estimates, which are rounded to 0.001 mm.
     sources
-        Descriptions of the input tables to include, such as names and hashes.
+        Descriptions of the input tables, such as names and hashes, which are included.
 
     Returns
     -------

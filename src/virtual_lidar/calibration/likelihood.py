@@ -92,7 +92,7 @@ class RestrictedLikelihood:
     _kept: dict[tuple[float, float, float], Floats] = field(default_factory=dict, repr=False)
 
     def deviance(self, sigmas: Sigmas) -> float:
-        """Return minus twice the restricted log-likelihood, up to a constant.
+        """Return minus twice the restricted log-likelihood of parameters, up to a constant.
 
         Raises InputError if the planes and the biases cannot be separated.
         """
@@ -121,7 +121,7 @@ class RestrictedLikelihood:
         return parts @ (covariance @ equations.right), parts @ covariance @ parts.T
 
     def variances(self, sigmas: Sigmas) -> Floats:
-        """Return the variance of each range due to ray noise and rounding, (n,), m^2."""
+        """Return the variance of each range, (n,), m^2, due to ray noise and rounding."""
         scale = np.maximum(self.seen.features @ np.array(sigmas.ray), _LEAST_SIGMA_M)
         return np.asarray(scale**2 + self.quantum_m**2 / 12)
 

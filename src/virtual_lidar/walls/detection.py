@@ -52,18 +52,20 @@ class PlaneSearch(Model):
     up
         Upward direction in the sensor's coordinates, of any length.
     tilt_deg
-        Largest tilt of a wall from the vertical, and of a floor or ceiling from the horizontal.
+        Largest tilt of a wall from the vertical, and of a floor or ceiling from the horizontal,
+        degrees.
     most_incidence_deg
-        Returns at greater incidence angles are not used.
+        Largest angle, in degrees, between a ray and the plane's normal; returns at larger angles
+        are not used.
     inlier_sigmas
         Largest distance from the plane, in robust standard deviations, of returns that are used.
     least_laser_share
-        Least ratio of a laser's number of returns on a plane to the median over lasers; a laser
-        with fewer follows an edge.
+        Least number of a laser's returns on a plane, relative to the median over lasers. A laser
+        with fewer returns is not used on this plane, since it follows an edge.
     least_returns, least_lasers
-        Least number of returns per turn, and of lasers, on a plane.
+        Least number of returns per turn (revolution) on a plane, and least number of lasers.
     least_width_m, least_height_m
-        Least extents of the returns on a plane.
+        Least width and height of the area that the returns on a plane cover.
     most_noise_m
         Largest robust standard deviation of the distances to the plane.
     """

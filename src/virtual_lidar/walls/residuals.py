@@ -1,4 +1,4 @@
-"""Plane residuals of a recording (thesis, section 5.1.2, Procedure 1)."""
+"""Distances of the returns of a recording from fitted planes (thesis, section 5.1.2, Procedure 1)."""
 
 from __future__ import annotations
 
@@ -62,7 +62,9 @@ class Crop(Model):
 
 
 class RecordingOptions(Model):
-    """Options for the plane residuals of a recording.
+    """Options that say how the plane residuals of a recording are computed.
+
+    A plane residual is the distance of a return from the plane that was fitted to its surface.
 
     Parameters
     ----------
@@ -71,16 +73,17 @@ class RecordingOptions(Model):
     stream
         Stream of a packet capture with several sensors, such as ``192.168.1.201:2368``.
     topic
-        Topic of a ROS bag.
+        Topic with the sensor's messages in a ROS bag.
     time_unit
         Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default inferred.
     still_s
         ``[start, end]`` of the interval to use, seconds after the first packet; by default the
         longest interval at rest.
     most_shift_m
-        Largest difference of distances between turns of a sensor at rest.
+        Largest difference of distances, m, between two turns (revolutions) of the sensor that
+        counts as rest.
     most_turns
-        Number of turns to use, from the start of the interval.
+        Largest number of turns (revolutions) to use, from the start of the interval.
     planes
         Planes selected by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``: a
         `wall`, `floor` or `ceiling`, and the lowest and highest corner, m, of a box in sensor
