@@ -1,4 +1,4 @@
-"""Distances of the returns of a recording from fitted planes (thesis, section 5.1.2, Procedure 1)."""
+"""Distances of a recording's returns from fitted planes (thesis, section 5.1.2, Procedure 1)."""
 
 from __future__ import annotations
 
