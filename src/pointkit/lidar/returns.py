@@ -305,7 +305,11 @@ class Returns:
     def _near(
         self, distance: Floats, right: Floats, forward: Floats, lasers: NDArray[np.intp]
     ) -> tuple[Floats, Floats]:
-        """Return the near corrections along x and y, each (n,), m, as velodyne_decoder does."""
+        """Return the near corrections along x and along y, each (n,), m.
+
+        The formula is that of velodyne_decoder: heights get the mean of both corrections. In the
+        manual, heights get the correction along y.
+        """
         beams = self.beams
         far = np.asarray(beams.range_mm or (0.0,) * beams.lasers)[lasers] / 1000
         is_near = distance - far < _FAR_M
@@ -327,9 +331,9 @@ class Returns:
         return np.asarray(np.radians(fired))
 
     def column_azimuths(self, turn: Turn) -> Floats:
-        """Return the azimuth of each firing, (columns, lasers), rad.
+        """Return the azimuth of each firing, (columns, lasers), rad, without the offsets of lasers.
 
-        By contrast to `azimuths`, `Beams.azimuths_deg` are not added.
+        These offsets are `Beams.azimuths_deg`, which `azimuths` adds.
         """
         return np.asarray(np.radians(self._fired_deg(turn)))
 

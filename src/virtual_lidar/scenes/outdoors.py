@@ -1,7 +1,7 @@
 """Models of airplanes, cars and trees.
 
 Each public function makes one object of a class. The argument `member` is the number of the object
-in the class, from 0; it selects the kind and the dimensions.
+in the class, from 0, which selects the variant. Other choices are random.
 """
 
 from __future__ import annotations
