@@ -8,7 +8,7 @@ _LONGEST_NUMBER = 5
 
 
 def base_128(number: int) -> bytes:
-    """Encode a non-negative number as unsigned LEB128: seven bits per byte, the lowest first."""
+    """Return a non-negative number as unsigned LEB128: seven bits per byte, the lowest first."""
     groups = [number & 127]
     while number := number >> 7:
         groups.append(number & 127)
@@ -16,7 +16,8 @@ def base_128(number: int) -> bytes:
 
 
 def signed_128(number: int) -> bytes:
-    """Encode an integer n as LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag)."""
+    """Return an integer as signed bytes: LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag).
+    """
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 

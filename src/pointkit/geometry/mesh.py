@@ -20,12 +20,17 @@ _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
 class Primitive:
     """A geometric primitive on which a part of a surface lies (thesis, section 7).
 
-    `kind` is "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
-    `parameters` are in world coordinates (metres, radians); directions are unit vectors. Plane:
-    ``normal``, ``offset`` (normal . p = offset); cylinder: ``point``, ``axis``, ``radius``; sphere:
-    ``centre``, ``radius``; cone: ``apex``, ``axis`` (into the cone), ``half_angle``; torus:
-    ``centre``, ``axis``, ``major_radius``, ``minor_radius``; superquadric: ``centre``, ``axes``,
-    ``sizes``, ``exponents``.
+    Parameters
+    ----------
+    kind
+        "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
+    parameters
+        Parameters by name, in world coordinates (metres, radians); directions are unit vectors. A
+        plane has ``normal`` and ``offset`` (normal . p = offset). A cylinder has ``point``,
+        ``axis`` and ``radius``. A sphere has ``centre`` and ``radius``. A cone has ``apex``,
+        ``axis`` (which points into the cone) and ``half_angle``. A torus has ``centre``, ``axis``,
+        ``major_radius`` and ``minor_radius``. A superquadric has ``centre``, ``axes``, ``sizes``
+        and ``exponents``.
     """
 
     kind: str

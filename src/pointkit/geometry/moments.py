@@ -31,7 +31,7 @@ def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> N
 
 @compiled_in_place
 def squared_distance(moments: Floats, plane: Floats) -> float:
-    """Return the weighted sum of the points' squared distances from a plane (4,)."""
+    """Return the weighted sum of squared distances of the points from a plane (4,)."""
     a, b, c, d = plane[0], plane[1], plane[2], plane[3]
     along = a * a * moments[4] + b * b * moments[7] + c * c * moments[9]
     along += 2 * (a * b * moments[5] + a * c * moments[6] + b * c * moments[8])
