@@ -16,8 +16,7 @@ def base_128(number: int) -> bytes:
 
 
 def signed_128(number: int) -> bytes:
-    """Return an integer as signed bytes: LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag).
-    """
+    """Return an integer n as LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag)."""
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 

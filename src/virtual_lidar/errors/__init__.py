@@ -1,4 +1,4 @@
-"""Error models, which deviate rays, ranges or points of virtual scans, and a lossy receiver."""
+"""Error models, which change rays, ranges or points of virtual scans, and a lossy receiver."""
 
 from __future__ import annotations
 

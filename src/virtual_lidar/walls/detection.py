@@ -331,8 +331,9 @@ def widened(pixels: Mask) -> Mask:
 
 
 def without_ends(pixels: Mask) -> Mask:
-    """Return a mask without the pixels at the ends of its rows, since returns there mix two
-    surfaces.
+    """Return a mask without the end pixels of its rows.
+
+    Returns in these pixels may mix two surfaces.
     """
     inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
     return inner
