@@ -1,8 +1,8 @@
-"""Files of point clouds, meshes and poses of many formats, read and written.
+"""Readers and writers for files of point clouds, meshes and poses in many formats.
 
-A file that is damaged, or not what its name says, raises `pointkit.errors.InputError`: one line
-that begins with the file's name. No file runs code, opens other files than those that belong to it,
-or takes more memory than its size allows.
+If a file is damaged, or is not what its name says, its reader raises `pointkit.errors.InputError`
+with a message of one line that begins with the file's name. Reading a file never runs code in it,
+opens no other files than those that belong to it, and takes limited memory for its size.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Files of point clouds: readers of all formats, and a writer of binary PLY."""
+"""Reading of point clouds in all supported formats, and writing of clouds as binary PLY files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _PLY_COLUMNS = {
 
 
 def cloud_bytes(cloud: PointCloud) -> bytes:
-    """Return the content of the PLY file that `write_cloud` writes, without the description."""
+    """Return a cloud as the bytes of a binary PLY file, the same as `write_cloud` writes."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "cloud.ply")
         write_cloud(path, cloud, describe=False)
@@ -129,9 +129,19 @@ def read_cloud(
 
 
 def checked_cloud(cloud: UncheckedCloud, path: Path) -> PointCloud:
-    """Return a cloud after checking it; raise InputError if it is empty or not finite.
+    """Return the cloud after a check that it has points and that all coordinates are finite.
 
-    `path` is the file that the message names.
+    Parameters
+    ----------
+    cloud
+        The cloud to check.
+    path
+        The file that the message of the error names.
+
+    Raises
+    ------
+    InputError
+        The cloud is empty, or a coordinate is infinite or not a number.
     """
     try:
         check_points(cloud.xyz, str(path))
@@ -149,10 +159,20 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> UncheckedCloud:
-    """Read a cloud as `read_cloud` does, but allow no points, and points that are not finite.
+    """Read a cloud as `read_cloud` does, but accept a cloud that is empty or not finite.
 
-    With `convert`, coordinates of LAS files are converted to metres from the unit of their
-    coordinate reference system; without it, they stay as they are.
+    Parameters
+    ----------
+    path, keep_missing, drop_invalid, bin_columns
+        As in `read_cloud`.
+    convert
+        Whether to convert coordinates of LAS files to metres from the unit of their coordinate
+        reference system.
+
+    Returns
+    -------
+    UncheckedCloud
+        The cloud as the file holds it; `checked_cloud` checks it.
     """
     columns = _read_columns(path, bin_columns, convert, keep_missing)
     with naming(path):
@@ -174,10 +194,24 @@ def read_unchecked_cloud(
 def without_missing(
     cloud: UncheckedCloud, missing: NDArray[np.bool_], path: Path
 ) -> UncheckedCloud:
-    """Return a cloud without its missing returns, the points where `missing` (n,) is true.
+    """Return a cloud without missing returns: points that stand for firings without a return.
 
-    Their number is logged as a warning that names `path`, and is added to the description
-    ``about`` as ``missing_returns``. Raises InputError if all points are missing returns.
+    The number of removed points is logged as a warning and added to ``about`` as
+    ``missing_returns``.
+
+    Parameters
+    ----------
+    cloud
+        The cloud.
+    missing
+        Mask (n,) of the missing returns.
+    path
+        The file that messages name.
+
+    Raises
+    ------
+    InputError
+        All points are missing returns.
     """
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
@@ -188,17 +222,17 @@ def without_missing(
 
 
 def without_invalid(cloud: UncheckedCloud, path: Path) -> UncheckedCloud:
-    """Return a cloud without the points that have an infinite coordinate or none.
+    """Return a cloud without points that have a coordinate that is infinite or not a number.
 
-    Their number is logged as a warning that names `path`, and is added to the description
-    ``about`` as ``dropped_points``.
+    The number of removed points is logged as a warning that names `path`, and added to ``about`` as
+    ``dropped_points``.
     """
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
 
 
 def removal_counts(about: Mapping[str, Any]) -> dict[str, int]:
-    """Return the entries of a description that say how many points a reader left out."""
+    """Return the entries of a cloud's description that say how many points its reader left out."""
     return {name: about[name] for name in ("dropped_points", "missing_returns") if name in about}
 
 
@@ -237,10 +271,13 @@ def _read_columns(
 
 
 def wide_colours(path: Path) -> NDArray[np.uint16] | None:
-    """Read the colours of a cloud file if they take more than 8 bits.
+    """Read the colours of a cloud file, if they need more than 8 bits.
 
-    Returns an array (n, 3) with all points of the file, in its order; None if the file has no
-    colours or all fit in 8 bits.
+    Returns
+    -------
+    array or None
+        Colours (n, 3) of all points in the order of the file; None if the file has no colours or
+        all colours fit in 8 bits.
     """
     colours = colours_of(_read_columns(path, None, convert=False, keep_missing=True))
     if colours is None or colours.dtype.kind not in "iu":

@@ -1,4 +1,4 @@
-"""Content of files, decompressed by their suffix."""
+"""Reading of files that may be compressed; the suffix of a file says how."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def plain_name(path: Path) -> Path:
 
 
 def limit_of(path: Path) -> int:
-    """Return the largest number of bytes to which the content of a file may be decompressed."""
+    """Return the largest number of bytes that a file's content may have after decompression."""
     return max(LEAST_LIMIT, MOST_TIMES * path.stat().st_size)
 
 
@@ -60,13 +60,13 @@ def read_content(path: Path, most: int | None = None) -> bytes:
     path
         The file.
     most
-        Number of bytes to read from the beginning of the content; by default, all are read.
+        Number of bytes to read from the beginning of the content; by default, the whole content is
+        read.
 
     Raises
     ------
     InputError
-        The file is missing, cannot be read or is damaged, or all of it would be read and is larger
-        than `limit_of` allows.
+        The file is missing, unreadable or damaged, or the whole content exceeds `limit_of`.
     """
     if most is None and path.suffix.lower() not in COMPRESSED:
         return read_bytes(path)
@@ -83,10 +83,11 @@ def read_content(path: Path, most: int | None = None) -> bytes:
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """Make a file available without compression, for readers that take a path.
+    """Provide an uncompressed file inside a `with` block, for readers that take a path.
 
-    Yields `path` itself or, if the file is compressed, the path of a decompressed copy that is
-    deleted after the `with` block. An InputError that is raised in the block names the original.
+    The context manager yields `path` itself if the file is not compressed. Otherwise it yields the
+    path of a decompressed copy, which is deleted after the block. An InputError that is raised in
+    the block names the original file.
     """
     if path.suffix.lower() not in COMPRESSED:
         yield path

@@ -1,4 +1,4 @@
-"""Descriptions: a JSON file beside each cloud, mesh or table of returns that has been written."""
+"""Descriptions: JSON files that are written beside clouds, meshes and tables of returns."""
 
 from __future__ import annotations
 
@@ -24,26 +24,35 @@ def sidecar(path: Path) -> Path:
 
 
 def write_description(path: Path, kind: Kind, about: Mapping[str, Any]) -> None:
-    """Write the description of the file `path`: what it is, and values that JSON can represent."""
+    """Write the JSON description beside a file.
+
+    Parameters
+    ----------
+    path
+        The described file; the description has the same name with the suffix ``.json``.
+    kind
+        What the file is.
+    about
+        Entries of the description, with values that JSON can represent.
+    """
     write_json(sidecar(path), {**about, _KIND_KEY: kind})
 
 
 def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dict[str, Any] | None:
-    """Read the description beside a file.
+    """Read the JSON description beside a file.
 
     Parameters
     ----------
     path
         The described file.
     counts
-        Numbers that the file holds, by the names under which its description has them (such as
-        ``points``).
+        Numbers that the file holds, by their names in the description (such as ``points``).
 
     Returns
     -------
     dict or None
-        The description; None if there is none. A JSON file of another program, or a description
-        that contradicts `counts`, is not used either, which is logged as a warning.
+        The description; None if the file has none. A JSON file of another program and a description
+        that contradicts `counts` are ignored with a warning.
     """
     beside = sidecar(path)
     if beside == path or not beside.exists():

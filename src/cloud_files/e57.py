@@ -1,4 +1,4 @@
-"""E57 files (ASTM E2807) from terrestrial scanners, read by pye57 if installed."""
+"""Reader of E57 files (ASTM E2807) from terrestrial scanners, which needs the package pye57."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _concatenated(scans: list[Columns]) -> Columns:
 
 
 def _unite_colours(scans: list[Columns]) -> None:
-    """Scale the colours of all scans, which may be shares, bytes or 16 bits, to the widest."""
+    """Scale the colours of all scans to the widest of their types: shares, bytes or 16 bits."""
     coloured = [scan for scan in scans if all(name in scan for name in _COLOURS)]
     whites = [_white(scan) for scan in coloured]
     for scan, white in zip(coloured, whites, strict=True):

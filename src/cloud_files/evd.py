@@ -19,10 +19,17 @@ _WHITE = 255.0
 
 
 def write_evd(path: str | Path, table: ColumnTable) -> None:
-    """Write a table of simulated returns as an EVD file, as BlenSor writes one frame.
+    """Write a table of virtual returns as an EVD file, the format of the simulator BlenSor.
 
-    Each return has its time, angles, distances and coordinates (with and without noise), the
-    colour white, and the index of the object that it hit (0 if unknown).
+    The file holds one frame. Each return has its time, angles, distances and coordinates (with and
+    without noise), the colour white, and the number of the object that it hit (0 if unknown).
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    table
+        A table with the columns of a `virtual_lidar.ScanTable`.
     """
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):

@@ -37,17 +37,18 @@ _MAX_COORDINATE_M, _MIN_COORDINATE_M = 1e5, 1e-20
 
 
 def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
-    """Read a frame of a LiDAR.
+    """Read one frame of a LiDAR from a headerless file of float32 values, as in KITTI or nuScenes.
 
     Parameters
     ----------
     path
         The file, which may be compressed.
     columns
-        The number of values per point, 3 to 6 (then they are x, y, z, intensity, ring and time, in
-        this order), or their names, such as ``x,y,z,intensity,time``; a column named ``_`` is left
-        out. By default, the number is estimated, and the fifth and sixth value are told by their
-        range.
+        The columns of the file: their number, or their names separated by commas, such as
+        ``x,y,z,intensity,time``. A number is from 3 to 6 and means as many of x, y, z, intensity,
+        ring and time, in this order. A column named ``_`` is left out. By default, the number of
+        columns is estimated, and the fifth and sixth column are recognised by the range of their
+        values.
 
     Returns
     -------
@@ -73,18 +74,35 @@ def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
 
 
 def write_float32_frame(path: str | Path, columns: Columns) -> None:
-    """Write a frame as KITTI does: x, y, z and intensity of each point as float32.
+    """Write a frame as KITTI does: x, y, z and intensity of each point as float32, no header.
 
-    `columns` are arrays (n,) by name; other names than these four are not written.
+    Parameters
+    ----------
+    path
+        The file to write.
+    columns
+        Arrays (n,) by name. Columns other than these four are not written.
     """
     rows = np.column_stack([columns[name] for name in _LAYOUTS[_DEFAULT_COUNT]])
     write_bytes(path, rows.astype("<f4").tobytes())
 
 
 def float32_rows(data: bytes, count: int, path: Path) -> Rows:
-    """Return the content of a file as an array (n, count), a row for each point.
+    """Return the content of a file as an array (n, count) with one row for each point.
 
-    Raises InputError, which names `path`, if the last row is incomplete.
+    Parameters
+    ----------
+    data
+        Content of the file.
+    count
+        Number of values of each point.
+    path
+        The file that messages name.
+
+    Raises
+    ------
+    InputError
+        The last row is incomplete.
     """
     size = 4 * count
     if len(data) % size:
@@ -93,10 +111,20 @@ def float32_rows(data: bytes, count: int, path: Path) -> Rows:
 
 
 def detect_column_count(values: NDArray[Any]) -> int | None:
-    """Estimate how many columns a table has of which only the values (n,), row by row, are known.
+    """Estimate how many columns a table has, if only its values are known.
 
     The values are replaced by their ranks. The estimate is the lag between two values at which the
-    mean difference of ranks is smallest; None if no lag is clearly better than the others.
+    mean difference of ranks is smallest.
+
+    Parameters
+    ----------
+    values
+        Values of the table, row by row, (n,).
+
+    Returns
+    -------
+    int or None
+        Number of columns; None if no number is clearly better than the others.
     """
     sample = values[:_MAX_VALUES]
     if len(sample) < _MIN_VALUES:

@@ -38,16 +38,17 @@ _COLUMN_NAMES = {
 
 
 def write_las(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write the returns of a LiDAR as a LAS or LAZ file, by the suffix of `path`.
+    """Write the returns of a LiDAR as a LAS file or, if `path` ends in ``.laz``, as a LAZ file.
 
     Parameters
     ----------
     path
-        The file.
+        The file to write.
     columns
-        Arrays (n,) by name: x, y and z in metres, which are rounded to 0.1 mm, and optionally
-        ``reflectivity`` (written as intensity), ``laser_id`` (as user data), ``turn`` or ``frame``
-        (as point source id) and ``timestamp`` (as GPS time). Others are not written.
+        Arrays (n,) by name. x, y and z are in metres and are rounded to 0.1 mm. Optional columns
+        are ``reflectivity`` (written as intensity), ``laser_id`` (as user data), ``turn`` or
+        ``frame``, i.e. the number of the sensor's revolution (as point source id), and
+        ``timestamp`` (as GPS time). Other columns are not written.
 
     Raises
     ------
@@ -58,7 +59,15 @@ def write_las(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def las_bytes(las: Any, is_compressed: bool) -> bytes:
-    """Return laspy's `LasData` as the content of a LAS file or, if `is_compressed`, a LAZ file."""
+    """Return a LAS file's content as bytes.
+
+    Parameters
+    ----------
+    las
+        The points, as laspy's `LasData`.
+    is_compressed
+        Whether to return a LAZ file.
+    """
     import laspy
 
     content = BytesIO()
@@ -67,7 +76,7 @@ def las_bytes(las: Any, is_compressed: bool) -> bytes:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read a file that `write_las` wrote; return columns (n,) by the names that it took."""
+    """Read a file that `write_las` wrote; return its columns (n,) under their original names."""
     columns = parse_isolated(parse_las, path, "LAS file").columns
     names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
     return {names[name]: part for name, part in columns.items() if name in names}
@@ -111,7 +120,13 @@ def reading_las(path: Path) -> Iterator[None]:
 
 
 def parse_las(path: Path, convert: bool = True) -> ParsedFile:
-    """Read all dimensions of a LAS or LAZ file in the calling process, see `read_las_points`."""
+    """Read a LAS or LAZ file as `read_las_points` does, but in the calling process.
+
+    Returns
+    -------
+    ParsedFile
+        All dimensions of the file.
+    """
     import laspy
 
     with reading_las(path):
@@ -131,9 +146,17 @@ def parse_las(path: Path, convert: bool = True) -> ParsedFile:
 
 
 def units_of(header: Any) -> Units | None:
-    """Return the units of the coordinates of a file, of which `header` is laspy's header.
+    """Return the units of a LAS file's coordinates.
 
-    None means that the file has a coordinate reference system that cannot be read.
+    Parameters
+    ----------
+    header
+        Header of the file, from laspy.
+
+    Returns
+    -------
+    Units or None
+        The units; None if the file's coordinate reference system cannot be read.
     """
     from pyproj.exceptions import CRSError
 
@@ -169,10 +192,23 @@ def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDA
 
 
 def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
-    """Return laspy's `LasData` (LAS 1.2) with the points ``offset + step * steps``, in metres.
+    """Create laspy's `LasData` (LAS 1.2) with points on a grid; all their attributes are 0.
 
-    `steps` (n, 3) are integers of at most 32 bits, `offset` (3,) is added to them, and
-    `point_format` is the number of LAS that says which attributes a point has. All are 0.
+    Parameters
+    ----------
+    steps
+        Positions of the points in grid steps, (n, 3), integers of at most 32 bits.
+    step
+        Length of a grid step, m.
+    offset
+        Position of the grid's origin, (3,), m.
+    point_format
+        Number of the LAS point format, which says which attributes a point has.
+
+    Returns
+    -------
+    LasData
+        Points at ``offset + step * steps``.
     """
     import laspy
 

@@ -1,4 +1,4 @@
-"""Sizes in the headers of LAS files, checked before a parser relies on them."""
+"""Checks of the sizes in the header of a LAS file, before a parser relies on them."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def _check_scaling(start: bytes) -> None:
 def _check_records(
     stream: BinaryIO, begin: int, count: int, end: int, layout: struct.Struct
 ) -> list[tuple[bytes, int]]:
-    """Return users and numbers of records; raise ValueError if they do not fit before `end`."""
+    """Return the user and number of each record; raise ValueError if a record ends after `end`."""
     if count * layout.size > max(0, end - begin):
         raise ValueError(f"{count} variable length records in {max(0, end - begin)} bytes")
     offset, names = begin, []

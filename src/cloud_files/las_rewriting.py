@@ -1,4 +1,4 @@
-"""Decoded points in place of those of a LAS file, whose header, records and attributes are kept."""
+"""Writing of changed points to a LAS file that otherwise keeps the content of another LAS file."""
 
 from __future__ import annotations
 
@@ -41,22 +41,24 @@ def rewrite_las(
     rows: NDArray[np.int64],
     metres_per_unit: float = 1.0,
 ) -> None:
-    """Write points with the header, the records and the attributes of another LAS or LAZ file.
+    """Write points to a LAS or LAZ file that otherwise keeps the content of another LAS file.
+
+    The header, the records and the attributes of points come from the file `source`.
 
     Parameters
     ----------
     path
-        The file to write: a LAZ file if its suffix is ``.laz``, else a LAS file.
+        The file to write: a LAZ file if the suffix is ``.laz``, otherwise a LAS file.
     source
-        The file whose header (version, point format, scale, offset), records and waveforms are
-        kept.
+        The LAS or LAZ file whose header (version, point format, scale, offset), records and
+        waveforms are kept.
     points
-        Coordinates (m, 3) in metres. They are written in the unit of `source`.
+        Coordinates (m, 3) in metres, which are converted to the unit of `source`.
     rows
-        For each point, (m,), the number of the point in `source` whose attributes it gets; -1 for
-        a point whose attributes are 0.
+        Number of the point in `source` from which each written point takes its attributes, (m,). It
+        is -1 for a point whose attributes are 0.
     metres_per_unit
-        Length of one unit of `source` in metres. If it is 1, the unit is that of the coordinate
+        Length of one unit of `source` in metres. If it is 1, the unit is taken from the coordinate
         reference system of `source`.
 
     Raises
@@ -106,7 +108,7 @@ def _check_compressed(las: Any, content: bytes, path: str | Path) -> None:
 
 
 def _place_waveforms(content: bytearray, record: bytes) -> None:
-    """Set the offset to the waveforms in a LAS file, after appending their `record` (LAS 1.3)."""
+    """Append the `record` of waveforms to a LAS 1.3 file, and set its offset in the header."""
     if content[_MINOR_AT] < 3:
         return
     offset = len(content) if record else 0
@@ -117,7 +119,7 @@ def _place_waveforms(content: bytearray, record: bytes) -> None:
 
 
 def _extended_waveforms(content: bytearray) -> int:
-    """Return the offset to the waveforms among a file's extended records, or 0 without any."""
+    """Return the offset of the waveforms among a file's extended records; 0 without any."""
     offset, records = _EXTENDED.unpack_from(content, _EXTENDED_AT)
     for _ in range(records):
         user, number, length = _RECORD.unpack_from(content, offset)
@@ -128,11 +130,14 @@ def _extended_waveforms(content: bytearray) -> int:
 
 
 def parse_las_file(path: Path) -> ParsedFile:
-    """Read a LAS or LAZ file as an uncompressed LAS file, and what laspy would lose of it.
+    """Read a LAS or LAZ file as an uncompressed LAS file, with what laspy would lose of it.
 
-    The columns of the result are arrays of bytes: ``bytes`` (the LAS file, without the records that
-    describe the chunks of a COPC file), ``date`` (of creation) and ``waveforms`` (their record in
-    LAS 1.3, often empty).
+    Returns
+    -------
+    ParsedFile
+        Three columns of bytes: ``bytes`` is the LAS file, without the records that describe the
+        chunks of a COPC file; ``date`` is the date of creation; ``waveforms`` is the record of
+        waveforms in LAS 1.3, often empty.
     """
     import laspy
 

@@ -21,7 +21,7 @@ _DOUBLES = 34736
 
 @dataclass(frozen=True)
 class Units:
-    """Units of coordinates.
+    """The units of a file's coordinates.
 
     Parameters
     ----------
@@ -43,10 +43,20 @@ class Units:
 
 
 def las_units(header: Any) -> Units:
-    """Return the units of the coordinates of a file, of which `header` is laspy's header.
+    """Return the units of the coordinates of a LAS file.
 
     As in GDAL, units in GeoTIFF keys take precedence over those of the coordinate reference system.
-    Raises `pyproj.exceptions.CRSError` if the system is not readable.
+    Raises `pyproj.exceptions.CRSError` if the system cannot be read.
+
+    Parameters
+    ----------
+    header
+        Header of the file, from laspy.
+
+    Returns
+    -------
+    Units
+        The units.
     """
     crs = header.parse_crs() or _crs_in_latin(header)
     units = Units() if crs is None else _units_of_crs(crs)
@@ -58,9 +68,12 @@ def las_units(header: Any) -> Units:
 
 
 def has_system(header: Any) -> bool:
-    """Return whether a file has a coordinate reference system, be it readable or not.
+    """Return whether a LAS file has a coordinate reference system, even one that cannot be read.
 
-    `header` is laspy's header of the file.
+    Parameters
+    ----------
+    header
+        Header of the file, from laspy.
     """
     contents = {record.record_id: record.record_data_bytes() for record in _system_records(header)}
     return len(contents.get(_KEYS_RECORD, b"")) > _KEYS_HEADER_BYTES or bool(
@@ -74,7 +87,7 @@ def _system_records(header: Any) -> list[Any]:
 
 
 def _crs_in_latin(header: Any) -> Any:
-    """Return the system of a text in another encoding than UTF-8, which laspy does not read."""
+    """Return a coordinate reference system whose text laspy cannot read, since it is not UTF-8."""
     import pyproj
     from laspy import VLR
 
@@ -135,6 +148,6 @@ def _metres(factor: float) -> float | None:
 
 
 def unit_name(metres: float) -> str:
-    """Return the name of the unit that is so many metres long, for messages."""
+    """Return the name, for messages, of the unit of length with the given length in metres."""
     names = {METRE: "metres", FOOT: "feet", US_SURVEY_FOOT: "US survey feet"}
     return names.get(metres, f"units of {metres:g} m")

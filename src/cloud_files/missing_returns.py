@@ -21,11 +21,18 @@ _MIN_RANGE_M = 0.2
 
 
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
-    """Return the mask (n,) of points that stand for laser firings without a return.
+    """Return a mask (n,) of the points that stand for laser firings without a return.
 
-    Such points have NaN coordinates, or lie at the origin. In an organised cloud (an image), all of
-    them count. In other clouds, points at the origin count only if they exceed one in a thousand
-    points, and twice the number of points at any other position.
+    Such points have NaN coordinates or lie at the origin. In a cloud that is not organised, points
+    at the origin count only if they are more than one in a thousand points, and more than twice the
+    number of points at any other position.
+
+    Parameters
+    ----------
+    xyz
+        Points, (n, 3).
+    is_organised
+        Whether the cloud is a range image, in which all such points count.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))
@@ -44,11 +51,18 @@ def _zeros_are_missing(xyz: Floats, zero: Mask) -> bool:
 
 
 def missing_firings(xyz: Floats, rings: NDArray[np.generic]) -> Mask:
-    """Return the mask (n,) of a frame's points that stand for laser firings without a return.
+    """Return a mask (n,) of the points of a frame that stand for laser firings without a return.
 
-    Data sets such as nuScenes store these points at range 0; motion compensation moves them by
-    decimetres, equally for all lasers of a firing. The mask contains points within 5 cm of a
-    position that three lasers (`rings`) share, or within 0.2 m of the sensor.
+    Data sets such as nuScenes store such points at range 0; motion compensation then moves them by
+    decimetres, equally for all lasers that fire together. The mask contains points within 5 cm of a
+    position that three lasers share, and points within 0.2 m of the sensor.
+
+    Parameters
+    ----------
+    xyz
+        Points, (n, 3), m.
+    rings
+        Laser of each point, (n,).
     """
     from scipy.spatial import KDTree
 

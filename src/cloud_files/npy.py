@@ -46,15 +46,23 @@ _log = logging.getLogger(__name__)
 
 
 def read_npy(path: Path) -> Columns:
-    """Read points from an array (.npy) or an archive of arrays (.npz); objects are not unpickled.
+    """Read points from a NumPy array (.npy) or an archive of arrays (.npz), without unpickling.
 
     The points of an .npy file are an array (n, 3 or more), an array with named fields, or a range
     image (rows, columns, 3 or more) of floating-point numbers, whose pixels are points. In an .npz
-    archive they are the array with a usual name (such as ``xyz``, ``points`` or ``vertices``) or
-    the arrays ``x``, ``y`` and ``z``; other arrays with a row for each point are attributes.
+    archive, the points are the array with a usual name (such as ``xyz``, ``points`` or
+    ``vertices``) or the arrays ``x``, ``y`` and ``z``; other arrays with one row for each point are
+    attributes. Arrays that are left out are named in a warning.
 
-    Returns columns (n,) or (n, values) by name. Raises InputError if the file is damaged, larger
-    than its limit, or has no array of points; warns of arrays that are left out.
+    Returns
+    -------
+    dict
+        Columns (n,) or (n, values per point) by name.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, larger than its limit, or has no array of points.
     """
     data = read_content(path)
     with naming(path):

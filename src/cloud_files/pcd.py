@@ -45,10 +45,15 @@ DATA binary
 
 
 def write_pcd(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a binary PCD file with a field for each column.
+    """Write a binary PCD file with one field for each column.
 
-    `columns` are arrays (n,) of numbers by name. x, y and z are written as float32, as programs
-    expect them; other columns keep their type.
+    Parameters
+    ----------
+    path
+        The file to write.
+    columns
+        Arrays (n,) of numbers by name. x, y and z are written as float32, as other programs expect;
+        other columns keep their type.
     """
     parts = {name: part.astype("<f4") if name in "xyz" else part for name, part in columns.items()}
     kinds = [part.dtype.newbyteorder("<") for part in parts.values()]
@@ -66,10 +71,17 @@ def write_pcd(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_pcd(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the fields of a PCD file: ascii, binary or compressed.
+    """Read the fields of an ascii, binary or compressed PCD file.
 
-    Returns arrays (n,), or (n, values per point) for fields of several values, by name. Raises
-    InputError if the file is damaged or has fewer points than its header says.
+    Returns
+    -------
+    dict
+        Arrays by name: (n,), or (n, values per point) for fields of several values.
+
+    Raises
+    ------
+    InputError
+        The file is damaged or has fewer points than its header says.
     """
     with naming(path):
         return parse_pcd(read_content(path), str(path))

@@ -42,9 +42,10 @@ class _Element:
 
 @dataclass(frozen=True)
 class _PlyHeader:
-    """A header of `size` bytes, and its `lines` without comments.
+    """Header of a PLY file.
 
-    ``is_plain`` says that plyfile can read the header, and ``is_text`` that the data are ASCII.
+    Its length is `size` bytes, and `lines` are its lines without comments. `is_plain` says that
+    plyfile can read the header, and `is_text` that the data are ASCII.
     """
 
     size: int
@@ -57,9 +58,18 @@ class _PlyHeader:
 def read_elements(path: Path) -> Any:
     """Read a PLY file of any kind, text or binary, which may be compressed.
 
-    Returns plyfile's `PlyData`: elements by name (``elements["vertex"].data``), each with rows of
-    its properties. Raises InputError if the file is damaged, or too short for what its header
-    announces; warns of data after the last element.
+    Data after the last element are ignored with a warning.
+
+    Returns
+    -------
+    PlyData
+        The elements, as plyfile returns them: ``elements["vertex"].data`` has one row for each
+        vertex with its properties.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or shorter than its header says.
     """
     head = read_content(path, _MAX_HEADER_BYTES)
     header = _header(head, path)
@@ -160,7 +170,7 @@ def _warn_of_lines(header: _PlyHeader, body: bytes, path: Path) -> None:
 
 
 def has_faces(path: Path) -> bool:
-    """Return whether a file is a PLY file with faces, thus a mesh, by its header."""
+    """Return whether a file is a PLY file that has faces and is thus a mesh."""
     try:
         elements = _header(read_content(path, _MAX_HEADER_BYTES), path).elements
     except InputError:
@@ -169,10 +179,19 @@ def has_faces(path: Path) -> bool:
 
 
 def read_ply(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the vertices of a PLY file: arrays (n,) by the names of their properties.
+    """Read the vertices of a PLY file.
 
-    Properties that are lists are left out, with a warning. Raises InputError if the file is damaged
-    or has no vertices.
+    Properties that are lists are left out, with a warning.
+
+    Returns
+    -------
+    dict
+        One array (n,) for each property, by the name of the property.
+
+    Raises
+    ------
+    InputError
+        The file is damaged or has no vertices.
     """
     elements = read_elements(path)
     if "vertex" not in elements:
@@ -186,17 +205,23 @@ def read_ply(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def write_ply(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a binary PLY file of vertices, with a property for each column.
+    """Write a binary PLY file of vertices, with one property for each column.
 
-    `columns` are arrays (n,) by name, of a type that PLY has: integers and floating-point numbers
-    of at most 32 bits, and float64. The file appears only when it is complete.
+    The file appears only when it is complete.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    columns
+        Arrays (n,) by name: integers and floating-point numbers of at most 32 bits, and float64.
     """
     with written_whole(path) as temporary:
         write_vertices(temporary, columns)
 
 
 def write_vertices(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a PLY file as `write_ply` does, but directly to `path`."""
+    """Write a PLY file of vertices as `write_ply` does, but directly to `path`."""
     from plyfile import PlyData, PlyElement
 
     kinds = [(name, part.dtype) for name, part in columns.items()]

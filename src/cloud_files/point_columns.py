@@ -1,4 +1,4 @@
-"""Columns of files as clouds: which are coordinates, normals, colours, labels or other fields."""
+"""Interpretation of a file's columns: coordinates, normals, colours, labels and other fields."""
 
 from __future__ import annotations
 
@@ -88,17 +88,27 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> UncheckedCloud:
 
 
 def colours_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[Any] | None:
-    """Return the colours of a file's columns, (n, 3) in their own type, or None without colours."""
+    """Return the colours among a file's columns, (n, 3) in the file's type; None without any."""
     return _pop_triple({name: _native(values) for name, values in columns.items()}, _COLOURS)
 
 
 def default_columns(rows: NDArray[Any]) -> Columns:
-    """Name the columns of an array (n, 3 or more) that has no names for them.
+    """Name the columns of an array that has no names for them, by their number and values.
 
-    The first three are x, y and z. Of four columns, the last is the intensity. Of six, the last
-    three are colours if they are integers from 0 to 255, or normals if they are unit vectors. Of
-    seven, the last four are intensity and colours, in either order. Other columns are named by
-    their number: ``column_4``. Returns the columns (n,) by name.
+    The first three columns are x, y and z. Of four columns, the last is the intensity. Of six
+    columns, the last three are colours if they are integers from 0 to 255, or normals if they are
+    unit vectors. Of seven columns, the last four are intensity and colours, in either order. Other
+    columns are named by their number, such as ``column_4``.
+
+    Parameters
+    ----------
+    rows
+        The array, (n, 3 or more).
+
+    Returns
+    -------
+    dict
+        Columns (n,) by name.
     """
     names = ["x", "y", "z"]
     colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
@@ -121,7 +131,8 @@ def decoded(name: bytes) -> str:
     """Return the name of a field as text.
 
     A name that is not valid UTF-8 is decoded as Windows-1252, the usual encoding of Windows in
-    Western Europe; bytes that are invalid there, too, become U+FFFD (the replacement character).
+    Western Europe. Bytes that are invalid in this encoding, too, become U+FFFD (the replacement
+    character).
     """
     try:
         return name.decode()
@@ -140,11 +151,22 @@ def ascii_name(name: str) -> str:
 
 
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
-    """Convert the fields of a cloud, arrays (n,) by name, to columns that a PLY file can hold.
+    """Convert the fields of a cloud to columns that a PLY file can hold, without loss.
 
-    Nothing is lost: integers of 64 bits get the smallest type that holds them, or are split into
-    two columns (``NAME_high`` and ``NAME_low``). Names keep their letters, digits and underscores;
-    those that would be taken, or mean something else in PLY, end with further underscores.
+    Integers of 64 bits get the smallest type that holds them, or are split into two columns
+    (``NAME_high`` and ``NAME_low``). Other characters than letters, digits and underscores are
+    replaced in names; underscores are appended to names that are already taken or have another
+    meaning in PLY.
+
+    Parameters
+    ----------
+    fields
+        Arrays (n,) by name.
+
+    Returns
+    -------
+    dict
+        Columns (n,) by name.
     """
     columns: Columns = {}
     for field, values in fields.items():
@@ -205,10 +227,18 @@ def has_coordinates(names: Iterable[str]) -> bool:
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
-    """Return the step between two coordinates in single precision, if it is coarse for the cloud.
+    """Return the resolution of single-precision coordinates, if it is coarse for the cloud.
 
-    None means that the coordinates have double precision, or that the step is no more than 1e-5 of
-    the extent of the cloud. `columns` are arrays by name.
+    Parameters
+    ----------
+    columns
+        Columns of the file by name.
+
+    Returns
+    -------
+    float or None
+        Step between neighbouring single-precision numbers at the cloud. None means that the
+        coordinates have double precision, or that the step is at most 1e-5 of the cloud's extent.
     """
     parts = [columns[name] for name in _first_triple(columns, _XYZ)]
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
@@ -252,7 +282,7 @@ def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    """Return colours in 8 bits, and whether they hold all of `colours`."""
+    """Return colours in 8 bits, and whether the conversion was lossless."""
     values = np.nan_to_num(colours) if colours.dtype.kind == "f" else colours
     low, high = values.min(initial=0), values.max(initial=0)
     if high > _MAX_COLOUR:

@@ -1,7 +1,7 @@
-"""Poses of a moving sensor, in files of two kinds.
+"""Reading and writing of the poses of a moving sensor, in the file formats of TUM and KITTI.
 
-A line of TUM's kind is a time, a position and a quaternion (t x y z qx qy qz qw); one of KITTI's
-kind is the first three rows of a 4x4 matrix.
+A line of a TUM file is a time, a position and a quaternion (t x y z qx qy qz qw). A line of a KITTI
+file is the first three rows of a 4x4 matrix.
 """
 
 from __future__ import annotations
@@ -19,21 +19,28 @@ _NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
 
 
 def read_poses(path: str | Path) -> tuple[Floats | None, Floats]:
-    """Read the poses of a sensor from a file of TUM's or KITTI's kind.
+    """Read the poses of a sensor from a file in TUM's or KITTI's format.
 
-    Returns the times (n,) in seconds, or None for KITTI's kind, which has none, and the matrices
-    (n, 4, 4) that transform from the sensor's frame, in metres, to that of the world. Raises
-    InputError if a line is not a pose, or the times do not increase.
+    Returns
+    -------
+    tuple
+        The times (n,) in seconds, or None for KITTI's format, which has no times; and the matrices
+        (n, 4, 4) that transform from sensor to world coordinates, in metres.
+
+    Raises
+    ------
+    InputError
+        A line is not a pose, or the times do not increase.
     """
     with naming(path):
         return poses_of(read_bytes(Path(path)))
 
 
 def files_of_poses(path: str | Path) -> list[Path]:
-    """Return the files that `read_lidar_poses` reads for a file of poses.
+    """Return the files from which `read_lidar_poses` reads: the file of poses and its calibration.
 
-    They are the file itself and, if there is one, the ``calib.txt`` that belongs to it: beside it,
-    or where KITTI has it, ``sequences/00/calib.txt`` for ``poses/00.txt``.
+    The calibration is a ``calib.txt`` beside the file or, as in KITTI, ``sequences/00/calib.txt``
+    for ``poses/00.txt``. If there is none, only the file itself is returned.
     """
     path = Path(path)
     places = (path.parent, path.parent.parent / "sequences" / path.stem)
@@ -42,15 +49,22 @@ def files_of_poses(path: str | Path) -> list[Path]:
 
 
 def read_lidar_poses(path: str | Path) -> Floats:
-    """Read the poses of a LiDAR from a file of TUM's or KITTI's kind.
+    """Read the poses of a LiDAR from a file in TUM's or KITTI's format.
 
-    KITTI's poses are those of a camera, whose z axis points forward. They are converted to the
-    LiDAR's by the ``calib.txt`` that belongs to them (`files_of_poses`); without it, they are taken
-    as the LiDAR's.
+    KITTI's poses are those of a camera, whose z axis points forward. The ``calib.txt`` that belongs
+    to them (`files_of_poses`) is used to convert them to poses of the LiDAR. Without this file, the
+    poses are taken to be those of the LiDAR.
 
-    Returns the matrices (n, 4, 4) that transform from the LiDAR's frame, in metres, to a fixed one.
-    Raises InputError as `read_poses` does, and if the poses move along z, as a
-    camera's do, without a calib.txt.
+    Returns
+    -------
+    array
+        Matrices (n, 4, 4) that transform from LiDAR coordinates to fixed coordinates, in metres.
+
+    Raises
+    ------
+    InputError
+        A line is not a pose, the times do not increase, or there is no ``calib.txt`` although the
+        poses move along z, as those of a camera do.
     """
     times, poses = read_poses(path)
     if times is not None:
@@ -92,10 +106,14 @@ def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
 
 
 def tum_bytes(times: Floats, poses: Floats) -> bytes:
-    """Return poses as the content of a file of TUM's kind.
+    """Return the content of a file with the given poses in TUM's format.
 
-    `times` (n,) are in seconds, and `poses` (n, 4, 4) transform from the sensor's frame, in metres,
-    to that of the world.
+    Parameters
+    ----------
+    times
+        Times, (n,), s.
+    poses
+        Matrices (n, 4, 4) that transform from sensor to world coordinates, in metres.
     """
     from scipy.spatial.transform import Rotation
 

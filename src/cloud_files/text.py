@@ -55,7 +55,10 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _TextHeader:
-    """Lines before the points, whether one of them counts the points (PTS), and the first point."""
+    """The lines of a text file before its points, and the line of the first point.
+
+    `has_count` says that one of these lines is the number of points, as in PTS files.
+    """
 
     titles: Sequence[str]
     comments: Sequence[str]
@@ -64,14 +67,22 @@ class _TextHeader:
 
 
 def read_text(path: Path) -> Columns:
-    """Read the numeric columns of a text file with a point in each line.
+    """Read the numeric columns of a text file that has one point in each line.
 
-    Values are separated by commas, semicolons, tabs or blanks, and may have a decimal comma. Names
-    of the columns are those of a line or comment before the points; without one, columns are named
-    by their number and range (`cloud_files.point_columns.default_columns`).
+    Values are separated by commas, semicolons, tabs or blanks, and may have a decimal comma. The
+    names of the columns come from a line or comment before the points. Without it, columns are
+    named by their number and values (`cloud_files.point_columns.default_columns`). Columns without
+    numbers are left out, with a warning.
 
-    Returns arrays (n,) by name. Raises InputError if the file is not a table of numbers, or if it
-    could be read in more than one way; warns of columns without numbers, which are left out.
+    Returns
+    -------
+    dict
+        Arrays (n,) by name.
+
+    Raises
+    ------
+    InputError
+        The file is not a table of numbers, or it could be read in more than one way.
     """
     data = read_content(path)
     with naming(path):
@@ -79,14 +90,19 @@ def read_text(path: Path) -> Columns:
 
 
 def read_csv(path: Path) -> Columns:
-    """Read a text file as `read_text` does, with the names of columns in lowercase."""
+    """Read a text file as `read_text` does, but return the names of columns in lowercase."""
     return {name.lower(): values for name, values in read_text(path).items()}
 
 
 def write_csv(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a CSV file: a line of names, then a line for each point.
+    """Write a CSV file: a line of names, and then one line for each point.
 
-    `columns` are arrays (n,) by name. Numbers have as few digits as give the same value back.
+    Parameters
+    ----------
+    path
+        The file to write.
+    columns
+        Arrays (n,) by name. Numbers are written with as few digits as give back the same value.
     """
     import pyarrow as pa
     from pyarrow import csv
@@ -141,7 +157,7 @@ def _real(line: str) -> str:
 
 
 def _check_titles(titles: Sequence[str], separator: str, path: Path) -> None:
-    """Raise InputError for titles that are nearly points; warn of units that are not metres."""
+    """Raise InputError if titles look like a point; warn if they name units other than metres."""
     places: list[int] = []
     for line in titles:
         fields = _split(line, separator)

@@ -30,7 +30,7 @@ _SEMICOLONS = "commas separate its numbers and their decimals; separate by semic
 
 
 def _uneven_commas() -> re.Pattern[bytes]:
-    """Three fields that commas and blanks separate, one of which is two numbers and a comma."""
+    """Return a pattern of three fields, one of which is two numbers with a comma between."""
     pair, field, apart = rb"[-+]?\d+,\d+", rb"[-+]?\d+(?:,\d+)?", rb",[ \t]+"
     orders = [[pair, field, field], [field, pair, field], [field, field, pair]]
     lines = b"|".join(apart.join(order) for order in orders)
@@ -41,7 +41,7 @@ _UNEVEN_COMMAS = _uneven_commas()
 
 
 def have_decimal_commas(words: Sequence[str]) -> bool:
-    """Return whether the words of a line, which blanks separate, have decimal commas."""
+    """Return whether the words of a line, which are separated by blanks, have decimal commas."""
     commas = [word.strip("\"'") for word in words if "," in word]
     return len(words) >= MIN_NUMBERS and bool(commas) and all(map(_COMMA.fullmatch, commas))
 
@@ -55,8 +55,13 @@ def check_comma_separated(lines: bytes) -> None:
 def check_six_numbers(columns: Iterable[tuple[float, float]]) -> None:
     """Raise InputError if six columns of integers may be three columns with decimal commas.
 
-    `columns` yields the least and the greatest number of each column. Six columns are refused if
-    every second one, which would contain the decimals, contains only the numbers 0 to 9.
+    They are refused if every second column, which would hold the decimals, has only the numbers 0
+    to 9.
+
+    Parameters
+    ----------
+    columns
+        Least and greatest number of each column.
     """
     ranges = list(columns)
     if len(ranges) == 2 * MIN_NUMBERS and all(0 <= low <= high <= 9 for low, high in ranges[1::2]):
@@ -64,9 +69,14 @@ def check_six_numbers(columns: Iterable[tuple[float, float]]) -> None:
 
 
 def with_e_exponents(lines: bytes, first: str) -> bytes:
-    """Return lines of points with the letter e in place of d in the exponents of Fortran (1.0D+00).
+    """Return lines of points with Fortran's exponents (1.0D+00) changed to those with an e.
 
-    `first` is the line of the first point; if it has no such exponents, the lines are unchanged.
+    Parameters
+    ----------
+    lines
+        Lines of points.
+    first
+        Line of the first point. If it has no such exponent, `lines` are returned unchanged.
     """
     if not _FORTRAN_FIELD.search(first.encode("latin-1")):
         return lines
@@ -74,17 +84,18 @@ def with_e_exponents(lines: bytes, first: str) -> bytes:
 
 
 def decimal_sign(lines: bytes, separator: str, path: Path) -> str:
-    """Return the sign before decimals, a comma or a point.
+    """Return the sign that precedes decimals in lines of points: a comma or a point.
 
     Parameters
     ----------
     lines
         Lines of points.
     separator
-        Sign between their fields. If it is a comma, only numbers in quotes have a decimal comma.
+        Sign between the fields of a line. If it is a comma, only numbers in quotes can have decimal
+        commas.
     path
-        The file, for a warning that commas are read as decimal commas, though each could separate
-        thousands. In fields with quotes, such commas raise InputError.
+        The file that messages name. If commas could also separate thousands, they are taken as
+        decimal commas with a warning; in fields with quotes, they raise InputError.
     """
     needed = b'"' if separator == "," else b","
     first = next(_with_commas(lines, separator), None) if needed in lines else None
@@ -100,7 +111,7 @@ def decimal_sign(lines: bytes, separator: str, path: Path) -> str:
 
 
 def _with_commas(lines: bytes, separator: str) -> Iterator[re.Match[bytes]]:
-    """Find fields with one comma; between commas, they must have quotes (the first group)."""
+    """Yield the fields with one comma; if commas separate fields, only those in quotes."""
     quote = rb'"' if separator == "," else rb'"?'
     edge = rb"[ \t]" if separator in " \t" else re.escape(separator.encode())
     number = rb"([-+]?\d*,\d+(?:[eE][-+]?\d+)?)"
@@ -109,9 +120,10 @@ def _with_commas(lines: bytes, separator: str) -> Iterator[re.Match[bytes]]:
 
 
 def fault_of_number(text: str, decimal: str) -> str:
-    """Return the end of a message on a text that is nearly a number: what is wrong, or nothing.
+    """Return the end of an error message that says why a text is not quite a number.
 
-    `decimal` is the sign before the decimals of the other numbers.
+    It is empty if nothing particular is wrong. `decimal` is the sign before the decimals of the
+    other numbers.
     """
     if (_POINTED if decimal == "," else _COMMA).fullmatch(text):
         return ", but other decimals follow " + ("commas" if decimal == "," else "points")

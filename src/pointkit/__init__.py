@@ -1,9 +1,9 @@
-"""What packages for point clouds share: clouds and meshes, the returns of sensors, compiled loops.
+"""Shared foundations of the point-cloud packages: clouds, meshes, sensors, files and compilation.
 
-The names here are the most used ones. `pointkit.coding` has entropy coders, `pointkit.geometry`
-searches, planes and Morton order, `pointkit.files` files that are written whole.
-`pointkit.compiling` is the one place that uses Numba. Invalid input and damaged streams raise
-`InputError`.
+The names here are those that are used most. `pointkit.geometry` has searches, planes and Morton
+order, `pointkit.lidar` has the returns of spinning sensors, `pointkit.coding` has entropy coders,
+and `pointkit.files` writes files either whole or not at all. Only `pointkit.compiling` uses Numba.
+Invalid input and damaged streams raise `InputError`.
 """
 
 from typing import TYPE_CHECKING

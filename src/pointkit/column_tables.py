@@ -1,7 +1,8 @@
-"""Tables of named columns with units, such as LiDAR returns, in Parquet files.
+"""Tables of named columns with units, such as returns of a LiDAR, and their Parquet files.
 
-A subclass of `ColumnTable` declares its columns in a `TableSchema`: `ReturnTable` (a row for each
-return), `FiringTable` (a row for each firing of a laser), the table of a virtual scan.
+A subclass of `ColumnTable` declares its columns in a `TableSchema`. Examples are `ReturnTable` (one
+row for each return), `FiringTable` (one row for each firing of a laser), and the table of a virtual
+scan.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ ColumnSpecs = dict[str, tuple[str, str, str]]
 
 @dataclass(frozen=True)
 class TableSchema:
-    """What the files of one kind of table have in common.
+    """What all tables of one kind, and their files, have in common.
 
     Parameters
     ----------
     name
         Noun for the table in error messages.
     metadata_key
-        Key, in the metadata of a Parquet file, of the table's description as JSON; it tells the
-        kind of table.
+        Key under which a Parquet file of this kind stores the table's description as JSON. The key
+        also identifies the kind of table.
     columns
         Type, unit and description of each column.
     """
@@ -48,9 +49,10 @@ class TableSchema:
 
 @dataclass(frozen=True)
 class ColumnTable:
-    """Columns (n,) by name, and a description; subclasses have a `schema`, and a column distance.
+    """Base class of tables of named columns of n rows, with a description.
 
-    ``table["distance"]`` is a column; ``len(table)`` is the number of rows.
+    ``table["distance"]`` returns a column, and ``len(table)`` the number of rows. Each subclass has
+    a `schema`, and its columns include one named ``distance``.
 
     Parameters
     ----------
@@ -97,10 +99,17 @@ def write_column_table(path: Path, table: ColumnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
-    """Write tables of one kind as one Parquet file, and return its number of rows.
+    """Write several tables of one kind to one Parquet file, and return the file's number of rows.
 
-    Each table becomes a row group and is released before the next one is taken, so that memory
-    holds one table at a time. The file gets the first table's description.
+    Only one table is in memory at a time: each one is written as a row group before the next is
+    taken.
+
+    Parameters
+    ----------
+    path
+        The Parquet file.
+    portions
+        The tables, in the order of the file. The file gets the description of the first one.
     """
     from pyarrow import parquet
 
@@ -121,13 +130,20 @@ def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
 
 
 def read_column_table(path: Path, kind: type[T]) -> T:
-    """Read a Parquet file as a table of the class `kind`.
+    """Read a Parquet file as a table of the given class.
+
+    Parameters
+    ----------
+    path
+        The file.
+    kind
+        Class of the result, such as `ReturnTable`.
 
     Raises
     ------
     InputError
-        The file is missing, no Parquet file, or too large when decoded; it lacks a column of
-        `kind`, or a column's values do not fit the column's type.
+        The file is missing, not a Parquet file, or too large after decoding; or it lacks a column
+        of `kind`, or values do not fit the type of their column.
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -196,7 +212,7 @@ def _exactly(what: str, values: NDArray[Any], form: np.dtype[Any]) -> NDArray[An
 
 
 def is_table_of(path: Path, kind: type[ColumnTable]) -> bool:
-    """Return whether a file is a Parquet table of this kind, by its metadata."""
+    """Return whether a file's metadata say that it is a Parquet file of a table of this kind."""
     return kind.schema.metadata_key.encode() in parquet_metadata(path)
 
 

@@ -47,7 +47,7 @@ _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
 
 
 class SourcesLocator(InTreeCacheLocator):
-    """Tells numba the folder in which a compiled function is cached."""
+    """Gives numba a cache folder for each function that depends on the function's source files."""
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
         super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
@@ -56,19 +56,19 @@ class SourcesLocator(InTreeCacheLocator):
         self._folder = loops_folder(file.parent) / place
 
     def get_cache_path(self) -> str:
-        """Return the cache folder of the sources as they are."""
+        """Return the cache folder for the present content of the source files."""
         return str(self._folder)
 
 
 class CompilingNotice(Listener):
-    """Prints once, on standard error, that compiling takes long, if it does."""
+    """Prints one notice on standard error if compilation takes long."""
 
     def __init__(self) -> None:
         self._depth, self._seconds, self._began = 0, 0.0, 0.0
         self.is_printed = False
 
     def on_start(self, event: Event) -> None:
-        """Begin to count seconds, and print the notice if there are many."""
+        """Start the timer, and print the notice if compilation has already taken long."""
         now = time.monotonic()
         self._began = self._began if self._depth else now
         self._depth += 1
@@ -78,7 +78,7 @@ class CompilingNotice(Listener):
             print(_COMPILING, file=sys.stderr, flush=True)  # noqa: T201
 
     def on_end(self, event: Event) -> None:
-        """Add the seconds of a compilation."""
+        """Add the duration of a finished compilation."""
         self._depth -= 1
         if not self._depth:
             self._seconds += time.monotonic() - self._began
@@ -90,45 +90,49 @@ _register("numba:compile", NOTICE)
 
 
 def compiled(function: Function, **options: Any) -> Function:
-    """Compile a function with Numba on its first call; later processes load the machine code from a
-    cache.
+    """Compile a function with Numba on its first call, or load its machine code from a cache.
 
-    The cache is used only while no source file of the function's package, or of pointkit, has
-    changed. Arithmetic is strict IEEE 754, and compiled code releases Python's global interpreter
-    lock.
+    This is a decorator. The cache is used only while no source file of the function's package, or
+    of pointkit, has changed. Arithmetic is strict IEEE 754, and compiled code releases Python's
+    global interpreter lock.
 
     Parameters
     ----------
     function
-        Function to compile; this is also a decorator without arguments.
+        Function to compile.
     **options
         Options of ``numba.njit``.
+
+    Returns
+    -------
+    callable
+        The compiled function.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
     return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:
-    """Compile a function that neither makes arrays nor calls functions that do.
+    """Compile a function that creates no arrays and calls no functions that do.
 
-    It runs without reference counting, which costs small functions more time than their work.
+    The compiled function does not count references, which would cost small functions more time than
+    their work.
     """
     return compiled(function, **IN_PLACE, **options)
 
 
 def inlined(function: Function) -> Function:
-    """Return a function that becomes part of the compiled functions that call it; Python cannot
-    call it.
+    """Compile a function only as a part of compiled functions that call it.
 
-    It must create no arrays.
+    Python cannot call the function. It must create no arrays.
     """
     return compiled(function, **INLINED)
 
 
 def inlined_too(function: Function) -> Function:
-    """Compile a function that Python calls, and that also becomes part of its compiled callers.
+    """Compile a function that Python can call and that also becomes part of compiled callers.
 
-    It must create no arrays.
+    The function must create no arrays.
     """
     return compiled_in_place(function, forceinline=True)
 
@@ -140,7 +144,7 @@ def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
 
 
 def state_of(file: Path) -> str:
-    """Return a digest of the sources that a file's compiled functions may contain."""
+    """Return a digest of all source files that the compiled functions of a file may depend on."""
     folders = [package_folder(file), Path(__file__).parent]
     digest = hashlib.sha256(b"".join(map(sources_digest, folders)))
     return f"numba-{digest.hexdigest()[:12]}"

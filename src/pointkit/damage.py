@@ -20,14 +20,14 @@ _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
 
 @contextmanager
 def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
-    """Convert exceptions that are raised in the `with` block to InputError.
+    """Convert exceptions of a parser, raised inside the `with` block, to InputError.
 
     Parameters
     ----------
     kind
-        What is read, for the message ("LAS file").
+        What is being read, for the message (such as "LAS file").
     *errors
-        Classes of the exceptions. Others are raised as they are.
+        Exception classes to convert. Other exceptions pass unchanged.
     """
     try:
         yield
@@ -36,9 +36,10 @@ def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
 
 
 def one_line(error: Exception) -> str:
-    """Return the message of an exception as one line, cut after 120 characters.
+    """Return the message of an exception as one line of limited length.
 
-    Where the message says nothing without it, the name of the exception's class precedes it.
+    The message is cut after 120 characters. The name of the exception's class precedes it if the
+    message is unclear without the name.
     """
     text = " ".join(str(error).split())[:_MAX_LENGTH]
     return f"{type(error).__name__}: {text}" if isinstance(error, _NEEDS_NAME) or not text else text

@@ -16,16 +16,16 @@ NARROWER = ": crop it, or take a coarser rate"
 class InputError(Exception):
     """Raised if a file, stream, name or value from the user cannot be used.
 
-    The message is one line that names the file or key and the fault. The command line and workflow
-    print it, and exit with status 2.
+    The message is one line that names the file or key and says what is wrong. The command line and
+    the workflow print it and exit with status 2.
     """
 
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
-    """Name `what` in an InputError raised inside the `with` block.
+    """Prefix the message of an InputError that is raised inside the `with` block with `what`.
 
-    A plug-in that ends the process (`sys.exit`) raises an InputError, too.
+    If code in the block tries to end the process (`sys.exit`), this raises an InputError instead.
     """
     try:
         yield
@@ -51,9 +51,9 @@ def noting(note: str) -> Iterator[None]:
 
 
 def error_text(error: BaseException) -> str:
-    """Return one line with an exception's notes, class and message, and where it was raised.
+    """Return one line with an exception's notes, class, message, and the line that raised it.
 
-    This is the last line that is neither of Python nor of an installed package, if there is one.
+    If possible, this is a line of neither Python's own code nor an installed package.
     """
     notes = ", ".join(getattr(error, "__notes__", ()))
     message = " ".join(str(error).split())
@@ -73,9 +73,14 @@ def _is_installed(file: str) -> bool:
 
 
 def among(name: str, names: Iterable[str]) -> str:
-    """Return the end of an error message about the unknown `name`.
+    """Return the end of an error message about an unknown name.
 
-    The text lists the valid names, and suggests a similar one.
+    Parameters
+    ----------
+    name
+        The unknown name.
+    names
+        The valid names, which the text lists. It also suggests a similar one, if there is any.
     """
     names = list(names)
     return f" (known: {', '.join(names)}){closest(name, names)}"

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, JSON, and errors that name the file."""
+"""Writing of files that appear whole or not at all, and reading with errors that name the file."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ _MOST_LEVELS = 100
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path, which is renamed to `path` if the `with` block succeeds.
+    """Write a file so that it appears only when it is complete.
 
-    No reader sees a half-written file, and after an exception there is none. If several processes
-    write one path, the last one wins. Missing folders are made. The temporary name keeps the
-    suffix, by which some writers choose the format.
+    The context manager yields a temporary path to write to. The temporary file is renamed to `path`
+    if the `with` block succeeds, and removed after an exception. If several processes write the
+    same path, the last one wins. Missing folders are created. The temporary name has the same
+    suffix, since some writers choose the format by it.
 
     Raises
     ------
@@ -77,7 +78,10 @@ def _is_of(error: OSError, *paths: Path) -> bool:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove the temporary files of interrupted writers below a folder; return their number."""
+    """Remove temporary files of interrupted writers from a folder and its subfolders.
+
+    Returns the number of removed files.
+    """
     hidden = [
         Path(place, name)
         for place, _, names in os.walk(folder)
@@ -102,7 +106,7 @@ def _is_leftover(path: Path) -> bool:
 
 
 def text_end(path: Path, most_bytes: int) -> str:
-    """Read the end of a text file, at most `most_bytes`, without trailing white space."""
+    """Return the end of a text file, at most `most_bytes`, without trailing white space."""
     with path.open("rb") as stream:
         stream.seek(0, os.SEEK_END)
         stream.seek(max(0, stream.tell() - most_bytes))
@@ -131,7 +135,7 @@ def read_json(path: Path) -> Any:
 
 
 def json_of(data: bytes, what: str) -> Any:
-    """Parse JSON; raise the errors of `read_json`, whose messages begin with `what`."""
+    """Parse JSON as `read_json` does; messages of errors begin with `what`."""
     try:
         value = json.loads(data, object_pairs_hook=unique_keys)
         deep = _is_deep(value)
@@ -155,12 +159,15 @@ def _is_deep(value: Any) -> bool:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Read a JSON object from a file; raise the errors of `read_json`."""
+    """Read a JSON object from a file as a dictionary; raise InputError as `read_json` does."""
     return object_of(read_bytes(path), str(path))
 
 
 def object_of(data: bytes, what: str) -> dict[str, Any]:
-    """Parse a JSON object; raise InputError, which begins with `what`, if it is anything else."""
+    """Parse a JSON object to a dictionary; raise InputError for other data.
+
+    Messages of errors begin with `what`.
+    """
     value = json_of(data, what)
     if not isinstance(value, dict):
         raise InputError(f"{what}: not a JSON object")
@@ -178,7 +185,7 @@ def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file; raise InputError if that fails."""
+    """Return the content of a file; raise InputError if it cannot be read."""
     try:
         with open_file(path) as stream:
             data = stream.read()
@@ -189,7 +196,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Open a file to read; raise InputError if that fails, or the path is a pipe or device."""
+    """Open a file for reading; raise InputError if that fails or the path is a pipe or device."""
     refuse_special(path)
     try:
         return path.open("rb")
@@ -198,7 +205,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def refuse_special(path: Path) -> None:
-    """Raise InputError if the path is a pipe, socket or device, whose reader may wait for ever."""
+    """Raise InputError for a pipe, socket or device, since reading it may never end."""
     if kind := special_kind(path):
         raise InputError(f"{path}: {kind}, not a file")
 
@@ -213,7 +220,7 @@ def special_kind(path: Path) -> str | None:
 
 
 def refuse_pointer(path: Path, data: bytes) -> None:
-    """Raise InputError if a file is not the data, but Git-LFS's pointer to them."""
+    """Raise InputError if a file's content is only a pointer of Git LFS to the real file."""
     if data.startswith(_POINTER):
         raise InputError(f"{path}: a Git-LFS pointer, not the file itself: git lfs pull")
 
@@ -234,7 +241,7 @@ def unwritable(path: Path, error: OSError) -> InputError:
 
 @contextmanager
 def refusing_paths() -> Iterator[None]:
-    """Raise InputError for an OSError that names a file, such as a name that is too long."""
+    """Convert an OSError that names a file, such as a too long name, to InputError."""
     try:
         yield
     except OSError as error:
@@ -244,5 +251,5 @@ def refusing_paths() -> Iterator[None]:
 
 
 def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file as hexadecimal digits; raise InputError if unreadable."""
+    """Return the SHA-256 of a file in hexadecimal; raise InputError if it cannot be read."""
     return hashlib.sha256(read_bytes(path)).hexdigest()

@@ -1,8 +1,8 @@
-"""A worker process, with limits on memory and time, for parsers of files that other packages have.
+"""A worker process, limited in memory and time, that runs parsers of other packages.
 
-Some of them end their process, or take all memory, when a file is damaged. The worker is started
-for the first file and replaced after a crash or when the time is over; it sends arrays and JSON
-back, never pickled objects. On macOS only the time is limited.
+Some of these parsers end their process, or take all memory, when a file is damaged. The worker is
+started for the first file, and is replaced after a crash or when its time is over. It sends back
+arrays and JSON, never pickled objects. On macOS, only the time is limited.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Columns = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class ParsedFile:
-    """What a parser returns.
+    """Result of a parser that runs in the worker process.
 
     Parameters
     ----------
@@ -116,7 +116,13 @@ def parse_isolated(
 
 
 def parser_limits(size: int) -> tuple[int, int]:
-    """Return the limits for a file of `size` bytes: memory in bytes, processor time in seconds."""
+    """Return how much a parser may use for a file: memory in bytes, and processor time in seconds.
+
+    Parameters
+    ----------
+    size
+        Size of the file in bytes.
+    """
     seconds = MIN_SECONDS + SECONDS_PER_MB * (size // 10**6)
     return max(MIN_BYTES, BYTES_PER_BYTE * size), seconds
 
@@ -222,7 +228,7 @@ def _receive_array(stream: BufferedReader, kind: str, shape: list[int]) -> NDArr
 
 
 def serve() -> None:
-    """Answer the requests on standard input until it ends; run by the worker process."""
+    """Run the worker process: answer requests from standard input until it ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # parsers may print
     warnings = _WarningRecorder()

@@ -1,4 +1,4 @@
-"""Packages that import a module of theirs when one of its names is used first."""
+"""Packages whose names are imported from their modules only on first use."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ PublicNames = tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]
 
 
 def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
-    """Make names of a package's modules available in the package, each imported on first use.
+    """Return what a package's ``__init__`` needs to import its names only on first use.
 
     Parameters
     ----------
     package
         The package's ``__name__``.
     **modules
-        Names to make available, by module. No name may equal a module's.
+        Names to make available, as a tuple for each module. No name may equal that of a module.
 
     Returns
     -------
@@ -47,6 +47,6 @@ def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
 
 
 def imported(place: str) -> Any:
-    """Import and return the object at ``module:Name``, such as a reader that few files need."""
+    """Import and return the object at ``module:Name``; used for modules that are rarely needed."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

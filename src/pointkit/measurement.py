@@ -1,4 +1,4 @@
-"""Time and peak memory of function calls."""
+"""Measurement of the time and the peak memory of function calls."""
 
 from __future__ import annotations
 
@@ -17,13 +17,21 @@ T = TypeVar("T")
 
 
 class Cost(NamedTuple):
-    """Seconds and peak memory (MiB) of a call."""
+    """Time and memory of a function call.
+
+    Parameters
+    ----------
+    seconds
+        Duration, s.
+    peak_mib
+        Peak memory, MiB.
+    """
 
     seconds: float
     peak_mib: float
 
     def plus(self, other: Cost) -> Cost:
-        """Return the cost of both calls, one after the other."""
+        """Return the cost of two successive calls: total time, and the larger peak memory."""
         return Cost(self.seconds + other.seconds, max(self.peak_mib, other.peak_mib))
 
 
@@ -31,16 +39,16 @@ NO_COST = Cost(0.0, 0.0)
 
 
 class Measured(NamedTuple, Generic[T]):
-    """Result and cost of a repeated function call.
+    """Result of the last of several equal function calls, with their measured cost.
 
     Parameters
     ----------
     seconds, least_s, most_s
-        Median, minimum and maximum over the repetitions.
+        Median, minimum and maximum duration of the calls, s.
     peak_mib
-        Increase of resident memory from before the call to its peak. On Linux, pages of files
-        (mostly code) do not count. With glibc, memory freed by earlier calls is first returned to
-        the system, so that its reuse counts.
+        Increase of resident memory from before the call to its peak, MiB; the largest of all calls.
+        On Linux, pages of files (mostly code) do not count. With glibc, memory freed by earlier
+        calls is first returned to the system, so that its reuse counts.
     """
 
     result: T
@@ -50,7 +58,7 @@ class Measured(NamedTuple, Generic[T]):
     most_s: float
 
     def costs(self, what: str) -> dict[str, float]:
-        """Return the costs as result columns, with `what` (``encode``) as prefix of names."""
+        """Return the costs as result columns; `what` is the prefix of names, as in ``encode_s``."""
         return {
             f"{what}_s": self.seconds,
             f"{what}_s_min": self.least_s,
@@ -65,14 +73,24 @@ def measured(
     whole: Callable[[Cost], Cost] = lambda here: here,
     each: Callable[[T], object] = lambda result: None,
 ) -> Measured[T]:
-    """Call a function `repeats` times; return the last result with the measured cost.
+    """Call a function several times, and measure the time and memory of each call.
 
     Parameters
     ----------
+    call
+        Function without arguments.
+    repeats
+        Number of calls.
     whole
-        Returns a call's total cost, including external programs, given the cost in this process.
+        Function that returns the total cost of a call, external programs included, given the cost
+        in this process.
     each
-        Called, untimed, with the result of every repetition.
+        Function that is called with the result of every call; its time does not count.
+
+    Returns
+    -------
+    Measured
+        The result of the last call, and the cost.
     """
     seconds, peaks = [], []
     for _ in range(repeats):
@@ -88,9 +106,10 @@ def measured(
 
 
 class CostlyResult(Generic[T]):
-    """Cache of the last result of a costly call.
+    """Cache that keeps the last result of a costly call.
 
-    `saved` is the cost of that call if its result was reused, else zero.
+    After `of`, the attribute `saved` is the cost of the call that the cache avoided, or zero if the
+    call was made.
     """
 
     def __init__(self) -> None:
@@ -100,7 +119,7 @@ class CostlyResult(Generic[T]):
         self.saved = NO_COST
 
     def of(self, key: object, make: Callable[[], T], reuse: bool = True) -> T:
-        """Return the result for a key; call `make` if the key has changed or `reuse` is false."""
+        """Return the result for a key; call `make` only for a new key, or if `reuse` is false."""
         if reuse and key == self._key:
             self.saved = self._cost
         else:

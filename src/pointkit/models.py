@@ -1,4 +1,4 @@
-"""Records of options that are checked, and errors of one line that say what is allowed."""
+"""Base class of checked options, with error messages of one line that say what is allowed."""
 
 from __future__ import annotations
 
@@ -14,26 +14,36 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class Model(BaseModel):
-    """An immutable record of options that rejects unknown names and converts no types."""
+    """Base class of immutable records of options.
+
+    A record rejects unknown names of options, and converts no values to other types.
+    """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_name=True
     )
 
     def replaced(self, **changes: Any) -> Self:
-        """Return a copy with other values of some options, checked again."""
+        """Return a copy in which some options have other values; the copy is checked."""
         return type(self).model_validate({**dict(self), **changes})
 
 
 def parsed(model: type[M], values: Any, what: str) -> M:
-    """Create a model from values in a configuration or on the command line.
+    """Create a record of options from values of a configuration or the command line.
 
     Parameters
     ----------
+    model
+        Class of the record.
     values
-        Values by name. A list is accepted for a tuple, and an integer for a float.
+        Values of the options by name. A list is accepted for a tuple, and an integer for a float.
     what
         Beginning of error messages.
+
+    Returns
+    -------
+    Model
+        The record, an instance of `model`.
 
     Raises
     ------
@@ -51,7 +61,7 @@ def parsed(model: type[M], values: Any, what: str) -> M:
 
 
 def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
-    """Create a model from a configuration; raise InputError that names the key and the fault."""
+    """Create a record from a configuration; raise InputError that names the invalid key."""
     try:
         return model.model_validate(_immutable(values))
     except ValidationError as error:

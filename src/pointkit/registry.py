@@ -1,4 +1,4 @@
-"""Plug-ins by name: codecs, data sets, error models, tables, figures and others.
+"""Plug-ins that are found by name: codecs, data sets, error models, tables, figures and others.
 
 A plug-in is one file with one class or function, registered where it is defined::
 
@@ -6,15 +6,16 @@ A plug-in is one file with one class or function, registered where it is defined
     class Grid(Codec): ...
 
 A package's plug-ins of a kind are in ``package/<folder>/``, ``package/*/<folder>/`` or the module
-``package/<folder>.py``. A registry lists those of its own package, and of all packages that declare
-the entry point ``NAME = "package"`` in the group ``puckbench.plugins``: it imports all modules
-there, which therefore import heavy packages inside functions only. To find the plug-in ``a_b``, it
-first imports the module ``a_b`` or, if missing, ``a``. A package may also declare single plug-ins
-as entry points in the group ``puckbench.<kind>s``.
+``package/<folder>.py``. A registry lists the plug-ins of its own package, and of all packages that
+declare the entry point ``NAME = "package"`` in the group ``puckbench.plugins``. To list them, it
+imports all modules in these places; such modules should therefore import heavy packages inside
+functions only. To find the plug-in ``a_b``, it first imports the module ``a_b`` or, if this is
+missing, ``a``. A package may also declare single plug-ins as entry points in the group
+``puckbench.<kind>s``.
 
-A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to the user's class or function. As
-loading a place runs code, `load` accepts only places passed to `trust`: those named on the command
-line or in a configuration, never in streams, tables or other data.
+A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to a class or function of the user.
+Since loading a place runs code, `load` accepts only places that were passed to `trust`: those that
+are named on the command line or in a configuration, never those in streams, tables or other data.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
-    """Let `load` import these names, if they are places in files or modules."""
+    """Allow `load` to import the given places; names that are no places are ignored."""
     _trusted.update(name for name in names if is_place(name))
 
 
@@ -55,18 +56,19 @@ def is_place(name: object) -> TypeGuard[str]:
 
 
 class Registry(Generic[T]):
-    """Plug-ins of one kind, such as all codecs, by name.
+    """Finds plug-ins of one kind, such as all codecs, by name.
 
     Parameters
     ----------
     kind
-        Singular noun for messages ("error model").
+        What a plug-in is called in messages, in the singular (such as "error model").
     folder
-        Name of the folders whose modules register plug-ins ("figures").
+        Name of the folders whose modules register plug-ins (such as "figures").
     package
-        The registry's own package.
+        The package to which the registry belongs.
     make
-        Creates a plug-in from name, class or function, and the keyword arguments of `register`.
+        Function that creates a plug-in from its name, its class or function, and the keyword
+        arguments of `register`. By default, the class or function itself is the plug-in.
     """
 
     def __init__(
@@ -87,7 +89,15 @@ class Registry(Generic[T]):
         self._added: dict[str, str] = {}
 
     def register(self, name: str, **details: Any) -> Callable[[Target], Target]:
-        """Return a decorator that registers a class or function under a name."""
+        """Return a decorator that registers a class or function as a plug-in.
+
+        Parameters
+        ----------
+        name
+            Name of the plug-in.
+        **details
+            Further arguments of the registry's function `make`.
+        """
 
         def registered(target: Target) -> Target:
             module = target.__module__
@@ -104,7 +114,7 @@ class Registry(Generic[T]):
 
     @property
     def group(self) -> str:
-        """Name of the group of entry points of other packages' plug-ins of this kind."""
+        """Name of the entry-point group in which packages declare single plug-ins of this kind."""
         return f"puckbench.{self.kind.replace(' ', '_')}s"
 
     @cached_property
@@ -126,7 +136,7 @@ class Registry(Generic[T]):
             importlib.import_module(modules[max(beginnings, key=len)])
 
     def add(self, place: str) -> None:
-        """Add the plug-in at a trusted place ``module:Name`` under the name after the colon.
+        """Add the plug-in at a trusted place ``module:Name``; its name is the part after the colon.
 
         Raises InputError if another plug-in already has this name.
         """
@@ -144,7 +154,7 @@ class Registry(Generic[T]):
         return places
 
     def names(self) -> list[str]:
-        """Return the names of all plug-ins: ours, those of installed packages, and added ones."""
+        """Return the names of all plug-ins: the package's own, installed ones, and added ones."""
         return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:
@@ -156,9 +166,9 @@ class Registry(Generic[T]):
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """Return the plug-in with this name, or at this place in a file or module.
+        """Return the plug-in with this name or at this place (``module:Name`` or ``file.py:Name``).
 
-        Raises InputError if there is none, or the place is not trusted (`trust`).
+        Raises InputError if there is no such plug-in, or the place is not trusted (`trust`).
         """
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
@@ -190,7 +200,7 @@ class Registry(Generic[T]):
 
 @cache
 def _packages(package: str) -> list[str]:
-    """Return a registry's own package and those that declare plug-ins."""
+    """Return the registry's own package, and the packages that declare plug-ins."""
     return [package, *(point.value for point in entry_points(group=_PLUGINS))]
 
 
@@ -276,7 +286,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if a module elsewhere hides one in `top` that a file imports."""
+    """Raise ImportError if a module elsewhere hides an equally named one that a file imports."""
     text = path.read_text(encoding="utf-8", errors="replace")
     for name in re.findall(r"^\s*(?:from|import)\s+(\w+)", text, re.M):
         for own in (top / f"{name}.py", top / name / "__init__.py"):
@@ -286,5 +296,5 @@ def _check_visible(path: Path, top: Path) -> None:
 
 
 def value_module(value: object) -> str:
-    """Return the name of the module that defines a class or function; else an empty text."""
+    """Return the name of the module that defines a class or function; an empty text for others."""
     return str(getattr(value, "__module__", "") or "")

@@ -25,7 +25,22 @@ def generator(seed: int, *names: str) -> np.random.Generator:
 
 
 def random_rows(count: int, most: int | None, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return at most `most` of `count` row numbers, drawn without replacement, in order."""
+    """Return at most `most` row numbers out of `count`, drawn at random without repetition.
+
+    Parameters
+    ----------
+    count
+        Number of rows.
+    most
+        Greatest number of rows to draw; None for all.
+    rng
+        Source of random numbers.
+
+    Returns
+    -------
+    array
+        Row numbers in ascending order.
+    """
     if most is None or count <= most:
         return np.arange(count)
     return np.sort(rng.choice(count, most, replace=False))

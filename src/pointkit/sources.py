@@ -1,4 +1,4 @@
-"""Source files of packages, from which machine code and results follow."""
+"""Source files of packages; digests of them tell whether compiled code is up to date."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from pathlib import Path
 
 @cache
 def package_folder(file: Path) -> Path:
-    """Return the folder of the top-level package that a file is in; without one, its own folder."""
+    """Return the folder of the top-level package to which a file belongs.
+
+    For a file in no package, this is the folder of the file.
+    """
     folder = file.parent
     while (folder.parent / "__init__.py").exists() and (folder / "__init__.py").exists():
         folder = folder.parent
@@ -18,7 +21,10 @@ def package_folder(file: Path) -> Path:
 
 
 def package_files(folder: Path) -> list[Path]:
-    """Return the Python files of a package, with its inner packages; else those in the folder."""
+    """Return the Python files of a package and its subpackages.
+
+    If the folder is no package, only the files directly in it are returned.
+    """
     inner = (folder / "__init__.py").exists()
     return sorted(folder.rglob("*.py") if inner else folder.glob("*.py"))
 
@@ -34,10 +40,10 @@ def sources_digest(folder: Path) -> bytes:
 
 
 def loops_folder(sources: Path) -> Path:
-    """Return the folder in which functions compiled from a folder of sources are cached.
+    """Return the folder that caches the compiled functions of a folder of sources.
 
-    The folder is ``NUMBA_CACHE_DIR`` if set; else ``__pycache__`` beside the sources or, if the
-    sources are read-only, ``puckbench`` in the user's cache folder.
+    It is the environment variable ``NUMBA_CACHE_DIR`` if set. Otherwise it is ``__pycache__``
+    beside the sources or, if these are read-only, ``puckbench`` in the user's cache folder.
     """
     if folder := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(folder)

@@ -1,4 +1,4 @@
-"""Tables as CSV and Parquet files, in data frames of pandas."""
+"""Tables in CSV and Parquet files, read and written as pandas data frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DAMAGE = (ValueError, NotImplementedError, LookupError, TypeError, AttributeErr
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Read a CSV file, or a Parquet file if the suffix is ``.parquet``.
+    """Read a CSV file, or a Parquet file if the suffix is ``.parquet``, as a data frame.
 
     Raises InputError if the file is missing or damaged, has no rows, or takes too much memory for
     its size.
@@ -34,7 +34,17 @@ def read_table(path: Path) -> pd.DataFrame:
 
 
 def check_columns(table: pd.DataFrame, texts: Iterable[str], numbers: Iterable[str] = ()) -> None:
-    """Raise InputError unless a table has columns with these names, of texts and of numbers."""
+    """Raise InputError unless a table has certain columns.
+
+    Parameters
+    ----------
+    table
+        The table.
+    texts
+        Names of the columns that must exist with texts.
+    numbers
+        Names of the columns that must exist with numbers.
+    """
     for name in (*texts, *numbers):
         if name not in table:
             raise InputError(f"no column {name!r}")
@@ -47,14 +57,15 @@ def check_columns(table: pd.DataFrame, texts: Iterable[str], numbers: Iterable[s
 
 
 def is_number_column(values: pd.Series[Any]) -> bool:
-    """Return whether all values of a column are numbers or missing."""
+    """Return whether every value of a column is a number or missing."""
     return bool(pd.api.types.is_numeric_dtype(values) or values.isna().all())
 
 
 def write_table(table: pd.DataFrame, *paths: Path) -> None:
-    """Write a table to each of the files, as Parquet or, with any other suffix, as CSV.
+    """Write a table to each of the given files, as Parquet or CSV by the suffix of the file.
 
-    Each file appears only when it is complete.
+    The suffix ``.parquet`` selects Parquet, any other suffix CSV. Each file appears only when it is
+    complete.
     """
     for path in paths:
         with written_whole(path) as temporary:

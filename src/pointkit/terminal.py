@@ -1,4 +1,4 @@
-"""What commands print: their answers, and the progress of long work."""
+"""Output of commands: answers, and the progress of long work."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _SECONDS_BETWEEN_LINES = 10.0
 
 
 class Progress:
-    """Prints how much of some work is done, and an estimate of the remaining time.
+    """Prints the progress of some work, with an estimate of the remaining time.
 
-    Call the object with the numbers of finished and of all steps. At a terminal, it rewrites one
-    line of standard error; elsewhere, it adds a line every ten seconds.
+    Call the object with the number of finished steps and the number of all steps. At a terminal, it
+    rewrites one line of standard error; otherwise, it adds a line every ten seconds.
 
     Parameters
     ----------
@@ -43,12 +43,13 @@ class Progress:
 
 
 def print_answer(text: str) -> None:
-    """Print a command's answer on standard output.
+    """Print the answer of a command on standard output.
 
     Raises
     ------
     InputError
-        Standard output cannot be written (disk full). A reader that closed its pipe is no error.
+        Standard output cannot be written, e.g. because a disk is full. A reader that closes a pipe
+        early causes no error.
     """
     try:
         print(text)  # noqa: T201

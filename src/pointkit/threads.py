@@ -1,4 +1,4 @@
-"""Calls of a function in parallel threads, with results in order."""
+"""Parallel calls of a function in threads, with results in the order of the arguments."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Result = TypeVar("Result")
 
 
 def allowed_threads() -> int:
-    """Return ``OMP_NUM_THREADS`` or, if not set, the number of the process's cores."""
+    """Return how many threads to use: ``OMP_NUM_THREADS`` if set, otherwise the number of cores."""
     limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(limit) if limit.isdigit() else _cores()
 
@@ -24,9 +24,9 @@ def _cores() -> int:
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Call a function for items in parallel; return the results in order.
+    """Call a function for each item in parallel, and return the results in the order of the items.
 
-    The function should release the interpreter lock.
+    Only a function that releases Python's interpreter lock runs faster this way.
     """
     queue = list(items)
     threads = min(allowed_threads(), len(queue))
@@ -39,7 +39,8 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
     """Call a function for items in parallel batches, and yield the results in order.
 
-    A batch has one item per thread; a caller that stops early wastes at most one batch.
+    A batch has one item for each thread. A caller that stops early therefore wastes at most one
+    batch.
     """
     step = allowed_threads()
     for first in range(0, len(items), step):

@@ -1,8 +1,8 @@
-"""Reader of YAML 1.2 (core schema), and writer of YAML that versions 1.1 and 1.2 read alike.
+"""Reading of YAML 1.2 (core schema), and writing of YAML that versions 1.1 and 1.2 read alike.
 
-The parser is PyYAML's, but not the rules by which it tells numbers from texts. They are those of
-YAML 1.1, where ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30`` is 750, and where
-the last value of a repeated key counts.
+The parser is PyYAML's, but PyYAML follows YAML 1.1: ``03000`` is 1536, ``on`` is true, ``1e3`` is a
+text, ``12:30`` is 750, and the last value of a repeated key counts. This module replaces these
+rules.
 
 References
 ----------
@@ -153,7 +153,8 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
     """Yield the nodes of a tree, each after its descendants.
 
-    `sizes` gets, by ``id(node)``, the number of nodes in its subtree with aliases expanded.
+    `sizes` receives the number of nodes in each node's subtree, with aliases expanded, by
+    ``id(node)``.
     """
     if id(node) in sizes:
         if not sizes[id(node)]:
@@ -201,7 +202,10 @@ def _line(part: Node | yaml.Event) -> str:
 
 
 def yaml_text(value: Mapping[str, Any]) -> str:
-    """Return a mapping as YAML, in its order, with each list of numbers and texts on one line."""
+    """Return a mapping as YAML text with the order of its keys.
+
+    Each list of numbers and texts is on one line.
+    """
     return str(
         yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     )

@@ -1,8 +1,10 @@
-"""Virtual scans of meshes by spinning LiDARs, models of their errors, and generated scenes.
+"""Virtual LiDARs: they scan meshes, with modelled measurement errors, in generated scenes.
 
-`scan` turns a mesh into a table of returns, `open_error_model` and `ErrorModel` say how a sensor
-errs, and `calibrate` estimates that from recordings of walls. Lengths are in metres, and z is up.
-Invalid input raises `pointkit.errors.InputError`. The names here are imported on first use.
+`scan` returns the points at which a virtual spinning LiDAR hits a mesh, as a table. An
+`ErrorModel`, which `open_error_model` creates by name, adds measurement errors. `calibrate`
+estimates the size of such errors from recordings of walls by a real sensor. `make_room`,
+`make_street` and `make_object` generate meshes to scan. Lengths are in metres, and z is up. Invalid
+input raises `pointkit.errors.InputError`. The names here are imported on first use.
 """
 
 from typing import TYPE_CHECKING

@@ -22,9 +22,14 @@ _IF_MEANT = "(to scan from there, add --anywhere)"
 
 
 def check_untouched(caster: RayCaster, places: Floats) -> None:
-    """Raise InputError if a position is within 1 mm of the mesh.
+    """Raise InputError if a position of the sensor is within 1 mm of the mesh.
 
-    `places` are (n, 3), m, relative to the ray caster's origin.
+    Parameters
+    ----------
+    caster
+        Ray caster of the mesh.
+    places
+        Positions, (n, 3), m, relative to the ray caster's origin.
     """
     touching = caster.clearances(places) < _LEAST_CLEARANCE_M
     if touching.any():
@@ -34,9 +39,17 @@ def check_untouched(caster: RayCaster, places: Floats) -> None:
 def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
     """Raise InputError unless a sensor's path begins in free space and crosses no surface.
 
-    Free space is inside the scene, outside of its objects, and not within 1 m of all that is seen.
-    The path, from `Sweep.way`, has times (n,), s, and positions relative to the ray caster's
-    origin, (n, 3), m.
+    Free space is inside the scene and outside of its objects. A start is also refused if everything
+    that the sensor sees there is within 1 m.
+
+    Parameters
+    ----------
+    caster
+        Ray caster of the mesh.
+    times
+        Times of the path's points, (n,), s, from `Sweep.way`.
+    places
+        Positions of the path's points, (n, 3), m, relative to the ray caster's origin.
     """
     where = f"the sensor at {_world(caster, places[0])}"
     distances, triangles = seen_around(caster, places[0])
@@ -56,7 +69,11 @@ def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
 
 
 def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-    """Cast 256 rays in all directions from a position (3,); return what `RayCaster.met` does."""
+    """Cast 256 rays in all directions from a position (3,).
+
+    Returns the distances (256,) in m, inf where nothing is hit, and the numbers of the triangles
+    hit, (256,), as `RayCaster.met` does.
+    """
     turns = np.arange(_DIRECTIONS) * np.pi * (3 - np.sqrt(5))
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
     around = np.sqrt(1 - z**2)
@@ -98,7 +115,7 @@ _AT_A_TIME = 256
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """Find a position for a sensor in a scene.
+    """Find a position in a scene at which a sensor has space around it and a floor below it.
 
     Parameters
     ----------
@@ -107,16 +124,16 @@ def free_origin(
     height
         Height of the sensor above the floor, m.
     clearance
-        Least distance from all surfaces, m.
+        Least distance of the position from all surfaces, m.
     inside
-        Share of the rays in all directions that must hit the scene, more than which the sensor
-        counts as inside.
+        A position counts as inside the scene if more than this share (0 to 1) of rays in all
+        directions hits the scene.
 
     Returns
     -------
     array
-        Position (3,), m: of the free ones on a grid, the nearest to the middle of the scene. It has
-        a floor below it.
+        Position (3,), m. It is the free position nearest to the middle of the scene, among those on
+        a grid.
 
     Raises
     ------

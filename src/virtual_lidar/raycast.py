@@ -1,7 +1,9 @@
-"""Ray casting: Embree (in Open3D) finds the triangle hit, whose plane gives the distance.
+"""Casting of rays at a mesh.
 
-Embree computes in float32, with errors of about 1e-6 of the coordinates. Therefore the mesh is
-translated to put the sensor at the origin, and distances are computed again in float64.
+The library Embree (through Open3D) finds the triangle that a ray hits, and the plane of the
+triangle gives the distance. Embree computes in float32, with errors of about 1e-6 of the
+coordinates. Therefore the mesh is first translated to put the sensor at the origin, and distances
+are computed again in float64.
 """
 
 from __future__ import annotations
@@ -27,14 +29,14 @@ _OFF_THE_MIRROR = 1e-4
 
 @dataclass(frozen=True)
 class Cast:
-    """Rays in world coordinates, and what they hit.
+    """Rays in world coordinates, and what each of them hits.
 
     Parameters
     ----------
     directions
-        Unit vectors, (n, 3), for all rays of all azimuth steps of all frames.
+        Unit vectors, (n, 3): one for each laser, in each azimuth step of each frame.
     origins
-        Position of the sensor in each azimuth step, (steps of all frames, 3), m.
+        Position of the sensor in each azimuth step of each frame, (azimuth steps, 3), m.
     hits
         What each ray hits first.
     """
@@ -45,7 +47,7 @@ class Cast:
 
 
 class RayCaster:
-    """Casts rays at a mesh from positions at or near `origin`.
+    """Casts rays at one mesh, from positions at or near `origin`.
 
     Parameters
     ----------
@@ -55,17 +57,17 @@ class RayCaster:
         Position in world coordinates, (3,), m. Other positions are relative to it, and lose
         precision far away from it.
     threads
-        Number of threads; 0 for one per processor.
+        Number of threads; 0 means one per processor.
 
     Attributes
     ----------
     planes
-        Unit normals of the triangles (0 if degenerate), and distances of their planes from
-        `origin`, (t, 4).
+        Planes of the triangles, (t, 4): unit normal (0 for a triangle without area), and distance
+        from `origin`, m.
     object_id, primitive_id
-        Object and geometric primitive of each triangle, (t,), -1 without labels.
+        Object and geometric primitive of each triangle, (t,); -1 if the mesh has no labels.
     surfaces
-        Objects of the triangles; None without labels.
+        Objects of the triangles; None if the mesh has no labels.
     """
 
     def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
@@ -85,7 +87,17 @@ class RayCaster:
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
-        """Cast the rays of a sensor at its poses; hits at distances outside `limits`, m, miss."""
+        """Cast the rays of a sensor from its poses and return what they hit.
+
+        Parameters
+        ----------
+        rays
+            Directions in sensor coordinates.
+        poses
+            Pose of the sensor in each azimuth step, relative to `origin`.
+        limits
+            Least and greatest distance of a hit, m. A ray whose distance is outside has no hit.
+        """
         (yaw_sine, yaw_cosine), (z, level) = _sine_cosine(rays.yaw), _sine_cosine(rays.pitch)
         x, y = -yaw_sine * level, yaw_cosine * level
         turned = np.moveaxis(poses.rotations, (-2, -1), (0, 1))[..., None]
@@ -96,7 +108,7 @@ class RayCaster:
         return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
-        """Return the distances, (n,), m, of positions (n, 3) from the nearest surface."""
+        """Return the distance of each position (n, 3) from the nearest surface, (n,), m."""
         import open3d as o3d
 
         queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
@@ -105,8 +117,18 @@ class RayCaster:
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
         """Return at which distances rays first meet the mesh, and which triangles they meet.
 
-        `starts` and `directions` are (n, 3), directions of length 1. Distances, (n,), m, have the
-        accuracy of float32, and are inf for a ray that meets nothing.
+        Parameters
+        ----------
+        starts
+            Starting points, (n, 3), m, relative to `origin`.
+        directions
+            Unit vectors, (n, 3).
+
+        Returns
+        -------
+        tuple of arrays
+            Distances, (n,), m, with the accuracy of float32, inf for a ray that meets nothing; and
+            numbers of the triangles, (n,).
         """
         import open3d as o3d
 
@@ -121,18 +143,19 @@ class RayCaster:
         shape: tuple[int, ...],
         limits: tuple[float, float],
     ) -> Hits:
-        """Return the hits of rays at distances within `limits`, m.
+        """Return the first hit of each ray whose distance is within limits.
 
         Parameters
         ----------
         directions
             Unit vectors, (n, 3).
         starts
-            Positions relative to `origin`, (n, 3), or one for every few successive rays.
+            Starting points relative to `origin`, (n, 3), m. Fewer starting points than rays are
+            allowed: each then belongs to the same number of successive rays.
         shape
-            Shape of the arrays that are returned.
+            Shape of the arrays in the result.
         limits
-            Least and greatest distance.
+            Least and greatest distance of a hit, m.
         """
         starts = np.repeat(starts, len(directions) // len(starts), axis=0)
         nearest, triangle = self.met(starts, directions)
@@ -144,24 +167,25 @@ class RayCaster:
 def plane_distances(
     directions: Floats, starts: Floats, nearest: Floats, planes: Floats, limits: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Compute the exact distances, (n,), m, along rays to the planes that they meet.
+    """Compute exact distances along rays to the planes that the rays meet.
 
     Parameters
     ----------
     directions, starts
-        Rays, (n, 3).
+        Unit vectors and starting points (m) of the rays, (n, 3).
     nearest
-        Distances of float32 accuracy, (n,), which are kept for rays parallel to their planes; inf
-        for a ray that meets nothing.
+        Distances of float32 accuracy, (n,), m; inf for a ray that meets nothing. They are kept for
+        rays that are nearly parallel to their planes.
     planes
-        Unit normal and distance of the plane that each ray meets, (n, 4).
+        Unit normal and distance (m) of the plane that each ray meets, (n, 4).
     limits
-        Least and greatest distance of a hit.
+        Least and greatest distance of a hit, m.
 
     Returns
     -------
     distances, cosines
-        Distances, inf without a hit, and cosines of the incidence, nan without a hit.
+        Distances (n,), m, inf without a hit; and cosines (n,) of the incidence angles, nan without
+        a hit.
     """
     cosine = dot(planes, directions)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -173,7 +197,7 @@ def plane_distances(
 
 
 def dot(a: Floats, b: Floats) -> Floats:
-    """Return the scalar products (n,) of the first three columns."""
+    """Return the scalar product of the first three columns in each row of two arrays, (n,)."""
     return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
 
 
@@ -193,7 +217,7 @@ def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class _Paths:
-    """Paths of rays that end on a mirror so far: each ray's number, and its last segment."""
+    """Paths of rays that have met only mirrors so far, each with the last segment of the path."""
 
     rays: NDArray[np.int64]
     directions: Floats
@@ -208,24 +232,24 @@ class _Paths:
 def follow_mirrors(
     caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
 ) -> Cast:
-    """Replace the hits on mirrors by what the reflected rays hit.
+    """Replace each hit on a mirror by what the reflected ray hits.
 
     Parameters
     ----------
     caster
-        The scene.
+        Ray caster of the scene.
     cast
         Rays and their first hits.
     mirrors
-        Which triangles are mirrors, (t,).
+        Mask (t,) of the triangles that are mirrors.
     farthest
-        Greatest length of a path, m.
+        Greatest length of a whole path, m.
 
     Returns
     -------
     Cast
-        The same rays. The distance of a hit is the length of the whole path; a path that meets
-        nothing but mirrors has no hit.
+        The same rays. The distance of a hit is the length of the whole path, reflections included.
+        A path that meets nothing but mirrors has no hit.
     """
     shape = cast.hits.distance.shape
     distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()

@@ -1,7 +1,7 @@
-"""Tables of plane residuals: a row for each return of a virtual scan or a recording.
+"""Tables of plane residuals, with one row for each return of a virtual scan or a recording.
 
-A residual is the signed distance of a point from the plane fitted to its surface (thesis, section
-5.1.2).
+A plane residual is the signed distance of a measured point from the plane that was fitted to all
+points of its surface (thesis, section 5.1.2).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _OPTIONAL = ("range_m", "frame", "plane_u_m", "plane_v_m")
 
 
 def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate residual tables; the columns `model` and `surface` stay categories."""
+    """Concatenate residual tables; their columns `model` and `surface` remain categorical."""
     import pandas as pd
     from pandas.api.types import union_categoricals
 
@@ -59,10 +59,10 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a table of plane residuals (Parquet or CSV) with the columns `COLUMNS`.
+    """Read a table of plane residuals (Parquet or CSV) as a data frame with the columns `COLUMNS`.
 
-    Old tables lack `range_m` and the columns after it. Raises InputError if another column is
-    missing.
+    Tables of older versions may lack `range_m` and the columns after it. Raises InputError if
+    another column is missing.
     """
     from pointkit.tables import read_table
 
@@ -74,7 +74,7 @@ def read_residuals(path: Path) -> pd.DataFrame:
 
 
 def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
-    """Return the columns of a residual table that follow from points and the plane fitted to them.
+    """Compute those columns of a residual table that follow from points and their fitted plane.
 
     Parameters
     ----------
@@ -88,7 +88,8 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
     Returns
     -------
     dict
-        Columns ``residual_m``, ``range_m``, ``plane_u_m`` and ``plane_v_m``, (n,), float32.
+        Columns ``residual_m``, ``range_m``, ``plane_u_m`` and ``plane_v_m``, each (n,) float32, in
+        m.
     """
     u, v = plane_coordinates(points, plane, origin).T
     values = {
@@ -101,10 +102,19 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Return coordinates of points within a plane, (n, 2), m.
+    """Return two-dimensional coordinates of points within a plane, (n, 2), m.
 
-    The first axis is horizontal, the second points upwards, and the origin is where the
-    perpendicular from the sensor's position `origin` (3,) meets the plane.
+    The first axis is horizontal, and the second points upwards. The origin is the foot of the
+    perpendicular from the sensor to the plane.
+
+    Parameters
+    ----------
+    points
+        Points, (n, 3), m.
+    plane
+        The plane, with its normal towards the sensor.
+    origin
+        Position of the sensor, (3,), m.
     """
     level = np.cross([0.0, 0.0, 1.0], plane.normal)
     # On a horizontal plane any axis is horizontal.

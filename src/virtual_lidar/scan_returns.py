@@ -18,16 +18,16 @@ from virtual_lidar.sweep import Sweep
 
 @dataclass(frozen=True)
 class ScanReturns:
-    """Returns of a scan, as its sensor would report them.
+    """A virtual scan in the integer form that its sensor would report, as codecs of returns need.
 
     Parameters
     ----------
     returns
-        Ranges by revolution, laser and firing.
+        Ranges in the sensor's units, arranged by revolution, laser and firing.
     rows
-        Row in the scan's table of each return, in the order of ``returns.points()``, (n,).
+        Row number in the scan's table of each return, (n,), in the order of ``returns.points()``.
     still_at
-        Position of the sensor, (3,), m, if it is level and at rest, otherwise None.
+        Position of the sensor, (3,), m, if the sensor is level and at rest, otherwise None.
     """
 
     returns: Returns
@@ -35,28 +35,34 @@ class ScanReturns:
     still_at: Floats | None
 
     def table(self) -> ReturnTable:
-        """Return the returns as a table, like those of a recording, for `recorded_planes`."""
+        """Return the returns in the form of a recording, which `recorded_planes` accepts."""
         return return_table_of(self.returns)
 
 
 def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
-    """Convert a scan to what its sensor would report, for codecs of returns.
+    """Convert a virtual scan to the integers that its sensor would report.
 
-    Ranges are rounded to the sensor's quantum, azimuths to 0.01 degrees. Returns are left out if
-    the rounded range is 0 or exceeds 16 bits (for sensors with longer ranges:
-    `pointkit.lidar.turns.MAX_RANGE`).
+    Ranges are rounded to the sensor's range unit, and azimuths to 0.01 degrees. A return is left
+    out if its rounded range is 0 or exceeds the largest range: that of 16 bits or, for sensors with
+    longer ranges, `pointkit.lidar.turns.MAX_RANGE`.
 
     Parameters
     ----------
     table
-        A scan whose frames are whole revolutions, such as one with the sweep ``spin``.
+        A scan each of whose frames is one whole revolution of the sensor, such as a scan with the
+        sweep ``spin``.
     clean
-        Whether to take the true distances in place of the measured ones.
+        Whether to convert the true distances; by default, the measured distances are converted.
+
+    Returns
+    -------
+    ScanReturns
+        The returns, and the row of the table from which each one comes.
 
     Raises
     ------
     InputError
-        A frame is not a revolution, or the table does not describe its sensor and sweep.
+        A frame is not one revolution, or the table does not describe its sensor and sweep.
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")
@@ -89,7 +95,15 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
 
 
 def true_points(table: ScanTable, scan_returns: ScanReturns) -> Floats:
-    """Return the points without errors of a scan's returns, in sensor coordinates, (n, 3), m."""
+    """Return the true points of a scan's returns in sensor coordinates, (n, 3), m.
+
+    Parameters
+    ----------
+    table
+        The scan.
+    scan_returns
+        The same scan after `returns_of_scan`. The points are in the order of its returns.
+    """
     rows = scan_returns.rows
     yaw, pitch = table["yaw"][rows], table["pitch"][rows]
     level = table["distance"][rows] * np.cos(pitch)

@@ -52,33 +52,34 @@ class _ScanMetadata(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class ScanTable(ColumnTable):
-    """Returns of a virtual scan, in the order of firing, with true and measured values.
+    """Returns of a virtual scan in the order of firing, each with true and measured values.
 
-    ``table["yaw"]`` is a column (n,); `COLUMNS` describes all of them. ``xyz`` are the true points
-    (n, 3). ``about`` is a dictionary with the parameters of the sensor (``sensor``), the sweep
-    (``sweep``) and the error model (``errors``), and the sensor's position (``origin``).
+    ``table["yaw"]`` is a column as an array (n,); `COLUMNS` has the type, unit and description of
+    every column. The inherited property ``xyz`` has the true points (n, 3). ``about`` is a
+    dictionary with the parameters of the sensor (``sensor``), of the sweep (``sweep``) and of the
+    error model (``errors``), and with the sensor's position (``origin``).
     """
 
     schema = TableSchema("scan table", "puckbench", COLUMNS)
 
     @property
     def xyz_noisy(self) -> Floats:
-        """Measured points in the world, (n, 3), m."""
+        """Measured points in world coordinates, (n, 3), m."""
         return self.vectors("x_noisy", "y_noisy", "z_noisy")
 
     @property
     def normals(self) -> Floats:
-        """Unit normals of the surface at the true points, towards the sensor, (n, 3)."""
+        """Unit normals (n, 3) of the surface at the true points, on the sensor's side."""
         return self.vectors("nx", "ny", "nz")
 
     @property
     def object_id(self) -> NDArray[np.int32]:
-        """Object of the mesh at each true point, (n,); -1 without labels."""
+        """Number (n,) of the mesh's object at each true point; -1 if the mesh has no labels."""
         return self.columns["object_id"]
 
     @property
     def primitive_id(self) -> NDArray[np.int32]:
-        """Geometric primitive of the mesh at each true point, (n,); -1 without labels."""
+        """Number (n,) of the mesh's geometric primitive at each true point; -1 without labels."""
         return self.columns["primitive_id"]
 
 
@@ -88,12 +89,20 @@ def write_scan(path: Path, table: ScanTable) -> None:
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
-    """Write the portions of a scan to one Parquet file, as they come; return its number of rows."""
+    """Write the tables of one scan to one Parquet file as they arrive; return its number of rows.
+
+    Parameters
+    ----------
+    path
+        The Parquet file.
+    portions
+        Tables of successive frames, from `ScanJob.portions`.
+    """
     return write_portions(path, portions)
 
 
 def read_scan(path: Path) -> ScanTable:
-    """Read a scan that `write_scan` wrote; raise InputError if the file is not one."""
+    """Return the table that `write_scan` wrote to a file; raise InputError for any other file."""
     table = read_column_table(path, ScanTable)
     parsed(_ScanMetadata, table.about, f"{path}: its metadata")
     return table

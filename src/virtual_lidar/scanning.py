@@ -31,17 +31,20 @@ _RAYS_IN_A_PORTION = 1 << 20
 
 @dataclass(frozen=True)
 class ScanJob:
-    """A virtual scan that is checked before it is made, or made in portions; else see `scan`.
+    """A virtual scan whose input can be checked in advance, and whose result can come in portions.
+
+    Use the function `scan` for a scan that fits in memory and needs neither.
 
     Parameters
     ----------
     mesh, sensor, sweep, model, origin
-        As in `scan`.
+        The same as in `scan`.
     anywhere
-        Whether the sensor may be outside of the scene or inside an object, and move through
-        surfaces.
+        Whether to accept any path of the sensor. If false, `check` and the scan raise InputError if
+        the sensor starts outside of the scene or inside an object, or if it moves through a
+        surface.
     threads
-        Threads that cast rays; 0 for one per processor.
+        Number of threads that cast rays; 0 means one per processor.
     """
 
     mesh: Mesh
@@ -54,7 +57,7 @@ class ScanJob:
 
     @property
     def rays(self) -> int:
-        """Number of nominal rays of the scan, whether they hit or not."""
+        """Number of rays that the sensor fires during the scan, with and without a hit."""
         return self.sweep.frames * self.sweep.steps(self.sensor) * self.sensor.lasers
 
     def table(
@@ -63,7 +66,15 @@ class ScanJob:
         progress: Progress | None = None,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> ScanTable:
-        """Make the scan, as `scan` does; `rays_at_a_time` does not affect the result."""
+        """Make the scan and return all of it as one table, as `scan` does.
+
+        Parameters
+        ----------
+        rng, progress
+            The same as in `scan`.
+        rays_at_a_time
+            Number of rays that are cast together. It changes memory and speed, not the result.
+        """
         (table,) = self.portions(rng, progress, self.rays, rays_at_a_time)
         return table
 
@@ -74,21 +85,28 @@ class ScanJob:
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> Iterator[ScanTable]:
-        """Make the scan, and yield tables of successive frames, which need less memory than one.
+        """Make the scan frame by frame and yield it as several tables, which saves memory.
 
         Parameters
         ----------
         rng, progress
-            As in `scan`.
+            The same as in `scan`.
         rays_in_a_portion
-            Greatest number of rays of a table, which has at least one frame.
+            Greatest number of rays that one table covers. A table has at least one frame, even if
+            this frame has more rays.
         rays_at_a_time
-            Number of rays that are cast together; it does not affect the result.
+            Number of rays that are cast together. It changes memory and speed, not the result.
+
+        Yields
+        ------
+        ScanTable
+            The returns of successive frames. Portions without a return are not yielded.
 
         Raises
         ------
         InputError
-            The mesh or the sensor's position is invalid, or, at the end, no ray has returned.
+            The mesh or the sensor's position is invalid. If no ray of the whole scan has returned,
+            the error is raised at the end.
         """
         scanner, rows = _Scanner(self._caster(), self.sensor, self.sweep, self.model, Draws(rng)), 0
         rays_per_frame = self.rays // self.sweep.frames
@@ -107,7 +125,7 @@ class ScanJob:
             raise InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
 
     def check(self) -> None:
-        """Raise InputError if the mesh, or the sensor's position or path in it, is invalid."""
+        """Raise InputError if the mesh is invalid, or the sensor's position or path in it."""
         self._caster()
 
     def _caster(self) -> RayCaster:
@@ -129,39 +147,43 @@ def scan(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> ScanTable:
-    """Scan a mesh with a virtual sensor (thesis, section 5.2).
+    """Scan a mesh with a virtual spinning LiDAR (thesis, section 5.2).
 
-    If the error model fires a ray that deviates from the nominal one (beam divergence), the sensor
-    measures along the fired ray, and both rays must hit a surface within the sensor's range.
+    A *nominal* ray has the direction that the sensor reports. If the error model fires a ray in
+    another direction (beam divergence), the sensor measures the distance along the fired ray. The
+    ray then has a return only if both rays hit a surface within the sensor's range.
 
     Parameters
     ----------
     mesh
-        The scene, m, z up.
+        The scene, in metres, with z up.
     sensor
-        The sensor, from `load_sensor`.
+        Description of the sensor, from `load_sensor`.
     sweep
-        How the sensor turns and moves, from `open_sweep`.
+        How the sensor rotates and moves during the scan, from `open_sweep`.
     model
-        The sensor's errors, from `open_error_model`.
+        The sensor's measurement errors, from `open_error_model`.
     origin
-        Position of the sensor, or of the origin of its trajectory, (3,), m; see `free_origin`.
+        Position of the sensor, (3,), m. If the sweep has a trajectory, its positions are relative
+        to this point. `free_origin` finds a suitable position.
     rng
         Generator that seeds all random numbers of the error model.
     progress
-        Function that is called with the number of frames that are done, and of all frames.
+        Function that is called with the number of frames that are done and the number of all
+        frames.
 
     Returns
     -------
     ScanTable
-        A row for each nominal ray with a return, in the order of firing (by frame, azimuth step and
-        laser). True values (``distance``, ``x``, ``y``, ``z``) are those of the nominal ray, the
-        others (``distance_noisy``, ``x_noisy``, ...) are those of the measurement.
+        One row for each nominal ray with a return, in the order of firing (by frame, azimuth step
+        and laser). The columns ``distance``, ``x``, ``y`` and ``z`` are true values: where the
+        nominal ray hits the mesh. The columns ``distance_noisy``, ``x_noisy``, ``y_noisy`` and
+        ``z_noisy`` are the measured values.
 
     Raises
     ------
     InputError
-        The mesh has no faces, the origin is invalid or touches the mesh, or no ray returned.
+        The mesh has no faces, the origin is invalid or within 1 mm of the mesh, or no ray returned.
     """
     return ScanJob(mesh, sensor, sweep, model, origin).table(rng, progress)
 

@@ -1,9 +1,10 @@
-"""Sweeps: the rotation and the motion of a virtual sensor during a scan.
+"""The rotation and motion of a virtual sensor during a scan.
 
-Axes are x right, y forward, z up. As in BlenSor, the sensor rotates about z, from forward,
-counter-clockwise seen from above; pitch rotates the sensor about x, upwards positive. By default,
-the lasers of an azimuth step fire together, and a frame has one pose. With ``timing="firing"`` each
-laser has a firing time; with a trajectory each azimuth step has a pose.
+The axes are x right, y forward and z up. As in the simulator BlenSor, the sensor rotates about z,
+starting from the forward direction, counter-clockwise seen from above. Pitch rotates the whole
+sensor about x, upwards positive. By default, all lasers fire at the same moment in each azimuth
+step, and the sensor has one pose in each frame. With ``timing="firing"``, each laser has its own
+firing time; with a trajectory, each azimuth step has its own pose.
 """
 
 from __future__ import annotations
@@ -31,16 +32,19 @@ _HANDLE_DIVISOR = 2.5614
 
 @dataclass(frozen=True)
 class Rays:
-    """Directions of rays in sensor coordinates, in arrays of shape (frames, azimuth steps, lasers).
+    """Directions in which lasers fire, in sensor coordinates.
+
+    All arrays have the shape (frames, azimuth steps, lasers).
 
     Parameters
     ----------
     yaw
-        Azimuths from forward (y), counter-clockwise seen from above, rad.
+        Azimuths from the forward direction (y), counter-clockwise seen from above, rad.
     pitch
         Elevations, upwards positive, rad.
     placed_as_fired
-        Whether a measured point lies on its ray here; otherwise it lies on the nominal ray.
+        Whether a measured point is placed on the ray with this direction. If false, it is placed on
+        the nominal ray, i.e. the ray without errors.
     """
 
     yaw: Floats
@@ -49,9 +53,10 @@ class Rays:
 
 
 class Sweep(Model):
-    """Rotation and motion of a virtual sensor; the defaults are those of the thesis, section 5.2.
+    """How a virtual sensor rotates and moves during a scan.
 
-    `open_sweep` creates it from a preset and a few values.
+    `open_sweep` creates a sweep from a named preset and a few values. The defaults are those of the
+    thesis, section 5.2.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -122,7 +127,10 @@ class Sweep(Model):
         return np.radians(self.pitch_start_deg + span * ease(time))
 
     def rotations(self) -> Floats:
-        """Return the matrices (frames, 3, 3) from the sensor to the world, without a trajectory."""
+        """Return a rotation matrix from the sensor to the world for each frame, (frames, 3, 3).
+
+        The matrices follow from the pitch and do not apply to a sweep with a trajectory.
+        """
         pitch = self.pitch_rad()
         sine, cosine = np.sin(pitch), np.cos(pitch)
         rotations = np.tile(np.eye(3), (len(pitch), 1, 1))
@@ -131,7 +139,21 @@ class Sweep(Model):
         return rotations
 
     def poses(self, sensor: Sensor, frames: range) -> Poses:
-        """Return the sensor's poses relative to the scan's origin, (frames, azimuth steps)."""
+        """Return the sensor's pose in each azimuth step of the given frames.
+
+        Parameters
+        ----------
+        sensor
+            The sensor, which determines the number of azimuth steps.
+        frames
+            Numbers of the frames.
+
+        Returns
+        -------
+        Poses
+            Rotations (frames, azimuth steps, 3, 3), and positions (frames, azimuth steps, 3), m,
+            relative to the scan's origin.
+        """
         shape = (len(frames), self.steps(sensor))
         if self._trajectory is not None:
             return self._trajectory.at(self.timestamps(sensor, frames))
@@ -140,9 +162,22 @@ class Sweep(Model):
         return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
 
     def poses_during(self, times: Floats) -> Poses:
-        """Return the poses of the trajectory at times (n,), s, relative to the scan's origin.
+        """Return the poses of the trajectory at the given times.
 
-        Raises InputError if there is no trajectory.
+        Parameters
+        ----------
+        times
+            Times, (n,), in s after the start of the sweep.
+
+        Returns
+        -------
+        Poses
+            Rotations (n, 3, 3), and positions (n, 3), m, relative to the scan's origin.
+
+        Raises
+        ------
+        InputError
+            The sweep has no trajectory.
         """
         if self._trajectory is None:
             raise InputError("the sweep has no trajectory, along which the sensor moves")
@@ -154,7 +189,10 @@ class Sweep(Model):
         return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
 
     def way(self) -> tuple[Floats, Floats]:
-        """Return the sensor's path as a polyline: times (n,), s, and positions (n, 3), m."""
+        """Return the sensor's path as a polyline: times (n,), s, and positions (n, 3), m.
+
+        Positions are relative to the scan's origin. A sensor at rest has one time and one position.
+        """
         if self._trajectory is None:
             return np.zeros(1), np.zeros((1, 3))
         keyed = self._trajectory.times
@@ -175,7 +213,22 @@ class Sweep(Model):
         return count
 
     def rays(self, sensor: Sensor, frames: range) -> Rays:
-        """Return the rays without errors of some frames; azimuths continue from frame to frame."""
+        """Return the nominal rays, i.e. those without errors, of the given frames.
+
+        The azimuth at the start of a frame is the one at which the previous frame ended.
+
+        Parameters
+        ----------
+        sensor
+            The sensor, which determines the elevations of the lasers.
+        frames
+            Numbers of the frames.
+
+        Returns
+        -------
+        Rays
+            Angles in arrays of shape (frames, azimuth steps, lasers).
+        """
         starts = np.asarray(frames) * self._degrees_per_frame(sensor)
         steps = np.arange(self.steps(sensor)) * self.step_deg(sensor)
         degrees = (starts[:, None] + steps)[:, :, None]
@@ -199,14 +252,14 @@ class Sweep(Model):
         return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))
 
     def turning_hz(self, sensor: Sensor) -> float:
-        """Return how often the sensor turns in a second."""
+        """Return the number of the sensor's revolutions per second."""
         return sensor.rotation_hz if self.rotation_hz is None else self.rotation_hz
 
     def step_deg(self, sensor: Sensor) -> float:
-        """Return the azimuth step between firings, degrees.
+        """Return the angle between successive azimuth steps, degrees.
 
-        With the timing ``firing``, it follows from the sensor's firing sequence. Raises InputError
-        if the sensor does not state the length of that sequence.
+        With the timing ``firing``, the angle is the rotation during one firing sequence of the
+        sensor. Raises InputError if the sensor does not state the length of that sequence.
         """
         if self.timing == "firing":
             return 360.0 * self.turning_hz(sensor) * _sequence_s(sensor)
@@ -250,17 +303,23 @@ SWEEPS: dict[str, dict[str, Any]] = {
 
 
 def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
-    """Create a sweep from a preset and values of your own.
+    """Create a sweep from a named preset, from values of your own, or from both.
 
     Parameters
     ----------
     settings
-        Name of a preset in `SWEEPS`: ``"spin"`` is one turn of a level sensor at rest, in one
-        frame, ``"thesis"`` and ``"thesis_room"`` are the scans of the thesis. Or fields of `Sweep`
-        by name, such as ``{"preset": "spin", "timing": "firing"}``; the others are those of the
-        preset, by default ``"thesis"``. The field ``trajectory`` may also be the path of a file
-        (`read_rows`), or the fields of a `Motion`; it determines the duration unless
-        ``duration_s`` is given.
+        The name of a preset in `SWEEPS`, or a dictionary. The preset ``"spin"`` is one revolution
+        of a level sensor at rest, in one frame; ``"thesis"`` and ``"thesis_room"`` are the scans of
+        the thesis. A dictionary has fields of `Sweep` by name, such as ``{"preset": "spin",
+        "timing": "firing"}``; fields that it omits have the values of its preset, by default
+        ``"thesis"``. The field ``trajectory`` may also be the path of a file (`read_rows`) or a
+        dictionary with the fields of a `Motion`. A trajectory determines the duration of the sweep
+        unless ``duration_s`` is given.
+
+    Returns
+    -------
+    Sweep
+        The checked sweep.
 
     Raises
     ------
@@ -287,10 +346,20 @@ def _duration(rows: Any) -> dict[str, float]:
 
 
 def ease(time: Floats) -> Floats:
-    """Return a value that rises smoothly from 0 to 1 with `time`, as Blender animates by default.
+    """Return a value that rises smoothly from 0 to 1 with time, as Blender animates by default.
 
-    Times are from 0 to 1, in an array of any shape. The curve of value over time is the Bezier
-    curve with the control points (0, 0), (h, 0), (1 - h, 1) and (1, 1), h = 1 / 2.5614.
+    The curve of the value over time is the Bezier curve with the control points (0, 0), (h, 0), (1
+    - h, 1) and (1, 1), where h = 1 / 2.5614.
+
+    Parameters
+    ----------
+    time
+        Times from 0 to 1, in an array of any shape.
+
+    Returns
+    -------
+    array
+        Values from 0 to 1, in the shape of `time`.
     """
     h = 1 / _HANDLE_DIVISOR
     s = np.array(time, dtype=np.float64)

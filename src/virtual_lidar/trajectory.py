@@ -26,8 +26,14 @@ _FORM = "needs rows of t, x, y, z, yaw, pitch, roll or of t, x, y, z, qw, qx, qy
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of a sensor: rotations from the sensor to the world (..., 3, 3), and positions
-    (..., 3), m.
+    """Poses of a sensor at several times: where it is and how it is oriented.
+
+    Parameters
+    ----------
+    rotations
+        Rotation matrices from sensor to world coordinates, (..., 3, 3).
+    positions
+        Positions, (..., 3), m.
     """
 
     rotations: Floats
@@ -36,12 +42,12 @@ class Poses:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Motion of a sensor, between n poses.
+    """The motion of a sensor, given by its poses at n times.
 
     Parameters
     ----------
     times
-        Times of the poses, increasing, (n,), s.
+        Times of the poses in increasing order, (n,), s.
     positions
         Positions, (n, 3), m.
     quaternions
@@ -54,10 +60,20 @@ class Trajectory:
     quaternions: Floats
 
     def at(self, times: Floats) -> Poses:
-        """Return the poses at times of any shape, s.
+        """Return the poses at the given times, interpolated between the known poses.
 
-        Between poses, positions are interpolated linearly and rotations by slerp. Before the first
-        pose and after the last one the sensor stands still.
+        Positions are interpolated linearly, and rotations by spherical linear interpolation. Before
+        the first pose and after the last one the sensor stands still.
+
+        Parameters
+        ----------
+        times
+            Times in s, in an array of any shape.
+
+        Returns
+        -------
+        Poses
+            Rotations (..., 3, 3) and positions (..., 3), where ... is the shape of `times`.
         """
         if len(self.times) == 1:
             first = np.zeros(times.shape, dtype=np.intp)
@@ -71,12 +87,27 @@ class Trajectory:
 
 
 def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
-    """Make a trajectory from rows of numbers.
+    """Make a trajectory from rows of numbers, one row for each pose.
 
-    A row has the time, s, the position x, y, z, m, and either the angles yaw, pitch, roll, degrees,
-    or a unit quaternion w, x, y, z. The sensor is turned by yaw about z, counter-clockwise seen
-    from above, then by pitch about its own x axis, upwards positive, then by roll about its own y
-    axis, right side down positive. Raises InputError for other rows, or times that do not increase.
+    The angles yaw, pitch and roll rotate the sensor first by yaw about z (counter-clockwise seen
+    from above), then by pitch about its own x axis (upwards positive), then by roll about its own y
+    axis (right side down positive).
+
+    Parameters
+    ----------
+    rows
+        Each row has the time (s), the position x, y, z (m), and the orientation: either the angles
+        yaw, pitch, roll (degrees), or a unit quaternion w, x, y, z.
+
+    Returns
+    -------
+    Trajectory
+        The trajectory through these poses.
+
+    Raises
+    ------
+    InputError
+        A row is not of this form, or the times do not increase.
     """
     lengths = {len(row) for row in rows}
     if lengths not in ({_ANGLES}, {_QUATERNION}):
@@ -92,10 +123,22 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
 
 
 def read_rows(path: Path) -> tuple[Row, ...]:
-    """Read the rows of a trajectory, as `trajectory_from_rows` takes them, from a file.
+    """Read the rows of a trajectory from a file, in the form that `trajectory_from_rows` takes.
 
-    The file is a CSV file, with or without a header, or a YAML file with a list of lists. Raises
-    InputError, with the number of the line or pose, if a row is not valid.
+    Parameters
+    ----------
+    path
+        A CSV file, with or without a header, or a YAML file with a list of lists.
+
+    Returns
+    -------
+    tuple
+        One tuple of numbers for each pose.
+
+    Raises
+    ------
+    InputError
+        A row is not valid. The message names its line or the number of the pose.
     """
     if path.suffix.lower() == ".csv":
         return _checked(_csv_rows(path), path)
@@ -180,10 +223,11 @@ _FORWARD_DEG = 90.0
 
 
 class Motion(Model):
-    """Motion of a level sensor on a vehicle, by a few numbers; the sensor looks where it drives.
+    """A simple motion of a level sensor on a vehicle, described by a few numbers.
 
-    It stands still, accelerates to its speed, and may stop again and again. Its heading, after a
-    path of s metres, is ``heading_deg + bend_deg_per_m * s + swing_deg * cos(2 pi s / swing_m)``.
+    The sensor always faces the direction of travel. It first stands still, then accelerates to its
+    speed; it may also stop at regular intervals. After a path of s metres, its heading in degrees
+    is ``heading_deg + bend_deg_per_m * s + swing_deg * cos(2 pi s / swing_m)``.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -211,7 +255,7 @@ class Motion(Model):
     """Turn of the mean heading per metre: 57.3 / radius, positive to the left."""
 
     def rows(self) -> tuple[tuple[float, ...], ...]:
-        """Return a row every 0.05 s, as `trajectory_from_rows` takes them."""
+        """Return a pose every 0.05 s, as rows in the form that `trajectory_from_rows` takes."""
         (x, y), path, speed, rows = self.start, 0.0, 0.0, []
         step = _STEP_S / _SUBSTEPS
         for number in range(math.ceil(self.duration_s / _STEP_S - 1e-9) + 1):

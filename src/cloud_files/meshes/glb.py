@@ -34,11 +34,12 @@ _IDENTITY = np.eye(4)
 
 
 def read_glb(path: Path) -> Polygons:
-    """Read all triangles of a scene, with their nodes' transformations, in metres with y up.
+    """Read all triangles of a GLB scene, in metres with y up.
 
-    A mesh that several nodes use is repeated. Lines and points are counted as skipped. Raises
-    InputError if the file is damaged, if it needs other files, compression or instancing, which are
-    not read, or if its scene would take more than ten times its size and 512 MiB.
+    The triangles are transformed as their nodes say; a mesh that several nodes use is repeated.
+    Lines and points are left out, and their number is returned in ``skipped``. Raises InputError if
+    the file is damaged, if it needs other files, compression or instancing, or if the scene would
+    take more memory than the larger of 512 MiB and ten times the file's size.
     """
     data = read_bytes(path)
     try:

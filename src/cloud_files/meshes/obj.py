@@ -25,17 +25,26 @@ _SKIPPED = {
 
 
 def read_obj(path: Path) -> Polygons:
-    """Read the vertices, faces and names of materials of an OBJ file.
+    """Read the vertices, faces and names of materials from a Wavefront OBJ file.
 
-    Vertices and faces stay in their order; polylines, points, curves and surfaces are counted as
-    skipped. Other files that an OBJ file names, such as its materials (.mtl), are not opened.
-    Raises InputError if a vertex or a face is not made of numbers, or vertices have weights.
+    Vertices and faces keep their order. Polylines, points, curves and surfaces are left out, and
+    their numbers are returned in ``skipped``. Other files that an OBJ file names, such as materials
+    (.mtl), are not opened. Raises InputError if a vertex or a face does not consist of numbers, or
+    if vertices have weights.
     """
     return parse_obj(read_bytes(path), str(path))
 
 
 def parse_obj(data: bytes, source: str) -> Polygons:
-    """Return the polygons of an OBJ file's content, as `read_obj` does; `source` is its name."""
+    """Return the polygons in the content of an OBJ file, as `read_obj` does.
+
+    Parameters
+    ----------
+    data
+        Content of the file.
+    source
+        Name of the file for messages.
+    """
     lines = _lines(data)
     kinds = [line.partition(b" ")[0] for line in lines]
     faces = [

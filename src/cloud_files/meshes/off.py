@@ -22,9 +22,9 @@ _log = logging.getLogger(__name__)
 def read_off(path: Path) -> Polygons:
     """Read the vertices and faces of an ASCII OFF file, without colours and normals.
 
-    The header line ``OFF`` may be missing, or joined to the counts, as in the data set ModelNet40.
-    Raises InputError if the file has fewer lines than its counts say, or a line is not as it must
-    be; warns of further lines.
+    The header line ``OFF`` may be missing, or may be joined to the counts, as in the data set
+    ModelNet40. Additional lines at the end are ignored with a warning. Raises InputError if a line
+    is invalid, or if there are fewer lines than the counts say.
     """
     counts, rows = _counts_and_rows(read_bytes(path), path)
     vertices, faces = counts

@@ -21,7 +21,7 @@ _IDS = ("object_id", "primitive_id")
 
 
 def read_ply(path: Path) -> Polygons:
-    """Read the faces of a PLY file, and their labels if `write_mesh` wrote it."""
+    """Read the faces of a PLY file, with their labels if `write_mesh` wrote the file."""
     elements = read_elements(path)
     names = {element.name for element in elements}
     if "tristrips" in names and "face" not in names:

@@ -19,28 +19,30 @@ _TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Polygons:
-    """The content of a mesh file: faces of any number of corners.
+    """The content of a mesh file: faces with any number of corners.
+
+    Functions that read one format return this object; `triangulate` makes a triangle mesh of it.
 
     Parameters
     ----------
     vertices
         Coordinates of the vertices, (v, 3), in the unit of the file.
     corners
-        Rows of `vertices` at the corners of the first face, then of the second, and so on: one
-        array of as many integers as all faces have corners.
+        Row numbers in `vertices` of the corners of the first face, then of the second face, and so
+        on, in one array.
     sizes
         Number of corners of each face, (f,).
     up
-        Axis that points up, "y" or "z", if the file format says so, else None.
+        Axis that points up, "y" or "z", if the file format defines it; otherwise None.
     labels
         Object and primitive of each face, for scenes that `write_mesh` wrote.
     skipped
-        Number of elements of the file that are no faces and were left out, by kind.
+        Numbers of elements that were left out because they are no faces, by kind.
     materials
         Names of the materials.
     material_id
-        Index into `materials` for each face, (f,), -1 for a face without material; None if the
-        file names no materials.
+        Index into `materials` for each face, (f,), -1 for a face without material; None if the file
+        names no materials.
     """
 
     vertices: Floats
@@ -54,7 +56,15 @@ class Polygons:
 
 
 def uniform_polygons(vertices: Floats, faces: Ints) -> Polygons:
-    """Make polygons of faces that all have as many corners; `faces` (f, corners) are rows."""
+    """Make polygons from faces that all have the same number of corners.
+
+    Parameters
+    ----------
+    vertices
+        Coordinates of the vertices, (v, 3).
+    faces
+        Row numbers in `vertices` of each face's corners, (f, corners).
+    """
     count, size = faces.shape
     return Polygons(vertices, faces.reshape(-1), np.full(count, size, dtype=np.int64))
 
@@ -76,14 +86,14 @@ def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
     Returns
     -------
     tuple of Mesh and array
-        The mesh, with the vertices as they are, and the face of each of its triangles, (t,), in
-        ascending order.
+        The mesh with unchanged vertices; and the number of the face from which each triangle comes,
+        (t,), in ascending order.
 
     Raises
     ------
     InputError
-        A face refers to a vertex that does not exist, or a concave face has more than
-        `MAX_CORNERS` corners.
+        A face refers to a vertex that does not exist, or a concave face has more than `MAX_CORNERS`
+        corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):
@@ -154,7 +164,7 @@ def _on_best_plane(points: Floats) -> Floats:
 
 
 def select_triangles(mesh: Mesh, rows: NDArray[np.bool_]) -> Mesh:
-    """Return a mesh with the triangles where `rows` (t,) is true, and all vertices."""
+    """Return a mesh with all vertices, but only the triangles in the mask `rows` (t,)."""
     labels = _select_labels(mesh.labels, np.flatnonzero(rows))
     return replace(mesh, triangles=mesh.triangles[rows], labels=labels)
 

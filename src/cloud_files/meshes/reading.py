@@ -33,9 +33,9 @@ SUFFIXES = tuple(sorted((".ply", *READERS)))
 
 
 def read_mesh(path: str | Path, up: str = "z") -> Mesh:
-    """Read a mesh file, divide its faces into triangles and rotate it so that z points up.
+    """Read a mesh from a file, as triangles with z up.
 
-    Elements that are not read (such as lines and curves) are told in a warning.
+    Elements that are not read (such as lines and curves) are counted in a warning.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def read_mesh(path: str | Path, up: str = "z") -> Mesh:
         A file whose suffix is in `SUFFIXES`, which may be compressed (``.gz``, ``.bz2``, ``.xz`` or
         ``.zst`` after the suffix).
     up
-        Axis of the file that points up, "y" or "z". It does not count for GLB files, which define
-        y up.
+        Axis of the file that points up, "y" or "z". It is ignored for GLB files, in which y is
+        always up.
 
     Returns
     -------
@@ -64,14 +64,22 @@ def read_mesh(path: str | Path, up: str = "z") -> Mesh:
 
 
 def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
-    """Log a warning if elements were left out; `skipped` are their numbers by name."""
+    """Log a warning if a reader left out elements of a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    skipped
+        Numbers of elements that were left out, by name.
+    """
     if skipped:
         parts = (f"{count} {name.replace('_', ' ')}" for name, count in skipped.items())
         _LOG.warning("%s: left out: %s", path, ", ".join(parts))
 
 
 def read_mesh_report(path: str | Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
-    """Read a mesh as `read_mesh` does, but without warnings, and describe what the file holds.
+    """Read a mesh as `read_mesh` does, but return a report on the file in place of warnings.
 
     Returns
     -------
@@ -93,11 +101,26 @@ def read_mesh_report(path: str | Path, up: str = "z") -> tuple[Mesh, dict[str, A
 
 
 def mesh_from_polygons(polygons: Polygons, source: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
-    """Triangulate and check polygons that a reader returned.
+    """Triangulate and check the polygons that a reader returned.
 
-    `source` names the file in messages, and `kind` is its format in the report. Returns the mesh
-    and a report as `read_mesh_report` does; raises InputError if the mesh is empty, without area or
-    not finite.
+    Parameters
+    ----------
+    polygons
+        The polygons.
+    source
+        Name of the file for messages.
+    kind
+        Format of the file for the report.
+
+    Returns
+    -------
+    tuple of Mesh and dict
+        The mesh and the report, as from `read_mesh_report`.
+
+    Raises
+    ------
+    InputError
+        The mesh is empty, without area or not finite.
     """
     mesh, _ = triangulate(polygons, source)
     check_mesh(mesh, source)

@@ -20,10 +20,11 @@ _PARTS = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)|\b(endloop)\b", re.IGNOR
 
 
 def read_stl(path: Path) -> Polygons:
-    """Read the faces of a binary or ASCII STL file, each with its own three or more vertices.
+    """Read the faces of a binary or ASCII STL file.
 
-    A file is ASCII if it begins with "solid" and has no zero byte. Raises InputError if it is
-    truncated; warns of bytes after the triangles that a binary file announces.
+    Each face has its own three or more vertices. A file is taken as ASCII if it begins with "solid"
+    and has no zero byte. Additional bytes after the triangles of a binary file are ignored with a
+    warning. Raises InputError if the file is truncated.
     """
     data = read_bytes(path)
     return _ascii(data, path) if _is_ascii(data) else _binary(data, path)

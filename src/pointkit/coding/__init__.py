@@ -1,12 +1,12 @@
-"""Entropy coding and stream formats that several codecs use.
+"""Entropy coding and parts of stream formats, shared by several codecs.
 
-Two functions code bits by the same binary arithmetic coder (`BitCoder`, 32-bit integers): `code`
-takes the probability from its caller; `code_bit` estimates it by context mixing. Both encode with a
-coder from `bit_writer`, and decode with one from `bit_reader`.
+Two functions code single bits with a binary arithmetic coder (`BitCoder`). `code` takes the
+probability of the bit from its caller, and `code_bit` estimates the probability by context mixing.
+Each of them encodes with a coder from `bit_writer` and decodes with a coder from `bit_reader`.
 
-`base_128` and `signed_128` write whole numbers as bytes, `Reader` reads them. `Framing` adds a
-magic number, version and checksum. `compressed` and `decompressed` are Zstandard. Damaged streams
-raise `pointkit.errors.InputError`.
+`base_128` and `signed_128` write whole numbers as bytes, and `Reader` reads these. `Framing` adds a
+magic number, a version and a checksum to a stream. `compressed` and `decompressed` are Zstandard.
+Damaged streams raise `pointkit.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,8 @@
 """Binary arithmetic coder in 32-bit integers, so that all machines decode identically.
 
-With a coder from `bit_writer`, `code` encodes its argument `bit`; with a coder from `bit_reader`,
-`code` decodes a bit and ignores the argument.
+The same function, `code`, encodes and decodes. With a coder from `bit_writer`, it encodes its
+argument `bit`; with a coder from `bit_reader`, it ignores this argument and returns the decoded
+bit.
 """
 
 from __future__ import annotations
@@ -34,16 +35,15 @@ LOW, HIGH, CODE, POSITION, WRITING = range(5)
 
 
 class BitCoder(NamedTuple):
-    """State of an arithmetic coder, which encodes if made by `bit_writer`, decodes if by
-    `bit_reader`.
+    """State of an arithmetic coder: `bit_writer` makes an encoder, `bit_reader` a decoder.
 
     Parameters
     ----------
     registers
-        (5,): lower and upper end of the interval, decoded word, position in the buffer, and 1 in an
-        encoder.
+        Five integers: lower end and upper end of the interval, decoded word, position in the
+        buffer, and 1 for an encoder or 0 for a decoder.
     buffer
-        (n,), the bytes of the stream.
+        The bytes of the stream, (n,).
     """
 
     registers: NDArray[np.int64]  # (5,)
@@ -51,24 +51,43 @@ class BitCoder(NamedTuple):
 
 
 def bit_writer(most_bytes: int) -> BitCoder:
-    """Return an encoder with room for `most_bytes` bytes.
+    """Return an encoder, which writes to a buffer of fixed size.
 
-    Compiled code does not check the limit: allow two bytes for each bit that is coded with `code`
-    or `code_bit`, and 64 more.
+    Parameters
+    ----------
+    most_bytes
+        Size of the buffer. Compiled code does not check this limit: provide two bytes for each bit
+        that is coded with `code` or `code_bit`, and 64 more.
+
+    Returns
+    -------
+    BitCoder
+        The encoder; `written` returns its bytes.
     """
     registers = np.array([0, _TOP, 0, 0, 1], np.int64)
     return BitCoder(registers, np.empty(most_bytes, np.uint8))
 
 
 def bit_reader(stream: bytes) -> BitCoder:
-    """Return a decoder of the bytes of `written`; beyond their end it reads zeros."""
+    """Return a decoder.
+
+    Parameters
+    ----------
+    stream
+        Bytes that `written` returned. The decoder reads zeros beyond their end.
+
+    Returns
+    -------
+    BitCoder
+        The decoder.
+    """
     start = stream[:_TAIL].ljust(_TAIL, b"\0")
     registers = np.array([0, _TOP, int.from_bytes(start, "big"), _TAIL, 0], np.int64)
     return BitCoder(registers, np.frombuffer(stream, np.uint8).copy())
 
 
 def written(coder: BitCoder) -> bytes:
-    """End an encoder's stream and return its bytes.
+    """Finish encoding, and return the bytes of the stream.
 
     Up to `PAST_THE_END` zero bytes at the end are left out, since a decoder reads zeros there.
     """
@@ -82,15 +101,15 @@ def written(coder: BitCoder) -> bytes:
 
 
 def read_to_its_end(coder: BitCoder) -> bool:
-    """Return whether a reader has read exactly the bytes that a writer wrote."""
+    """Return whether a decoder has read exactly the bytes that the encoder wrote."""
     return 0 <= int(coder.registers[POSITION]) - len(coder.buffer) <= PAST_THE_END
 
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a decoder has read so far beyond its stream that the stream must be damaged.
+    """Return whether a decoder has read so far past the end that its stream must be damaged.
 
-    An encoder is never exhausted.
+    The result is always False for an encoder.
     """
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
@@ -99,10 +118,13 @@ def exhausted(coder: BitCoder) -> bool:
 
 @cache
 def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the tables ``stretch`` (4096,) and ``squash`` (2 * LOGIT_LIMIT,).
+    """Return lookup tables that convert between probabilities and logits.
 
-    ``stretch`` maps probabilities in units of 1 / 4096 to logits; ``squash`` maps logits plus
-    LOGIT_LIMIT to probabilities in units of 1 / ONE.
+    Returns
+    -------
+    stretch, squash
+        Table (4096,) from probabilities in units of 1 / 4096 to logits; and table (2 *
+        LOGIT_LIMIT,) from logits plus LOGIT_LIMIT to probabilities in units of 1 / ONE.
     """
     probabilities = (np.arange(4096) + 0.5) / 4096
     stretch = np.rint(LOGIT_UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
@@ -115,23 +137,31 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """Return the adaptation rates, in units of 1 / ONE, after 0 to MAX_MEMORY coded bits."""
+    """Return adaptation rates by the number of coded bits, (MAX_MEMORY + 1,).
+
+    The rates are in units of 1 / ONE.
+    """
     return np.rint(ONE / (np.arange(MAX_MEMORY + 1) + 1.6)).astype(np.int64)
 
 
 @inlined_too
 def code(coder: BitCoder, bit: int, probability: int) -> int:
-    """Encode or decode one bit, and return it.
+    """Encode or decode one bit, and return the bit.
 
     Parameters
     ----------
     coder
-        From `bit_writer` to encode, from `bit_reader` to decode.
+        From `bit_writer` to encode, or from `bit_reader` to decode.
     bit
-        0 or 1; a decoder ignores it.
+        The bit to encode, 0 or 1; ignored when decoding.
     probability
-        Probability that the bit is 1, in units of 1 / ONE, from 1 to ONE - 1; the same on both
-        sides.
+        Probability that the bit is 1, in units of 1 / ONE, from 1 to ONE - 1. Encoder and decoder
+        must use the same value.
+
+    Returns
+    -------
+    int
+        The bit that was encoded or decoded.
     """
     registers = coder.registers
     low, high = registers[0], registers[1]
@@ -148,10 +178,21 @@ def code(coder: BitCoder, bit: int, probability: int) -> int:
 
 @inlined
 def code_uniform(coder: BitCoder, number: int, count: int) -> int:
-    """Encode or decode a number of which all values from 0 to count - 1 are equally likely; return
-    it.
+    """Encode or decode a number from 0 to count - 1, all equally likely, and return the number.
 
-    A decoder ignores `number`. `count` is at most 2^16.
+    Parameters
+    ----------
+    coder
+        From `bit_writer` to encode, or from `bit_reader` to decode.
+    number
+        The number to encode; ignored when decoding.
+    count
+        Number of possible values, at most 2^16.
+
+    Returns
+    -------
+    int
+        The number that was encoded or decoded.
     """
     registers = coder.registers
     low, high = registers[0], registers[1]
@@ -198,10 +239,21 @@ def _next_byte(coder: BitCoder) -> int:
 
 @compiled_in_place
 def code_gamma(coder: BitCoder, value: int) -> int:
-    """Encode or decode a number from 1 to 2^17 - 1 in Elias gamma code, short for small numbers;
-    return it.
+    """Encode or decode a number in Elias gamma code, and return the number.
 
-    A decoder ignores `value`.
+    The code of a number n has about 2 log2(n) + 1 bits.
+
+    Parameters
+    ----------
+    coder
+        From `bit_writer` to encode, or from `bit_reader` to decode.
+    value
+        The number to encode, from 1 to 2^17 - 1; ignored when decoding.
+
+    Returns
+    -------
+    int
+        The number that was encoded or decoded.
     """
     bits = 0
     if coder.registers[WRITING] == 1:

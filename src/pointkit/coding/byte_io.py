@@ -8,7 +8,7 @@ _LONGEST_NUMBER = 5
 
 
 def base_128(number: int) -> bytes:
-    """Encode a non-negative number as unsigned LEB128: seven bits per byte, the lowest first."""
+    """Return a non-negative number as unsigned LEB128: seven bits per byte, the lowest first."""
     groups = [number & 127]
     while number := number >> 7:
         groups.append(number & 127)
@@ -16,25 +16,26 @@ def base_128(number: int) -> bytes:
 
 
 def signed_128(number: int) -> bytes:
-    """Encode an integer n as LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag)."""
+    """Return an integer n as LEB128 of 2 n, or of -2 n - 1 if n is negative (zigzag)."""
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 
 def stream_bytes(stream: object) -> bytes:
-    """Return a stream as bytes; raise InputError if it is something else."""
+    """Return a stream as bytes; raise InputError if it is not a bytes-like object."""
     if not isinstance(stream, bytes | bytearray | memoryview):
         raise InputError(f"a stream is bytes, not {type(stream).__name__}")
     return bytes(stream)
 
 
 class Reader:
-    """Reads bytes and numbers, one after the other; raises InputError where a stream ends too
-    early.
+    """Reads numbers and bytes from a stream, one after the other.
+
+    Its methods raise InputError if the stream ends too early.
 
     Parameters
     ----------
     body
-        The stream.
+        The stream, as bytes.
     """
 
     def __init__(self, body: bytes) -> None:
@@ -48,13 +49,21 @@ class Reader:
         return self.body[self.at - size : self.at]
 
     def rest(self) -> bytes:
-        """Return all bytes that are not yet read."""
+        """Return all bytes that have not been read yet."""
         return self.take(len(self.body) - self.at)
 
     def number(self, longest: int = _LONGEST_NUMBER) -> int:
-        """Read a number written by `base_128`.
+        """Read and return a non-negative number that `base_128` wrote.
 
-        Raises InputError if it has more than `longest` bytes, by default five, or the stream ends.
+        Parameters
+        ----------
+        longest
+            Greatest number of bytes that the number may have, by default five.
+
+        Raises
+        ------
+        InputError
+            The number has more bytes, or the stream ends.
         """
         number = 0
         for k in range(longest):
@@ -65,6 +74,6 @@ class Reader:
         raise InputError("the stream is damaged (a number)")
 
     def signed(self, longest: int = _LONGEST_NUMBER) -> int:
-        """Read a number written by `signed_128`, of at most `longest` bytes."""
+        """Read and return an integer that `signed_128` wrote, of at most `longest` bytes."""
         zigzag = self.number(longest)
         return -(zigzag + 1 >> 1) if zigzag & 1 else zigzag >> 1

@@ -1,10 +1,10 @@
-"""Context mixing in integer arithmetic: several estimates of a bit's probability are combined.
+"""Context mixing in integer arithmetic: it combines several estimates of a bit's probability.
 
-Estimates are logits: the caller computes the logits of experts; adaptive counters give the logits
-of contexts. A mixture is the sum of the estimates, weighted by one row of a set of learnt weights.
-The caller selects the counter of each context and the row of each set. The mixtures of all sets are
-averaged, and adaptive tables correct the average (secondary estimation). See Mahoney 2005,
-"Adaptive weighing of context models for lossless data compression".
+An estimate is a logit. It comes either from an *expert*, i.e. the caller computes it, or from a
+*context*, i.e. an adaptive counter that the caller selects gives it. A mixture is the sum of all
+estimates, weighted by one row of a set of learnt weights; the caller selects the row of each set.
+The mixtures of all sets are averaged, and adaptive tables correct the average (secondary
+estimation). See Mahoney 2005, "Adaptive weighing of context models for lossless data compression".
 """
 
 from __future__ import annotations
@@ -46,28 +46,29 @@ BIAS = 77
 
 @dataclass(frozen=True, kw_only=True)
 class MixerOptions:
-    """Sizes and learning rates of a mixer.
+    """Sizes and learning rates of a `Mixer`; encoder and decoder must use the same ones.
 
     Parameters
     ----------
     contexts
-        Number of contexts: for each bit, the caller chooses a counter of each.
+        Number of contexts. For each bit, the caller selects one counter of each context.
     counters
-        Number of adaptive probabilities of all contexts.
+        Total number of counters (adaptive probabilities) of all contexts.
     rows
-        Number of rows of weights in all sets.
+        Total number of rows of weights in all sets.
     weights
-        Initial weights of the experts, then of the contexts.
+        Initial weights: first of the experts, then of the contexts.
     experts
-        Number of estimates (logits) that the caller computes itself.
+        Number of estimates that the caller computes as logits.
     learning_rate, final_learning_rate
         Rates at which weights follow errors, at the first bit and after many bits.
     memory
-        Number of bits after which a counter adapts at a constant rate.
+        Number of coded bits after which a counter adapts at a constant rate.
     sets
-        Number of sets of weights; for each bit, the caller chooses a row of each.
+        Number of sets of weights. For each bit, the caller selects one row of each set.
     tables
-        Number of sets with correction tables: the first, or the first two.
+        Number of sets that also select a correction table: 1 for the first set, 2 for the first
+        two.
     """
 
     contexts: int
@@ -83,7 +84,7 @@ class MixerOptions:
 
 
 class MixerSizes(NamedTuple):
-    """Sizes of a mixer, each the length of a tuple and thus a compile-time constant."""
+    """Sizes of a mixer, each as a tuple whose length is a constant for compiled code."""
 
     experts: Lanes
     contexts: Lanes
@@ -93,17 +94,21 @@ class MixerSizes(NamedTuple):
 
 
 class Mixer(NamedTuple):
-    """State of a mixer.
+    """State of context mixing, which `code_bit` uses to encode or decode bits.
 
-    For each bit, the caller writes the experts' logits to `inputs`, the index of each context's
-    counter to `contexts`, and the index of each set's row of weights to `rows`.
+    Before each bit, the caller writes the experts' logits to `inputs`, the index of one counter of
+    each context to `contexts`, and the index of one row of weights of each set to `rows`.
 
     Parameters
     ----------
+    bits
+        The arithmetic coder, which determines whether bits are encoded or decoded.
     counters
-        (counters,), each with the probability of a 1 and the number of coded bits.
+        Adaptive probabilities of all contexts, (counters,). Each holds the probability of a 1 and
+        the number of coded bits.
     weights
-        (rows * lanes,); a row has weights of experts, contexts and bias.
+        Rows of weights, (rows * lanes,). A row has the weights of the experts, the contexts and the
+        bias.
     learning
         Initial, final and current learning rate, and number of coded bits.
     """
@@ -125,9 +130,14 @@ class Mixer(NamedTuple):
 
 
 def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
-    """Return a mixer without knowledge, which codes with `bits`.
+    """Return a mixer in the initial state, before it has learnt from any bit.
 
-    Encoder and decoder must start with the same options.
+    Parameters
+    ----------
+    bits
+        From `bit_writer` to encode, or from `bit_reader` to decode.
+    options
+        Sizes and learning rates; encoder and decoder must use the same ones.
     """
     inputs = options.experts + options.contexts
     lanes = lanes_for(inputs + 1)
@@ -163,7 +173,7 @@ def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
 
 
 def new_counters(count: int) -> NDArray[np.int32]:
-    """Return counters (count,) of probability 1 / 2 that have coded no bit."""
+    """Return `count` counters, (count,), with the probability 1 / 2 and no coded bit."""
     return np.full(count, 1 << PROBABILITY_BITS + COUNT_BITS - 1, np.int32)
 
 
@@ -176,19 +186,23 @@ def new_corrections(rows: int) -> Words:
 
 @inlined
 def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
-    """Encode or decode a bit whose probability the mixer estimates; return the bit, and learn from
-    it.
+    """Encode or decode a bit whose probability the mixer estimates, and learn from the bit.
 
     Parameters
     ----------
     mixer
-        Its `contexts`, `rows` and, if it has experts, `inputs` are set by the caller. Its coder
-        decides whether the bit is encoded or decoded.
+        The mixer. Before the call, the caller sets `contexts`, `rows` and, with experts, `inputs`.
+        The mixer's arithmetic coder determines whether the bit is encoded or decoded.
     bit
-        0 or 1; a decoder ignores it.
+        The bit to encode, 0 or 1; ignored when decoding.
     node, row
-        Numbers added to each element of `contexts`, and to each of `rows`, to tell the decisions
-        about one number apart.
+        Numbers that are added to each element of `contexts` and to each element of `rows`. They
+        distinguish the successive bits of one number.
+
+    Returns
+    -------
+    int
+        The bit that was encoded or decoded.
     """
     sizes, inputs, weights = mixer.sizes, mixer.inputs, mixer.weights
     experts, sets, width = len(sizes.experts), len(sizes.sets), len(sizes.lanes)

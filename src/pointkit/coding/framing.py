@@ -13,8 +13,10 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Framing:
-    """Format of a stream: magic number, version (1 byte), header, CRC-32 of the body (4 bytes), and
-    body.
+    """Format of a stream that starts with a magic number and has a checksum.
+
+    A stream consists of the magic number, the version (1 byte), a header, the CRC-32 of the body (4
+    bytes), and the body.
 
     Parameters
     ----------
@@ -25,7 +27,7 @@ class Framing:
     title
         Name of the format in error messages.
     header
-        Number of header bytes, which the CRC-32 does not cover.
+        Number of bytes of the header, which the CRC-32 does not cover.
     """
 
     magic: bytes
@@ -38,14 +40,16 @@ class Framing:
         return self.magic + bytes([self.version])
 
     def framed(self, body: bytes, header: bytes = b"") -> bytes:
-        """Return a stream with this body, and a header of as many bytes as the format has."""
+        """Return a stream with the given body, and with a header of the format's header size."""
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Return the header and the body of a stream.
+        """Check a stream, and return its header and its body.
 
-        Raises InputError if the magic number, the version or the checksum is wrong, or the stream
-        too short.
+        Raises
+        ------
+        InputError
+            The magic number, the version or the checksum is wrong, or the stream is too short.
         """
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:

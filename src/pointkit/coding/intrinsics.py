@@ -66,7 +66,10 @@ def dot(left: Words, i: int, right: Words, j: int, lanes: Lanes) -> int:
 
 
 def lanes_for(numbers: int) -> Lanes:
-    """Return the lanes of a vector with room for so many numbers, a multiple of `LANES`."""
+    """Return the lanes of a vector that has room for the given number of elements.
+
+    The length is a multiple of `LANES`.
+    """
     return (0,) * (-(-numbers // LANES) * LANES)
 
 

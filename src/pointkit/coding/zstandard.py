@@ -16,16 +16,16 @@ _WINDOW_LOG = 27
 
 
 def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
-    """Return data as one Zstandard frame.
+    """Return data compressed as one Zstandard frame.
 
     Parameters
     ----------
     data
         Bytes to compress.
     level
-        Zstandard's level, up to 22.
+        Compression level of Zstandard, up to 22.
     long
-        Whether repeated bytes are found up to 128 MiB apart.
+        Whether repetitions are found at distances of up to 128 MiB.
     """
     options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
     if long:
@@ -35,7 +35,20 @@ def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
 
 
 def decompressed(stream: bytes, most: int) -> bytes:
-    """Decompress a frame; raise InputError if it is damaged or holds more than `most` bytes."""
+    """Return the content of a Zstandard frame.
+
+    Parameters
+    ----------
+    stream
+        The frame.
+    most
+        Greatest number of bytes of the content.
+
+    Raises
+    ------
+    InputError
+        The frame is damaged, or its content is larger than `most`.
+    """
     options: dict[int, int] = {zstd.DecompressionParameter.window_log_max: _WINDOW_LOG}
     decoder = zstd.ZstdDecompressor(options=options)
     try:

@@ -1,4 +1,4 @@
-"""Octree of bounding boxes, for searches in points."""
+"""Octree of bounding boxes, which speeds up searches in points."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ LEAF_SIZE = 24
 
 
 class BoxTree(NamedTuple):
-    """Octree of bounding boxes over points in Morton order; parents come before children.
+    """Octree of bounding boxes over n points in Morton order, in which parents precede children.
 
     Parameters
     ----------
     columns
         Coordinates, (3, n), in Morton order.
     rows
-        Index of each column in the input array, (n,).
+        Index in the input array of each column, (n,).
     starts, ends
-        Node i contains the columns ``starts[i]`` to ``ends[i] - 1``.
+        Node i contains the columns from ``starts[i]`` to ``ends[i] - 1``.
     first, children
-        Node i has ``children[i]`` child nodes from ``first[i]`` on.
+        Node i has ``children[i]`` child nodes, which are numbered from ``first[i]`` on.
     boxes
-        Bounding boxes, (nodes, 6): lowest, then highest corner.
+        Bounding boxes, (nodes, 6): the lowest corner, then the highest corner.
     leaves
-        Indices of nodes without children, in Morton order.
+        Indices of the nodes without children, in Morton order.
     largest, depth
-        Number of points in the largest leaf; number of levels.
+        Number of points in the largest leaf, and number of levels.
     """
 
     columns: Floats
@@ -48,7 +48,7 @@ class BoxTree(NamedTuple):
 
 
 def box_tree(points: Floats) -> BoxTree:
-    """Build the tree of points (n, 3), n > 0, which need not be distinct."""
+    """Build the octree of points (n, 3), n > 0; points may be equal."""
     keys = morton_keys(points)
     rows = sort_keys(keys)
     starts, ends, first, children, depth = _nodes(points, rows, keys)

@@ -1,4 +1,4 @@
-"""Cholesky's method for small systems.
+"""Cholesky decomposition of small matrices, with the same result on every processor.
 
 Libraries of linear algebra round differently on different processors; these loops do not.
 """
@@ -15,9 +15,14 @@ from pointkit.geometry.cloud import Floats
 
 @inlined
 def factorise(matrix: Floats, least: float) -> None:
-    """Replace the lower triangle of a symmetric matrix (n, n) by its factor.
+    """Replace the lower triangle of a symmetric matrix (n, n) by its Cholesky factor.
 
-    Squares of the factor's diagonal are at least `least`.
+    Parameters
+    ----------
+    matrix
+        The matrix, which is overwritten.
+    least
+        Least value of the squares of the factor's diagonal.
     """
     for i in range(len(matrix)):
         for j in range(i + 1):
@@ -29,7 +34,7 @@ def factorise(matrix: Floats, least: float) -> None:
 
 @inlined
 def substitute(factor: Floats, right: Floats) -> None:
-    """Solve factor . x = right in place; the factor is lower triangular."""
+    """Solve ``factor @ x = right`` for a lower triangular factor, and write x to `right`."""
     for i in range(len(right)):
         for k in range(i):
             right[i] -= factor[i, k] * right[k]
@@ -38,7 +43,7 @@ def substitute(factor: Floats, right: Floats) -> None:
 
 @partial(compiled_in_place, error_model="numpy")
 def solve(matrix: Floats, right: Floats, least: float = -np.inf) -> None:
-    """Replace `right` (n,) by the solution of matrix . x = right, and `matrix` by its factor."""
+    """Solve ``matrix @ x = right``; x (n,) replaces `right`, and the factor replaces `matrix`."""
     factorise(matrix, least)
     substitute(matrix, right)
     for i in range(len(right) - 1, -1, -1):

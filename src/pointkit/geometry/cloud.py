@@ -46,10 +46,10 @@ class _Description(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Points with optional attributes, which are checked when the cloud is made.
+    """Points with optional attributes, which are checked when the cloud is created.
 
-    Lists and arrays of whole numbers are converted to the types below. The length of a cloud is its
-    number of points.
+    Lists and arrays of whole numbers are converted to the types below. ``len(cloud)`` is the number
+    of points.
 
     Parameters
     ----------
@@ -62,10 +62,11 @@ class PointCloud:
     labels
         Class or object of each point, (n,) int32.
     about
-        Description: source, seed and parameters; ``size`` of the cube to which the cloud is scaled
-        (0: its unit is the metre); ``scale`` and ``offset`` to metres (see `to_metres`).
+        Description of the cloud, such as its source, seed and parameters. ``size`` is the side of
+        the cube to which the coordinates are scaled (0: they are in metres). ``scale`` and
+        ``offset`` convert to metres (see `to_metres`).
     returns
-        The returns of a spinning sensor from which the points were computed, one for each point.
+        Returns of a spinning sensor from which the points were computed, one return for each point.
     fields
         Further attributes by name, (n,) numbers each.
 
@@ -120,7 +121,7 @@ class PointCloud:
 
     @property
     def frame(self) -> CoordinateFrame | None:
-        """Coordinate frame; None if the description has no ``size``."""
+        """Frame of the coordinates; None if the description has no ``size``."""
         size = self.about.get("size")
         if size is None:
             return None
@@ -128,7 +129,7 @@ class PointCloud:
 
     @property
     def peak(self) -> float | None:
-        """Peak of MPEG's PSNRs, in the cloud's unit; None if unknown."""
+        """Peak value for MPEG's PSNR metrics, in the cloud's unit; None if unknown."""
         if self.frame == "scaled":
             return float(self.about["size"]) - 1
         peak = self.about.get("peak")
@@ -140,7 +141,7 @@ class PointCloud:
         return float(self.about.get("metres_per_unit", 1.0))
 
     def select(self, rows: NDArray[Any]) -> Self:
-        """Return the points that a mask or indices select, without `returns`."""
+        """Return a cloud of the points that a mask (n,) or indices select, without `returns`."""
         return replace(
             self,
             xyz=self.xyz[rows],
@@ -159,13 +160,13 @@ class PointCloud:
 
 @dataclass(frozen=True)
 class UncheckedCloud(PointCloud):
-    """A cloud as a file holds it: points may be not finite."""
+    """A cloud as a file contains it, in which coordinates may be infinite or not a number."""
 
     def _check_finite(self) -> None:
         pass
 
     def checked(self) -> PointCloud:
-        """Return the cloud; raise InputError if a point is not finite."""
+        """Return the cloud as a `PointCloud`; raise InputError if a point is not finite."""
         return PointCloud(**vars(self))
 
 
@@ -226,7 +227,7 @@ _SMALLEST_EXTENT, _LARGEST_COORDINATE = 1e-30, 1e30
 
 
 def check_extent(points: Floats, source: str) -> None:
-    """Raise InputError if points (n, 3) are all equal, or their extent is too small or large."""
+    """Raise InputError if all points (n, 3) are equal, or their extent is too small or large."""
     low, high = bounds(points)
     extent = float((high / 2 - low / 2).max()) * 2
     if extent == 0:
@@ -240,7 +241,7 @@ def check_extent(points: Floats, source: str) -> None:
 
 
 def check_points(points: Floats, source: str) -> None:
-    """Raise InputError unless the points are a non-empty, finite (n, 3) array.
+    """Raise InputError unless `points` is a non-empty, finite array (n, 3).
 
     The message begins with `source`.
     """

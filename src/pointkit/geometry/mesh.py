@@ -20,12 +20,17 @@ _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
 class Primitive:
     """A geometric primitive on which a part of a surface lies (thesis, section 7).
 
-    `kind` is "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
-    `parameters` are in world coordinates (metres, radians); directions are unit vectors. Plane:
-    ``normal``, ``offset`` (normal . p = offset); cylinder: ``point``, ``axis``, ``radius``; sphere:
-    ``centre``, ``radius``; cone: ``apex``, ``axis`` (into the cone), ``half_angle``; torus:
-    ``centre``, ``axis``, ``major_radius``, ``minor_radius``; superquadric: ``centre``, ``axes``,
-    ``sizes``, ``exponents``.
+    Parameters
+    ----------
+    kind
+        "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
+    parameters
+        Parameters by name, in world coordinates (metres, radians); directions are unit vectors. A
+        plane has ``normal`` and ``offset`` (normal . p = offset). A cylinder has ``point``,
+        ``axis`` and ``radius``. A sphere has ``centre`` and ``radius``. A cone has ``apex``,
+        ``axis`` (which points into the cone) and ``half_angle``. A torus has ``centre``, ``axis``,
+        ``major_radius`` and ``minor_radius``. A superquadric has ``centre``, ``axes``, ``sizes``
+        and ``exponents``.
     """
 
     kind: str
@@ -34,7 +39,15 @@ class Primitive:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object in a scene: a name (``"chair_3"``) and a semantic class (``"chair"``)."""
+    """An object in a scene.
+
+    Parameters
+    ----------
+    name
+        Unique name, such as ``"chair_3"``.
+    semantic
+        Semantic class, such as ``"chair"``.
+    """
 
     name: str
     semantic: str
@@ -42,9 +55,16 @@ class SceneObject:
 
 @dataclass(frozen=True)
 class Labels:
-    """Object and primitive of each triangle of a scene.
+    """Object and geometric primitive to which each of t triangles of a scene belongs.
 
-    ``object_id`` and ``primitive_id`` (t,) are indices into ``objects`` and ``primitives``.
+    Parameters
+    ----------
+    object_id, primitive_id
+        Index into `objects`, and index into `primitives`, of each triangle, (t,).
+    objects
+        The objects of the scene.
+    primitives
+        The geometric primitives on which triangles lie.
     """
 
     object_id: NDArray[np.int32]
@@ -55,7 +75,7 @@ class Labels:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with z up.
+    """A triangle mesh with z up, optionally with labels.
 
     Parameters
     ----------
@@ -98,7 +118,10 @@ class Mesh:
 
 
 def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Transform a primitive from a scaled frame: ``metres = scaled / scale + offset``."""
+    """Convert a primitive from a scaled frame to metres.
+
+    A coordinate in metres is ``scaled / scale + offset``.
+    """
     parameters = dict(primitive.parameters)
     for name in _LENGTHS:
         if name in parameters:
@@ -113,15 +136,16 @@ def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> P
 
 
 def labelled_mesh_in_metres(mesh: Mesh, scale: float, offset: Floats) -> Mesh:
-    """Transform a mesh and its primitives from a scaled frame: ``metres = scaled / scale +
-    offset``.
+    """Convert a labelled mesh from a scaled frame to metres.
+
+    A coordinate in metres is ``scaled / scale + offset``.
     """
     labels = _labels_in_metres(mesh.labels, scale, offset)
     return Mesh(mesh.vertices / scale + offset, mesh.triangles, labels)
 
 
 def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
-    """Convert a mesh and its primitives from another unit to metres."""
+    """Return a mesh, and its primitives, converted from another unit to metres."""
     labels = mesh.labels
     if metres_per_unit != 1:
         labels = _labels_in_metres(labels, 1 / metres_per_unit, np.zeros(3))
@@ -136,7 +160,10 @@ def _labels_in_metres(labels: Labels | None, scale: float, offset: Floats) -> La
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
-    """Raise InputError for a mesh without area, with invalid indices or non-finite vertices."""
+    """Raise InputError for a mesh without area, with invalid indices, or that is not finite.
+
+    The message begins with `source`.
+    """
     if len(mesh.triangles) == 0:
         raise InputError(f"{source}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):

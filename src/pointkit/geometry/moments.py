@@ -1,7 +1,7 @@
-"""Least-squares planes from the weighted moments of points.
+"""Least-squares planes through points, computed from weighted moments of the points.
 
-The ten moments are the weight, three first moments and six second moments (xx, xy, xz, yy, yz, zz).
-A plane (nx, ny, nz, d) contains the points p with n.p = d, |n| = 1.
+Ten moments describe a set of points: the weight, three first moments, and six second moments (xx,
+xy, xz, yy, yz, zz). A plane (nx, ny, nz, d) contains the points p with n.p = d, where |n| = 1.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MOMENT_COUNT = 10
 
 @compiled_in_place
 def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> None:
-    """Add a point with a weight to the ten moments."""
+    """Add a weighted point to the ten moments."""
     moments[0] += weight
     moments[1] += weight * x
     moments[2] += weight * y
@@ -31,7 +31,7 @@ def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> N
 
 @compiled_in_place
 def squared_distance(moments: Floats, plane: Floats) -> float:
-    """Return the weighted sum of the points' squared distances from a plane (4,)."""
+    """Return the weighted sum of squared distances of the points from a plane (4,)."""
     a, b, c, d = plane[0], plane[1], plane[2], plane[3]
     along = a * a * moments[4] + b * b * moments[7] + c * c * moments[9]
     along += 2 * (a * b * moments[5] + a * c * moments[6] + b * c * moments[8])
@@ -41,8 +41,9 @@ def squared_distance(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def fit_plane(moments: Floats, plane: Floats) -> float:
-    """Write the plane with the least weighted sum of squared distances to `plane` (4,); return that
-    sum.
+    """Fit the plane with the least weighted sum of squared distances from the points.
+
+    The plane (4,) is written to `plane`, and the sum is returned.
     """
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
@@ -55,7 +56,7 @@ def fit_plane(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def distance_to_fit(moments: Floats) -> float:
-    """Return the weighted sum of squared distances from the plane of `fit_plane`."""
+    """Return the weighted sum of squared distances of the points from their best plane."""
     xx, xy, xz, yy, yz, zz = _covariance(moments)
     return float(max(_least_eigenvalue(xx, xy, xz, yy, yz, zz), 0.0) * moments[0])
 

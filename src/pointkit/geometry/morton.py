@@ -1,8 +1,8 @@
-"""Morton codes of whole numbers: the bits of x, y and z interleaved, x highest, up to 21 bits per
-axis.
+"""Morton codes of whole numbers, whose bits interleave those of x, y and z.
 
-Codecs write them in streams. The keys of `pointkit.geometry.spatial_order`, by which points of any
-coordinates are sorted in memory, have x lowest and 16 bits per axis.
+The bit of x is the highest of each three, and an axis has up to 21 bits. Codecs write these codes
+in streams. By contrast, `pointkit.geometry.spatial_order` sorts points of any coordinates in
+memory; its keys have x lowest and 16 bits per axis.
 """
 
 from __future__ import annotations
@@ -31,7 +31,15 @@ AXES_BITS = np.array(
 
 @inlined
 def first_child_code(morton: int, axes: int) -> int:
-    """Return the code of a node's first child on an octree level that splits `axes` (bit mask)."""
+    """Return the Morton code of a node's first child in an octree.
+
+    Parameters
+    ----------
+    morton
+        Code of the node.
+    axes
+        Bit mask of the axes that this level of the octree splits: 4 for x, 2 for y, 1 for z.
+    """
     if axes == 7:
         return morton << 3
     split: int = AXES_BITS[axes]
@@ -40,7 +48,7 @@ def first_child_code(morton: int, axes: int) -> int:
 
 @inlined
 def parent_code(morton: int, axes: int) -> int:
-    """Return the code of a first child's parent; inverse of `first_child_code`."""
+    """Return the Morton code of a first child's parent; this inverts `first_child_code`."""
     if axes == 7:
         return morton >> 3
     split: int = AXES_BITS[axes]
@@ -49,7 +57,7 @@ def parent_code(morton: int, axes: int) -> int:
 
 @inlined
 def compact_bits(bits: int) -> int:
-    """Move every third bit, starting with the lowest, to adjacent bits."""
+    """Move every third bit, starting with the lowest, to adjacent positions."""
     bits &= Z_BITS
     bits = (bits | bits >> 2) & 0x10C30C30C30C30C3
     bits = (bits | bits >> 4) & 0x100F00F00F00F00F
@@ -60,7 +68,7 @@ def compact_bits(bits: int) -> int:
 
 @inlined
 def spread_bits(bits: int) -> int:
-    """Move adjacent bits to every third bit; inverse of `compact_bits`."""
+    """Move adjacent bits to every third position; this inverts `compact_bits`."""
     bits = (bits | bits << 32) & 0x001F00000000FFFF
     bits = (bits | bits << 16) & 0x001F0000FF0000FF
     bits = (bits | bits << 8) & 0x100F00F00F00F00F
@@ -70,7 +78,15 @@ def spread_bits(bits: int) -> int:
 
 @compiled
 def morton_codes(points: Ints, axes: Ints) -> Ints:
-    """Return codes (n,) of points (n, 3) in [0, 2^21); column c is axis axes[c] (0 x, 1 y, 2 z)."""
+    """Return the Morton codes (n,) of points.
+
+    Parameters
+    ----------
+    points
+        Points (n, 3) with whole coordinates in [0, 2^21).
+    axes
+        Axis (0 x, 1 y, 2 z) of each of the three columns.
+    """
     codes = np.empty(len(points), dtype=np.int64)
     shifts = 2 - axes
     for i in range(len(points)):
@@ -83,7 +99,13 @@ def morton_codes(points: Ints, axes: Ints) -> Ints:
 
 @compiled
 def morton_points(codes: Ints, axes: Ints, origin: Ints) -> Ints:
-    """Return the points (n, 3) of codes (n,), shifted by an origin (3,)."""
+    """Return the points (n, 3) of Morton codes (n,), shifted by an origin (3,).
+
+    Parameters
+    ----------
+    axes
+        Axis (0 x, 1 y, 2 z) of each of the three columns of the result.
+    """
     points = np.empty((len(codes), 3), dtype=np.int64)
     shifts = 2 - axes
     for i in range(len(codes)):

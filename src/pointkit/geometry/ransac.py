@@ -1,4 +1,4 @@
-"""Planes through points, by RANSAC, least squares, and without outliers."""
+"""Planes through points: by RANSAC, by least squares, and by repeated fits without outliers."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _MIN_STD_M = 1e-9
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane: the points x with ``normal @ x == offset``; the normal has length 1."""
+    """A plane: the points x with ``normal @ x == offset``, where the normal has length 1."""
 
     normal: Floats
     offset: float
 
     def distances(self, points: Floats) -> Floats:
-        """Return points' signed distances (n,), positive on the normal's side."""
+        """Return the signed distances (n,) of points; they are positive on the normal's side."""
         return np.asarray(points @ self.normal - self.offset)
 
     def facing(self, point: Floats) -> Plane:
-        """Return the plane with its normal on the side of a point (3,)."""
+        """Return the same plane with the normal pointing to the side of a point (3,)."""
         side = -1.0 if self.normal @ point < self.offset else 1.0
         return Plane(self.normal * side, self.offset * side)
 
@@ -43,10 +43,30 @@ def ransac_plane(
     threshold_m: float = THRESHOLD_M,
     refit: bool = False,
 ) -> Plane:
-    """Fit a plane to points (n, 3) by RANSAC, as PCL does (thesis, section 5.1.2).
+    """Fit a plane to points by RANSAC, as PCL does (thesis, section 5.1.2).
 
-    At most 1000 samples are drawn, for 99 % confidence. `refit` fits the plane to the inliers
-    (within `threshold_m`) by least squares. Raises InputError if all points lie on one line.
+    At most 1000 samples are drawn, for a confidence of 99 %.
+
+    Parameters
+    ----------
+    points
+        Points, (n, 3), m.
+    rng
+        Source of the samples.
+    threshold_m
+        Greatest distance of an inlier from the plane, m.
+    refit
+        Whether to fit the plane to its inliers by least squares at the end.
+
+    Returns
+    -------
+    Plane
+        The plane with the most inliers.
+
+    Raises
+    ------
+    InputError
+        There are fewer than three points, or all points lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
@@ -70,10 +90,26 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Fit a plane to points (n, 3) repeatedly, each time to the previous plane's inliers.
+    """Fit a plane repeatedly, each time to those points that are inliers of the previous plane.
 
-    Inliers lie within `sigmas` robust standard deviations of the median distance. The fit ends
-    after `rounds`, or when the inliers do not change. Returns the plane and the inlier mask (n,).
+    A point is an inlier if its distance is within `sigmas` robust standard deviations of the median
+    distance. The fit ends after `rounds` rounds, or when the inliers no longer change.
+
+    Parameters
+    ----------
+    points
+        Points, (n, 3).
+    start
+        The first plane.
+    sigmas
+        Greatest deviation of an inlier, in robust standard deviations.
+    rounds
+        Greatest number of fits.
+
+    Returns
+    -------
+    tuple of Plane and array
+        The last plane, and the mask (n,) of its inliers.
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):
@@ -87,7 +123,7 @@ def robust_plane(
 
 
 def robust_std(values: Floats) -> float:
-    """Estimate a standard deviation by the median absolute deviation."""
+    """Estimate the standard deviation of values from their median absolute deviation."""
     return float(1.4826 * np.median(np.abs(values - np.median(values))))
 
 

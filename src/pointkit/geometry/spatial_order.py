@@ -1,8 +1,8 @@
-"""Sorting of points along a Morton curve, and removal of duplicates.
+"""Sorting of points along a Morton curve, and removal of duplicate points.
 
-Neighbours on the curve are close in space, so that caching speeds up searches fourfold. Keys are
-cells of the points' bounding cube, x lowest; `pointkit.geometry.morton` has the codes of whole
-numbers with x highest.
+Neighbours on the curve are close in space, so that the sorting speeds up searches fourfold by
+caching. The keys number the cells of the points' bounding cube, with x lowest; by contrast, the
+codes of whole numbers in `pointkit.geometry.morton` have x highest.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ DIGIT_MASK = (1 << DIGIT_BITS) - 1
 
 
 def distinct_points(points: Floats) -> tuple[Rows, Floats]:
-    """Return the indices (m,) and coordinates (m, 3) of the distinct points, in Morton order.
+    """Return the distinct points among points (n, 3), in Morton order.
 
-    Of equal points, the first is kept.
+    Of equal points, the first is kept. The result is the indices (m,) and the coordinates (m, 3).
     """
     keys = morton_keys(points)
     order = sort_keys(keys)
@@ -39,7 +39,7 @@ def distinct_points(points: Floats) -> tuple[Rows, Floats]:
 
 
 def morton_order(points: Floats) -> Rows:
-    """Return the indices (n,) that sort points (n, 3) along the curve."""
+    """Return the indices (n,) that sort points (n, 3) along a Morton curve."""
     return sort_keys(morton_keys(points))
 
 
@@ -75,7 +75,7 @@ def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Key
 
 @compiled
 def sort_keys(keys: Keys) -> Rows:
-    """Sort keys (n,) in [0, 2^48) in place by stable radix sort; return their previous indices."""
+    """Sort keys (n,) in [0, 2^48) in place by stable radix sort; return their former indices."""
     order = np.arange(len(keys))
     if np.all(keys[1:] >= keys[:-1]):
         return order

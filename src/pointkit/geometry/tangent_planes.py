@@ -1,4 +1,4 @@
-"""Planes through the voxels around each voxel."""
+"""Planes that approximate the voxels around each voxel."""
 
 from __future__ import annotations
 
@@ -20,9 +20,16 @@ _BLOCKS_PER_TASK = 16384
 class TangentPlanes(NamedTuple):
     """Tangent planes at m voxels; lengths are in voxels.
 
-    ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are the voxels'
-    signed distances from their planes. A plane is fitted to ``counts`` (m,) voxels, at a root mean
-    square distance of ``thickness`` (m,).
+    Parameters
+    ----------
+    normals
+        Unit normals, (m, 3); 0 where there are too few voxels.
+    distances
+        Signed distance of each voxel from its plane, (m,).
+    thickness
+        Root mean square distance from the plane of the voxels to which it was fitted, (m,).
+    counts
+        Number of voxels to which each plane was fitted, (m,).
     """
 
     normals: Floats
@@ -32,9 +39,22 @@ class TangentPlanes(NamedTuple):
 
 
 def fit_tangent_planes(voxels: Ints, block: int = 1) -> TangentPlanes:
-    """Fit planes to distinct voxels (m, 3), one for each block of `block` voxels a side.
+    """Fit a plane to the neighbourhood of each voxel.
 
-    A block's plane is fitted to the voxels in the block and in the 26 blocks around it.
+    Voxels are grouped in cubic blocks, and all voxels of a block share one plane. It is fitted to
+    the voxels of the block and of the 26 blocks around it.
+
+    Parameters
+    ----------
+    voxels
+        Distinct voxels, (m, 3).
+    block
+        Side of a block, in voxels.
+
+    Returns
+    -------
+    TangentPlanes
+        One plane for each voxel, in the order of `voxels`.
     """
     blocks = voxels // block
     blocks = blocks - blocks.min(axis=0) + 1
@@ -97,7 +117,7 @@ def _fit(
 
 @compiled_in_place
 def _first_key_in_row(key: int, row: int) -> int:
-    """Return the lowest key of a row (0 to 8) of the 3 x 3 x 3 blocks around a block."""
+    """Return the lowest key of one of the nine rows (0 to 8) of blocks around a block."""
     return key + ((row // 3 - 1) << 2 * _BITS) + ((row % 3 - 1) << _BITS) - 1
 
 

@@ -1,4 +1,4 @@
-"""Tables with a row for each return of a spinning sensor."""
+"""Tables that have one row for each return of a spinning sensor."""
 
 from __future__ import annotations
 
@@ -36,29 +36,32 @@ RETURN_COLUMNS: ColumnSpecs = {
 
 @dataclass(frozen=True)
 class ReturnTable(ColumnTable):
-    """A row for each return, with its time, laser, angles, distance and point.
+    """Table of the returns of a sensor: the time, laser, angles, distance and point of each return.
 
-    `RETURN_COLUMNS` tells the unit of each column. Firings without a return have no row.
+    `RETURN_COLUMNS` has the type, unit and description of each column. Laser firings without a
+    return have no row.
     """
 
     schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
 
 
 def return_table_of(returns: Returns, sequence_us: float = 0.0) -> ReturnTable:
-    """Convert returns to a table, whose rows are in the order of `Returns.points`.
+    """Convert returns from the integers that the sensor reports to a table of points.
+
+    The rows are in the order of `Returns.points`.
 
     Parameters
     ----------
     returns
-        At least one revolution.
+        The returns, of at least one revolution.
     sequence_us
-        Time between the columns of a packet, microseconds: a packet's time is that of its first
-        column. Packets without a time have the time 0.
+        Time between successive columns of a data packet, microseconds. The time of a packet is that
+        of its first column. Returns of packets without a time get the time 0.
 
     Returns
     -------
     ReturnTable
-        Its ``about`` holds the sensor's name.
+        The table. The name of the sensor is in ``about``.
     """
     parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
     counts = [len(part["laser_id"]) for part in parts]
@@ -93,7 +96,7 @@ def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray
 
 
 def read_return_table(path: Path) -> ReturnTable:
-    """Read the Parquet file of a `ReturnTable`.
+    """Read a `ReturnTable` from its Parquet file.
 
     Raises
     ------

@@ -1,8 +1,9 @@
 """Returns of a spinning sensor, real or virtual, as the integers that the sensor reports.
 
-`Returns` hold revolutions as images of firing columns by lasers. A `FiringTable` is their file: a
-Parquet table with a row for each firing, with and without return. The points of returns, in metres
-and seconds, are in a `pointkit.lidar.return_table.ReturnTable`.
+A `Returns` object holds revolutions of the sensor, each as an image of firing columns by lasers; a
+column is one firing of all lasers. A `FiringTable` is the form of this object in a file: a Parquet
+table with one row for each firing of a laser, with or without a return. By contrast, a
+`pointkit.lidar.return_table.ReturnTable` holds the returns as points in metres and seconds.
 """
 
 from __future__ import annotations
@@ -52,31 +53,35 @@ _Number = TypeVar("_Number", bound=np.integer)
 
 @dataclass(frozen=True)
 class Beams:
-    """Directions and firing times of a sensor's lasers; tuples have an item for each laser.
+    """Directions and firing times of a sensor's lasers; each tuple has one item for each laser.
+
+    An empty tuple means that the value is 0 for all lasers, unless stated otherwise.
 
     Parameters
     ----------
     elevations_deg
-        Angles above the horizontal plane.
+        Angles above the horizontal plane, degrees.
     heights_mm
-        Heights of beams' starts above the sensor's origin (Velodyne's vertical corrections).
+        Heights above the sensor's origin at which beams start (Velodyne's vertical corrections),
+        mm.
     delays
-        Times of firing as fractions of the time between columns.
+        Firing times after the start of a column, as fractions of the time between two columns.
     clockwise
-        Whether the sensor turns, and azimuths increase from 0 (forward, y), clockwise seen from
-        above.
+        Whether the sensor rotates clockwise, seen from above. Azimuths start at 0 for the forward
+        direction (y) and increase in the direction of rotation.
     azimuths_deg
-        Azimuths relative to the column's; empty: all 0.
+        Azimuths relative to the azimuth of the column, degrees.
     sideways_mm
-        Distances of beams from the axis, in the direction of rotation; empty: all 0.
+        Distances of beams from the sensor's axis, in the direction of rotation, mm.
     radial_mm
-        Distances from the axis, in the direction of the column's azimuth, at which beams start and
-        from which ranges are measured; empty: all 0.
+        Distances from the sensor's axis at which beams start and from which ranges are measured, in
+        the direction of the column's azimuth, mm.
     range_mm
-        Lengths added to ranges; empty: all 0.
+        Lengths that are added to ranges, mm.
     near_right_mm, near_forward_mm
-        Lengths added to ranges at x = 2.4 m to compute x, and at y = 1.93 m to compute y; they
-        change linearly to `range_mm` at 25.04 m (HDL-64E manual); empty: as `range_mm`.
+        Lengths that are added to near ranges, mm: `near_right_mm` at x = 2.4 m to compute x, and
+        `near_forward_mm` at y = 1.93 m to compute y. Both change linearly to `range_mm` at 25.04 m
+        (HDL-64E manual). Empty: the same as `range_mm`.
     """
 
     elevations_deg: tuple[float, ...]
@@ -99,11 +104,11 @@ class Beams:
         sensor
             Description of the sensor.
         firing
-            Whether the lasers of a column fire one after the other, as in a real sensor, or at
-            once.
+            Whether the lasers of a column fire one after the other (``"sequential"``), as in a real
+            sensor, or all at once.
         is_virtual
-            Whether all rays start at the sensor's origin, and it turns counter-clockwise, as in
-            virtual scans; corrections of lasers are then ignored.
+            Whether the beams are those of virtual scans: all rays start at the sensor's origin, the
+            sensor rotates counter-clockwise, and corrections of lasers are ignored.
         """
         none, delays = (0.0,) * sensor.lasers, (0.0,) * sensor.lasers
         if firing == "sequential":
@@ -142,10 +147,11 @@ FIRING_COLUMNS: ColumnSpecs = {
 
 @dataclass(frozen=True)
 class FiringTable(ColumnTable):
-    """The file form of `Returns`: a row for each firing, with and without return.
+    """File form of `Returns`: a table with one row for each firing of a laser.
 
-    Rows are in the order of turns, columns and lasers. In dual return mode, a firing has a row for
-    each kind of return.
+    Firings without a return have a row, too. Rows are in the order of revolutions, columns and
+    lasers. In dual return mode, i.e. if the sensor reports two returns of a beam, a firing has one
+    row for each of them.
     """
 
     schema = TableSchema("table of firings", "puckbench_firings", FIRING_COLUMNS)
@@ -158,30 +164,32 @@ class _FiringTableInSteps(FiringTable):
 
 @dataclass(frozen=True)
 class Returns:
-    """Revolutions of a spinning sensor, and its beams; what codecs of returns encode and decode.
+    """Revolutions of a spinning sensor as integers, and its beams; some codecs code this object.
 
-    The sensor's coordinates are x right, y forward, z up. The distance from a beam's start is the
-    range times `quantum_m`, plus `range_offset_m` and the beam's `range_mm`.
+    The sensor's coordinates are x right, y forward, z up. The distance of a return from the start
+    of its beam is the integer range times `quantum_m`, plus `range_offset_m` and the beam's
+    `range_mm`. ``len(returns)`` is the number of returns.
 
     Parameters
     ----------
     beams
         Directions and firing times of the lasers.
     layout
-        Arrangement of lasers and columns in the images of all turns.
+        Arrangement of lasers and columns in the images of all revolutions.
     turns
-        Revolutions, in chronological order.
+        The revolutions, in chronological order.
     quantum_m
-        Unit of ranges, m.
+        Length of one unit of the integer ranges, m.
     sensor
         Name of the sensor.
     range_offset_m
-        Length added to all ranges, m.
+        Length that is added to all ranges, m.
 
     Raises
     ------
     InputError
-        The arrays of a turn do not have the layout's shapes, or beams and layout differ in lasers.
+        The arrays of a revolution do not have the shapes of the layout, or the numbers of lasers in
+        `beams` and `layout` differ.
     """
 
     beams: Beams
@@ -206,11 +214,14 @@ class Returns:
 
     @property
     def firings(self) -> int:
-        """Number of firings, with and without return."""
+        """Number of firings of single lasers, with and without a return."""
         return sum(turn.ranges[0].size for turn in self.turns)
 
     def distances(self, turn: Turn) -> Floats:
-        """Return the distances (kinds, columns, lasers), m, of a revolution, 0 for no return."""
+        """Return the distances of a revolution's firings, m; 0 for a firing without a return.
+
+        The shape is (kinds of return, columns, lasers).
+        """
         distances: Floats = turn.ranges.astype(np.float64) * self.quantum_m
         if self.range_offset_m or self.beams.range_mm:
             more = self.range_offset_m + np.asarray(self.beams.range_mm or 0.0) / 1000
@@ -225,13 +236,14 @@ class Returns:
         Parameters
         ----------
         distances
-            Distances, m, to use in place of the ranges of each turn, and in their shapes.
+            Distances in m to use in place of the ranges: one array for each revolution, in the
+            shape of its ranges.
 
         Returns
         -------
-        array (n, 3)
-            Points in the sensor's coordinates, m, in the order of turns, columns, lasers and kinds
-            of return. Firings without return have no point.
+        array
+            Points in the sensor's coordinates, (n, 3), m, in the order of revolutions, columns,
+            lasers and kinds of return. Firings without a return have no point.
         """
         if distances is None:
             distances = [self.distances(turn) for turn in self.turns]
@@ -239,11 +251,17 @@ class Returns:
         return np.concatenate(parts) if parts else np.zeros((0, 3))
 
     def indices(self, turn: Turn) -> tuple[NDArray[np.intp], ...]:
-        """Return column, laser and kind of each return of a revolution, in the order of points."""
+        """Return the column, laser and kind of each return of a revolution, as three arrays (n,).
+
+        The returns are in the order of `points`.
+        """
         return np.nonzero(_returned(turn).transpose(1, 2, 0))
 
     def reflectivities(self) -> NDArray[np.uint8] | None:
-        """Return the reflectivities (n,) in the order of points, None if a turn has none."""
+        """Return the reflectivity of each return, (n,), in the order of `points`.
+
+        The result is None if a revolution has no reflectivities.
+        """
         parts = []
         for turn in self.turns:
             if turn.reflectivities is None:
@@ -287,9 +305,10 @@ class Returns:
     def _near(
         self, distance: Floats, right: Floats, forward: Floats, lasers: NDArray[np.intp]
     ) -> tuple[Floats, Floats]:
-        """Return the near corrections (n,), m, along x and y (velodyne_decoder's formula).
+        """Return the near corrections along x and along y, each (n,), m.
 
-        Heights get the mean of both; in the manual, the correction along y.
+        The formula is that of velodyne_decoder: heights get the mean of both corrections. In the
+        manual, heights get the correction along y.
         """
         beams = self.beams
         far = np.asarray(beams.range_mm or (0.0,) * beams.lasers)[lasers] / 1000
@@ -312,7 +331,10 @@ class Returns:
         return np.asarray(np.radians(fired))
 
     def column_azimuths(self, turn: Turn) -> Floats:
-        """Return the azimuths of firings (columns, lasers), rad, without `Beams.azimuths_deg`."""
+        """Return the azimuth of each firing, (columns, lasers), rad, without the offsets of lasers.
+
+        These offsets are `Beams.azimuths_deg`, which `azimuths` adds.
+        """
         return np.asarray(np.radians(self._fired_deg(turn)))
 
     def _fired_deg(self, turn: Turn) -> Floats:
@@ -329,7 +351,7 @@ class Returns:
 
     @property
     def columns_per_turn(self) -> int:
-        """Number of columns in a whole revolution, from the usual step of the azimuth."""
+        """Number of columns in a whole revolution, computed from the usual azimuth step."""
         steps = self.layout.azimuth_steps
         rises = [np.mod(np.diff(turn.azimuths.astype(int)), steps) for turn in self.turns]
         increases = np.concatenate(rises) if rises else np.zeros(0, int)
@@ -341,13 +363,16 @@ class Returns:
         return max(round(steps * self.layout.columns_per_block / float(usual.mean())), 1)
 
     def split(self) -> Iterator[Returns]:
-        """Yield each turn as `Returns` of its own."""
+        """Yield each revolution as a `Returns` object of its own."""
         for turn in self.turns:
             yield replace(self, turns=(turn,))
 
     @property
     def seconds(self) -> float | None:
-        """Duration of the turns by the sensor's clock, which restarts hourly; None if unknown."""
+        """Duration of all revolutions by the sensor's clock, s; None if the times are unknown.
+
+        The clock restarts every hour.
+        """
         times = [turn.times for turn in self.turns if turn.times is not None]
         clock = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
         if len(clock) < 2:
@@ -366,7 +391,7 @@ def _returned(turn: Turn) -> NDArray[np.bool_]:
 
 
 def write_firings(path: Path, returns: Returns) -> None:
-    """Write returns as a `FiringTable` in a Parquet file, from which nothing is missing."""
+    """Write returns without loss to a Parquet file, as a `FiringTable`."""
     layout = returns.layout
     parts = [_rows(number, turn, layout) for number, turn in enumerate(returns.turns)]
     columns = {
@@ -389,7 +414,7 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
-    """Return the fields of `part`, without newer fields that have the default."""
+    """Return the fields of `part` by name; recently added fields are left out at their default."""
     later: dict[str, Any] = dict.fromkeys(
         ("radial_mm", "range_mm", "near_right_mm", "near_forward_mm", "shifts"), ()
     )
@@ -421,13 +446,18 @@ def _rows(number: int, turn: Turn, layout: Layout) -> dict[str, NDArray[Any]]:
 
 
 def read_firings(path: Path) -> Returns:
-    """Read the Parquet file of `write_firings`.
+    """Read returns from a Parquet file that `write_firings` wrote.
+
+    Returns
+    -------
+    Returns
+        The same returns that were written.
 
     Raises
     ------
     InputError
-        The file is no such table, its rows are not in order, or a value is not one that a sensor
-        can report.
+        The file is not such a table, its rows are not in order, or a sensor cannot report one of
+        the values.
     """
     table = read_column_table(path, FiringTable)
     with naming(path):
@@ -443,12 +473,23 @@ def read_firings(path: Path) -> Returns:
 
 
 def returns_file(cloud: Path) -> Path:
-    """Return the path of the Parquet file with the returns of a cloud's file."""
+    """Return the path of the Parquet file that holds the returns of a cloud file.
+
+    The path differs from the cloud's only in the suffix ``.parquet``.
+    """
     return cloud.with_suffix(".parquet")
 
 
 def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
-    """Return a cloud with the returns beside its file, if there are any."""
+    """Return the cloud together with the returns in the file beside it (`returns_file`), if any.
+
+    Parameters
+    ----------
+    cloud
+        The cloud.
+    path
+        File of the cloud.
+    """
     beside = returns_file(path)
     return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
 
@@ -488,7 +529,7 @@ def _check_order(image: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _shared(image: Mapping[str, NDArray[Any]], name: str, columns: int) -> NDArray[Any]:
-    """Return a value for each `columns` columns; raise InputError if they have several."""
+    """Return one value for each `columns` columns; raise InputError if these have several."""
     values = image[name]
     first: NDArray[Any] = values[::columns, 0, 0]
     if (values != np.repeat(first, columns)[: len(values), None, None]).any():
@@ -513,7 +554,7 @@ def _check_firings(table: FiringTable, layout: Layout, most_range: int) -> None:
 
 
 def _known(name: str, values: NDArray[_Number]) -> NDArray[_Number] | None:
-    """Return values of which none is -1, None if all are; raise InputError if some are."""
+    """Return the values, or None if all are -1; raise InputError if only some are -1."""
     unknown = values == _UNKNOWN
     if unknown.any() and not unknown.all():
         raise InputError(f"column {name} has {_UNKNOWN} (not known) in a part of a turn")

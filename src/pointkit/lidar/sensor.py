@@ -30,7 +30,10 @@ _CALIBRATED = "hdl64e_s3"
 
 
 class Sensor(Model):
-    """A rotating LiDAR (thesis, Tables 4.1 and 4.2); tuples have an item for each laser."""
+    """Description of a rotating LiDAR (thesis, Tables 4.1 and 4.2).
+
+    Each tuple has one item for each laser.
+    """
 
     name: str
     laser_elevation_deg: tuple[float, ...]
@@ -117,7 +120,10 @@ class Sensor(Model):
 
     @property
     def firing_times_us(self) -> tuple[float, ...]:
-        """Firing times from the start of a firing sequence, us; raises InputError if unknown."""
+        """Firing time of each laser after the start of a firing sequence, microseconds.
+
+        Raises InputError if the times are unknown.
+        """
         offsets = self._firing_offsets()
         if offsets is None:
             raise InputError(f"sensor {self.name} does not state when its lasers fire")
@@ -130,19 +136,24 @@ class Sensor(Model):
 
 
 def sensor_names() -> list[str]:
-    """Return the names of the sensors that pointkit describes."""
+    """Return the names of the sensors that pointkit describes, which `load_sensor` accepts."""
     return sorted(path.stem for path in _SENSORS.glob("*.yaml"))
 
 
 def load_sensor(name_or_path: str | Path) -> Sensor:
-    """Return the description of a sensor.
+    """Load the description of a sensor, by its name or from a file.
 
     Parameters
     ----------
     name_or_path
-        Name of a shipped sensor (``vlp16``; see `sensor_names`), or a file: a description (YAML),
-        or the calibration of an HDL-64E (VeloView's db.xml, or the YAML of ROS's
-        velodyne_pointcloud).
+        Name of a sensor that pointkit describes (such as ``vlp16``; see `sensor_names`), or a file.
+        The file is a description (YAML) or the calibration of an HDL-64E (VeloView's db.xml, or the
+        YAML file of ROS's velodyne_pointcloud).
+
+    Returns
+    -------
+    Sensor
+        The checked description.
 
     Raises
     ------

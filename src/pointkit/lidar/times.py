@@ -1,4 +1,4 @@
-"""Units of the times of points, and leaps of clocks, inferred from the times."""
+"""Inference of the unit of points' times, and of leaps of the clock, from the times themselves."""
 
 from __future__ import annotations
 
@@ -31,11 +31,25 @@ _LEAP_S = 1.0
 
 
 def unit_of(times: NDArray[Any], azimuth: Floats, turn_s: float | None = None) -> TimeUnit | None:
-    """Infer the unit (s, ms, us or ns) of times (n,); None if it is unknown.
+    """Infer the unit of times: s, ms, us or ns.
 
-    With the right unit, the azimuths (n,), rad, rotate about ten times a second, or times since
-    1970 lie in this century, or the times of a turn take about `turn_s`. If no unit fits, the unit
-    of integers is unknown, and that of other numbers within a day is s.
+    The unit is right if the azimuths rotate about ten times a second, if times since 1970 lie in
+    this century, or if the times of a revolution take about `turn_s`. If no unit is right, integers
+    have an unknown unit, and other numbers within a day are in s.
+
+    Parameters
+    ----------
+    times
+        Times, (n,).
+    azimuth
+        Azimuths, (n,), rad.
+    turn_s
+        Duration of a revolution of the sensor, s, if known.
+
+    Returns
+    -------
+    str or None
+        The unit; None if it is unknown.
     """
     span = float(np.ptp(times))
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
@@ -46,9 +60,17 @@ def unit_of(times: NDArray[Any], azimuth: Floats, turn_s: float | None = None) -
 
 
 def fault_of(times: NDArray[Any], unit: TimeUnit, azimuth: Floats | None) -> str | None:
-    """Say why times (n,) cannot be those of firings; None if they can.
+    """Return why times cannot be the times of laser firings; None if they can.
 
-    With azimuths (n,), rad, shares of a turn are recognised.
+    Parameters
+    ----------
+    times
+        Times, (n,).
+    unit
+        Unit of the times.
+    azimuth
+        Azimuths, (n,), rad. With them, times that are only fractions of a revolution are
+        recognised.
     """
     if times.dtype.kind == "f":
         step = float(np.spacing(np.abs(times).max())) / PER_SECOND[unit]
@@ -62,7 +84,10 @@ def fault_of(times: NDArray[Any], unit: TimeUnit, azimuth: Floats | None) -> str
 
 
 def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
-    """Convert times to s; integers and times since 1970 become relative to the earliest time."""
+    """Convert times to seconds.
+
+    Integers, and times since 1970, become relative to the earliest time.
+    """
     if times.dtype.kind in "iu" or is_since_1970(times, unit):
         times = times - times.min()
     seconds: Floats = np.asarray(times, dtype=np.float64) / PER_SECOND[unit]
@@ -77,14 +102,17 @@ def is_since_1970(times: NDArray[Any], unit: TimeUnit) -> bool:
 def falls(times: NDArray[Any]) -> bool:
     """Return whether times (n,) mostly decrease from each point to the next.
 
-    They do if decreases are more than 10 times as many as increases.
+    This is the case if there are more than 10 times as many decreases as increases.
     """
     fallen, risen = (times[1:] < times[:-1]).sum(), (times[1:] > times[:-1]).sum()
     return bool(fallen > _MOST_FALLS * risen)
 
 
 def largest_leap(seconds: Floats) -> tuple[float, float] | None:
-    """Return the largest step between times, s, and the time before, if it exceeds 1 s."""
+    """Return the largest gap between successive times, s, and the time before the gap.
+
+    The result is None if no gap exceeds 1 s.
+    """
     if not len(seconds) or np.ptp(seconds) <= _LEAP_S:
         return None
     instants = np.unique(seconds)
@@ -107,7 +135,7 @@ def _unit_by_rotation(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
 
 
 def _nearest_unit(per_tick: float, per_second: float) -> TimeUnit | None:
-    """Return the unit with which a rate per tick is a rate per second, within a factor of 31."""
+    """Return the unit of ticks for which `per_tick` matches `per_second` within a factor of 31."""
     off = {unit: abs(np.log(per_tick * ticks / per_second)) for unit, ticks in PER_SECOND.items()}
     best = min(off, key=lambda unit: off[unit])
     return best if off[best] < np.log(_LARGEST_FACTOR) else None

@@ -1,4 +1,4 @@
-"""One revolution of a spinning sensor as images, and the arrangement of its firings in them."""
+"""One revolution of a spinning sensor as images, and the arrangement of firings in them."""
 
 from __future__ import annotations
 
@@ -30,22 +30,26 @@ Ranges = NDArray[np.uint16 | np.uint32]
 class Layout:
     """Arrangement of a sensor's firings in images of columns by lasers.
 
+    A column is one firing of all lasers.
+
     Parameters
     ----------
     order
-        Ids of the lasers, from the lowest elevation to the highest.
+        Numbers of the lasers, from the lowest elevation to the highest.
     columns_per_block
-        Number of columns that share one azimuth (a block): two for a VLP-16.
+        Number of successive columns that share one reported azimuth; these form a block. It is two
+        for a VLP-16.
     blocks_per_time
-        Number of blocks that share one time (a packet).
+        Number of successive blocks that share one reported time; these form a packet.
     kinds
-        Number of returns reported for each beam: 1, or 2 in dual return mode.
+        Number of returns that the sensor reports for each beam: 1, or 2 in dual return mode.
     azimuth_steps
-        Number of azimuth units in a revolution: 36,000 of 0.01 degrees by default, the number of
-        columns for an Ouster.
+        Number of units of azimuth in a revolution. By default, it is 36,000 units of 0.01 degrees;
+        for an Ouster, it is the number of columns.
     shifts
-        Columns by which coders move the values of each laser, so that a column has nearly one
-        azimuth although its lasers point to several; empty: none.
+        Number of columns by which coders move the values of each laser, so that all values of a
+        column have nearly one azimuth although the lasers point to different azimuths. Empty: no
+        value is moved.
 
     Raises
     ------
@@ -81,26 +85,30 @@ class Layout:
 
     @property
     def max_blocks(self) -> int:
-        """Largest number of blocks in a turn."""
+        """Largest number of blocks in a revolution."""
         columns = min(MAX_COLUMNS, MAX_PIXELS // self.lasers)
         return max(columns // self.columns_per_block, 1)
 
 
 @dataclass(frozen=True)
 class Turn:
-    """The firings of one revolution as images; the lasers are in the order of their ids.
+    """The firings of one turn, i.e. one revolution of the sensor, as images.
+
+    The lasers are in the order of their numbers.
 
     Parameters
     ----------
     ranges
-        (kinds of return, columns, lasers) uint16 or uint32, in the sensor's range units (quanta),
-        at most `MAX_RANGE`; 0: no return.
+        Ranges, (kinds of return, columns, lasers), uint16 or uint32, in the sensor's units, at most
+        `MAX_RANGE`; 0 for no return.
     azimuths
-        (blocks,) uint16, in the layout's azimuth steps, in the direction of rotation.
+        Azimuth of each block, (blocks,), uint16, in the layout's azimuth steps. Azimuths increase
+        in the direction of rotation.
     times
-        (ceil(blocks / blocks_per_time),) uint32, microseconds of the sensor's clock; None: unknown.
+        Time of each packet, (ceil(blocks / blocks_per_time),), uint32, in microseconds of the
+        sensor's clock; None if unknown.
     reflectivities
-        uint8, in the shape of `ranges`; None: unknown.
+        Reflectivities, uint8, in the shape of `ranges`; None if unknown.
     """
 
     ranges: Ranges
@@ -110,12 +118,12 @@ class Turn:
 
     @property
     def returns(self) -> int:
-        """Number of returns; in dual return mode, a beam's second return does not count."""
+        """Number of returns; in dual return mode, the second return of a beam does not count."""
         return int(np.count_nonzero(self.ranges[0]))
 
 
 def check_turn(turn: Turn, layout: Layout) -> None:
-    """Raise InputError unless a turn's arrays have the shapes and types of a layout."""
+    """Raise InputError unless the arrays of a turn have the shapes and types of a layout."""
     blocks = len(turn.azimuths)
     shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
     arrays: list[tuple[str, Any, tuple[int, ...], str]] = [
@@ -135,14 +143,27 @@ def check_turn(turn: Turn, layout: Layout) -> None:
 
 
 def by_elevation(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
-    """Apply a layout's shifts to values (kinds, columns, lasers); sort lasers by elevation."""
+    """Sort the lasers of an image by elevation, after moving their values by the layout's shifts.
+
+    Parameters
+    ----------
+    values
+        Image, (kinds of return, columns, lasers), with the lasers in the order of their numbers.
+    layout
+        The layout, which has the order and the shifts.
+
+    Returns
+    -------
+    array
+        Image of the same shape.
+    """
     if not layout.shifts:
         return values[..., list(layout.order)]
     return _flat(values)[:, _places(layout, *values.shape[1:])].reshape(values.shape)
 
 
 def by_laser(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
-    """Invert `by_elevation`."""
+    """Undo `by_elevation`: return an image with the lasers in the order of their numbers."""
     if not layout.shifts:
         return values.take(np.argsort(layout.order), axis=2)
     original = np.empty(values.shape, values.dtype)
@@ -156,21 +177,33 @@ def _flat(values: NDArray[_Value]) -> NDArray[_Value]:
 
 @lru_cache(maxsize=8)
 def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
-    """Return the flat index, in its input, of each value of `by_elevation`'s result."""
+    """Return, for each value of `by_elevation`'s result, its flat index in the input."""
     order = np.asarray(layout.order)
     shifted = np.arange(columns)[:, None] - np.asarray(layout.shifts)[order]
     return np.asarray(shifted % columns * lasers + order).ravel()
 
 
 def has_wide_ranges(turn: Turn) -> bool:
-    """Return whether a turn's ranges have 32 bits, not 16."""
+    """Return whether the ranges of a turn have 32 bits; otherwise, they have 16 bits."""
     return turn.ranges.dtype == np.uint32
 
 
 def clock_steps(times: Floats, hour: float) -> Floats:
-    """Return the steps (n - 1,) between successive times (n,) of a clock with the period `hour`.
+    """Return the steps between successive times of a clock that restarts periodically.
 
-    Of the steps possible modulo `hour`, the smallest in absolute value is returned.
+    Of the steps that are possible, the smallest in absolute value is returned.
+
+    Parameters
+    ----------
+    times
+        Times, (n,).
+    hour
+        Period of the clock, in the unit of the times.
+
+    Returns
+    -------
+    array
+        Steps, (n - 1,).
     """
     steps: Floats = np.mod(np.diff(times) + hour / 2, hour) - hour / 2
     return steps

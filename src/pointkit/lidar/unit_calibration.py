@@ -1,8 +1,8 @@
 """Calibration of an individual HDL-64E: from its packets, VeloView's XML or ROS's YAML files.
 
-A packet has one byte of the calibration, which repeats every 4,160 packets (HDL-64E S3 User's
-Manual 63-HDL64ES3, Appendix E; also the S2). Corrections of intensities (focal distance and slope)
-are not applied.
+Each packet holds one byte of the calibration, and the whole repeats every 4,160 packets (HDL-64E S3
+User's Manual 63-HDL64ES3, Appendix E; also the S2). The corrections of intensities (focal distance
+and slope) are not applied.
 """
 
 from __future__ import annotations
@@ -40,9 +40,17 @@ _ROS_NAMES = (
 
 
 def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
-    """Return a calibration, as fields of a `Sensor`, from the last two bytes (p, 2) of packets.
+    """Return the calibration that a sensor sends in its packets.
 
-    Returns None if the calibration is incomplete.
+    Parameters
+    ----------
+    status
+        The last two bytes of each packet, (p, 2).
+
+    Returns
+    -------
+    dict or None
+        Fields of a `Sensor` by name; None if the calibration is incomplete.
     """
     message = status[~np.isin(status[:, 0], list(_STATES)), 1].tobytes()
     for match in re.finditer(re.escape(_START), message):
@@ -58,18 +66,27 @@ def calibration_in_packets(status: NDArray[np.uint8]) -> dict[str, Any] | None:
 
 
 def calibration_beside(recording: Path) -> Path | None:
-    """Return the file with a recording's name and suffix .xml, .yaml or .yml; None if missing."""
+    """Return the calibration file beside a recording; None if there is none.
+
+    It has the recording's name with the suffix .xml, .yaml or .yml.
+    """
     paths = (recording.with_suffix(suffix) for suffix in (".xml", ".yaml", ".yml"))
     return next((path for path in paths if path.is_file() and path != recording), None)
 
 
 def is_s3(status: NDArray[np.uint8]) -> bool:
-    """Return whether packets with these last two bytes (p, 2) are of an HDL-64E S3, not S2."""
+    """Return whether packets come from an HDL-64E S3, in contrast to an S2.
+
+    Parameters
+    ----------
+    status
+        The last two bytes of each packet, (p, 2).
+    """
     return bool((status[:, 0] == _S3_TYPE).any())
 
 
 def read_calibration(path: Path) -> dict[str, Any]:
-    """Read a calibration, as fields of a `Sensor`, from VeloView's XML file (db.xml)."""
+    """Read a calibration from VeloView's XML file (db.xml), as fields of a `Sensor` by name."""
     text = read_bytes(path).decode("utf-8", "replace")
     points = re.findall(r"<px\b.*?</px>", text, re.DOTALL)
     lasers = [dict(re.findall(r"<(\w+)_>\s*([^<\s]+)\s*</\1_>", point)) for point in points]
@@ -79,7 +96,18 @@ def read_calibration(path: Path) -> dict[str, Any]:
 
 
 def calibration_of_ros(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a calibration, as fields of a `Sensor`, from velodyne_pointcloud's YAML content."""
+    """Return the calibration in the content of velodyne_pointcloud's YAML file.
+
+    Parameters
+    ----------
+    options
+        Content of the YAML file.
+
+    Returns
+    -------
+    dict
+        Fields of a `Sensor` by name.
+    """
     return _parsed(options["lasers"], "laser_id", _ROS_NAMES, 180 / np.pi, 1000.0)
 
 

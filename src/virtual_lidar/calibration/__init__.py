@@ -1,4 +1,4 @@
-"""Estimation of the parameters of a LiDAR's range errors from the residuals of planes.
+"""Estimation of the range errors of a LiDAR from the distances of its points from fitted planes.
 
 docs/explanation/sensor.md explains the method.
 """

@@ -17,24 +17,25 @@ FRAME, SPOT = "frame", "spot"
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """Options of `calibrate`.
+    """Options of `calibrate`: which parameters are estimated, and from what kind of data.
 
     Parameters
     ----------
     cells
-        Which returns of a laser share one more bias, besides those of the laser and of the scan:
-        ``"frame"`` for those of one frame, in virtual scans; ``"spot"`` for those in one direction,
-        in recordings of a sensor at rest, where this bias is the unevenness of the walls. With
-        spots, the mean bias of all lasers is assumed to be 0.
+        Which returns of a laser share a third bias, besides the bias of the laser and that of the
+        laser in the scan. In virtual scans, ``"frame"`` means the returns of one frame. In
+        recordings of a sensor at rest, ``"spot"`` means the returns in one direction; this bias is
+        then the unevenness of the walls. With spots, the mean bias of all lasers is assumed to be
+        0.
     parameters
-        Names of the fields of `Sigmas` to estimate; the others are 0.
+        Names of the fields of `Sigmas` to estimate; the other fields are 0.
     quantum_m
-        Step to which the sensor rounds its ranges, m; 0 for exact ranges.
+        Step to which the sensor rounds its ranges, m; 0 for ranges that are not rounded.
 
     Raises
     ------
     InputError
-        There are no such cells, or `quantum_m` is negative.
+        `cells` is neither ``"frame"`` nor ``"spot"``, or `quantum_m` is negative.
     """
 
     cells: str = FRAME
@@ -50,16 +51,16 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Estimated parameters of a sensor's range errors, with 95 % intervals.
+    """Result of `calibrate`: estimated parameters of a sensor's range errors, with 95 % intervals.
 
     Parameters
     ----------
     sigmas
-        Estimates of the fields of `Sigmas`, by name, in their units.
+        Estimates of the fields of `Sigmas`, by the name of the field and in the unit of the field.
     biases
         Bias of each laser in `laser_ids`, relative to their mean, m; empty for several devices.
     mean
-        Mean bias of all lasers, m; None if it cannot be told from the positions of the planes.
+        Mean bias of all lasers, m; None if it cannot be separated from the positions of the planes.
     shape
         Distribution of the ray noise.
     settings
@@ -87,11 +88,11 @@ class Calibration:
 def calibrate(
     tables: Sequence[pd.DataFrame], settings: CalibrationOptions | None = None
 ) -> Calibration:
-    """Estimate how a sensor's ranges err, from the residuals of its points on planes.
+    """Estimate how a sensor's ranges err, from the distances of its points from fitted planes.
 
-    The method is restricted maximum likelihood (Patterson and Thompson, "Recovery of inter-block
-    information when block sizes are unequal", Biometrika 58, 1971): the errors that fitting the
-    planes hides are accounted for.
+    The method is restricted maximum likelihood, which accounts for the errors that the fit of the
+    planes hides (Patterson and Thompson, "Recovery of inter-block information when block sizes are
+    unequal", Biometrika 58, 1971).
 
     Parameters
     ----------
@@ -168,16 +169,17 @@ _ROOT = np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class RayShape:
-    """Distribution of the ray noise.
+    """The distribution of the ray noise: Gaussian or Laplace.
 
     Parameters
     ----------
     distribution
-        The more likely one, ``"gaussian"`` or ``"laplace"``.
+        The more likely distribution, ``"gaussian"`` or ``"laplace"``.
     laplace_over_gaussian
-        Logarithm of the ratio of their likelihoods, above 0 for Laplace.
+        Logarithm of the likelihood of Laplace noise divided by that of Gaussian noise; it is
+        positive if Laplace noise is more likely.
     kurtosis
-        Kurtosis: 3 for Gaussian noise, 6 for Laplace noise.
+        Kurtosis of the noise: 3 for Gaussian noise, 6 for Laplace noise.
     """
 
     distribution: str
@@ -195,9 +197,10 @@ class RayShape:
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of the ray noise; with fewer than 30 pairs of returns, Gaussian.
+    """Estimate the distribution of the ray noise from pairs of successive returns.
 
-    A pair is two successive returns of a laser on a surface, whose biases cancel.
+    A pair is two successive returns of one laser on one surface; their common biases cancel. With
+    fewer than 30 pairs, the result is Gaussian.
     """
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:

@@ -28,19 +28,17 @@ def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataF
     paths
         Parquet or CSV files, one for each device.
     model
-        Value of the column ``model`` to keep; None if the tables have only one.
+        Value in the column ``model`` of the rows to keep; None if all rows have the same value.
 
     Returns
     -------
-    tables
-        The rows kept, in one table for each file.
-    model
-        The model's name.
+    tables, model
+        One table with the kept rows for each file; and the name of the model.
 
     Raises
     ------
     InputError
-        A file is no such table, or has no row of the model.
+        A file is not a table of plane residuals, or it has no row of the model.
     """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
@@ -60,11 +58,20 @@ def settings_for(
     parameters: Sequence[str] | None = None,
     quantum_mm: float | None = None,
 ) -> CalibrationOptions:
-    """Return the options to calibrate an error model, or a real sensor (the model ``real``).
+    """Return options to calibrate an error model or, if `model` is ``real``, a real sensor.
 
-    The parameters are those of `CalibrationOptions`, with the quantum in millimetres. Those that
-    are None get defaults: spots and a quantum of 2 mm (the VLP-16's) for a real sensor, frames and
-    exact ranges for an error model.
+    Parameters
+    ----------
+    model
+        Name of the error model, or ``real``.
+    cells
+        As in `CalibrationOptions`; by default ``"spot"`` for a real sensor and ``"frame"`` for an
+        error model.
+    parameters
+        As in `CalibrationOptions`; by default all.
+    quantum_mm
+        Step to which ranges are rounded, mm; by default 2 mm (as for the VLP-16) for a real sensor
+        and 0 (not rounded) for an error model.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
@@ -77,14 +84,14 @@ _DIGITS = 6
 
 
 def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the content of a calibration's file, which the error model ``calibrated`` reads.
+    """Return the content of a calibration file, which the error model ``calibrated`` reads.
 
     Parameters
     ----------
     calibration
         Estimates, which are rounded to 0.001 mm.
     sources
-        Descriptions of the input tables to include, such as names and hashes.
+        Descriptions of the input tables, such as names and hashes, which are included.
 
     Returns
     -------
@@ -116,9 +123,21 @@ def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -
 def write_calibration(
     path: Path, calibration: Calibration, tables: Sequence[Path]
 ) -> dict[str, Any]:
-    """Write a calibration to a YAML file, with names and hashes of the files in `tables`.
+    """Write a calibration to a YAML file, which the error model ``calibrated`` reads.
 
-    Returns the content, as `model_file` does.
+    Parameters
+    ----------
+    path
+        The YAML file.
+    calibration
+        Estimates, from `calibrate`.
+    tables
+        The input files of the calibration, whose names and hashes are written, too.
+
+    Returns
+    -------
+    dict
+        The content of the file, as `model_file` returns it.
     """
     sources = [{"file": table.name, "sha256": sha256(table)} for table in tables]
     content = model_file(calibration, sources)

@@ -27,7 +27,7 @@ _SEARCHES, _NO_GAIN = 10, 1e-3
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value and the ends of its 95 % interval."""
+    """An estimated value with the lower and upper end of its 95 % interval."""
 
     value: float
     low: float
@@ -35,10 +35,11 @@ class Estimate:
 
 
 def free_parameters(seen: Observations, requested: Sequence[str] = NAMES) -> tuple[str, ...]:
-    """Return which of the requested parameters the observations can determine, as names.
+    """Return the names of those requested parameters that the observations can determine.
 
-    For example, the sigma of biases per scan needs several scans of a laser. Raises InputError for
-    an unknown name, or if the effects of incidence and range cannot be separated.
+    For example, the sigma of biases per scan can only be estimated if a laser has several scans.
+    Raises InputError for an unknown name, or if the effects of incidence and range cannot be
+    separated.
     """
     for name in requested:
         if name not in NAMES:
@@ -66,10 +67,16 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Return the parameters of greatest restricted likelihood.
+    """Return the parameters that maximise the restricted likelihood.
 
-    Only the parameters named in `free` change; the search begins at `start`, by default at the
-    spread of the errors.
+    Parameters
+    ----------
+    likelihood
+        Likelihood of the observations.
+    free
+        Names of the parameters that may change; the others stay as in `start`.
+    start
+        Parameters at which the search begins, by default from the spread of the errors.
     """
     first = start or _start(likelihood, free)
     if not free:
@@ -136,7 +143,7 @@ def intervals(
 
 
 def interval(value: float, error: float) -> Estimate:
-    """Return a value and its 95 % interval, from its standard error."""
+    """Return a value with the 95 % interval that follows from its standard error."""
     value, reach = float(value), _NORMAL_95 * float(error)
     return Estimate(value, value - reach, value + reach)
 

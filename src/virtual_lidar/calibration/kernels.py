@@ -23,9 +23,14 @@ SQUARES, LOGARITHMS = 14, 15
 
 
 class Columns(NamedTuple):
-    """For each group, (g,): its cell and surface, and the matrix columns of two biases.
+    """Cell and surface of each of g groups of returns, and the matrix columns of two of its biases.
 
-    They are that of the laser, and that of the laser in its scan.
+    Parameters
+    ----------
+    cell, surface
+        Number of each group's cell and surface, (g,).
+    laser, scan
+        Matrix columns of the laser's bias, and of the laser's bias in its scan, (g,).
     """
 
     cell: Codes
@@ -47,16 +52,16 @@ def group_sums(
     Parameters
     ----------
     groups
-        First row of each group, and the number of rows n, (g + 1,).
+        First row of each of g groups, followed by the number of rows n, (g + 1,).
     values
         Errors z (n,), basis b (n, 3) and features (n, 3) of the returns.
     sigma
-        Factors of the features in the sum that is a return's standard deviation, m.
+        Factors of the three features; the sum of the products is a return's standard deviation, m.
     least
-        Least standard deviation, m, and what is added to the variance, m^2.
+        Least standard deviation, m, and a constant that is added to the variance, m^2.
     sums
-        The result is written here, (g, 16): sums of w, w b (3), w b b (6), w z, w z b (3), w z z
-        and the logarithm of the variance, with the weight w = 1 / variance.
+        Array (g, 16) to which the result is written: sums of w, w b (3), w b b (6), w z, w z b (3),
+        w z z and the logarithm of the variance, where w = 1 / variance.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -83,12 +88,23 @@ def eliminate_cell_biases(
     matrix: Floats,
     right: Floats,
 ) -> tuple[float, float]:
-    """Make the normal equations of the errors z, without the biases that the cells share.
+    """Add up the normal equations of the errors z, with the biases of cells eliminated.
 
     ``X' V^-1 X`` is added to `matrix` (p, p), and ``X' V^-1 z`` to `right` (p,). The covariance V
     of the errors is the diagonal of the rays' variances, plus `variance` for each pair of returns
-    in a cell; the Sherman-Morrison formula inverts V. `sums` are those of `group_sums`. Returns the
-    decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells' biases.
+    in a cell; the Sherman-Morrison formula inverts V. Returns the decrease of ``z' V^-1 z`` and the
+    increase of ``log |V|`` that the cells' biases cause.
+
+    Parameters
+    ----------
+    columns
+        Cell, surface and biases of each group.
+    sums
+        The result of `group_sums`.
+    variance
+        Variance of the cells' biases, m^2.
+    matrix, right
+        The normal equations, which are changed in place.
     """
     cell, surface, laser, scan = columns
     taken, added, first = 0.0, 0.0, 0
@@ -159,10 +175,19 @@ def _take_cell(
 def eliminate_scan_biases(
     core: int, variance: float, matrix: Floats, right: Floats
 ) -> tuple[float, float]:
-    """Eliminate the lasers' biases in single scans, the columns from `core` on, from the equations.
+    """Eliminate the lasers' biases in single scans from the normal equations.
 
-    They are normally distributed with variance `variance`; no equation contains two. Returns the
-    decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to them.
+    The biases are normally distributed, and no equation contains two of them. Returns the decrease
+    of ``z' V^-1 z`` and the increase of ``log |V|`` that they cause.
+
+    Parameters
+    ----------
+    core
+        First matrix column of these biases; they occupy all columns from there on.
+    variance
+        Variance of the biases.
+    matrix, right
+        The normal equations, which are changed in place.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -182,7 +207,7 @@ def eliminate_scan_biases(
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
     """Return ``log |A|`` and ``b' A^-1 b`` for A = `matrix` and b = `right`.
 
-    Both are nan unless A is positive definite.
+    Both numbers are nan if A is not positive definite.
     """
     lower, y = matrix.copy(), right.copy()
     factorise(lower, -np.inf)

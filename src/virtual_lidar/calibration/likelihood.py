@@ -30,12 +30,13 @@ _LEAST_SIGMA_M = 1e-6
 
 @dataclass(frozen=True)
 class Sigmas:
-    """Parameters of range errors, which are estimated.
+    """Parameters of a sensor's range errors, as `calibrate` estimates them.
 
-    Each laser has three biases, drawn once for a device, once for a scan, and for every frame (or
-    spot, see `CalibrationOptions`). Their standard deviations are `laser_sigma_m`, `scan_sigma_m`
-    and `frame_sigma_m`. The noise of a ray at the incidence theta, rad, and the range r, m, has the
-    standard deviation ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r``.
+    Each laser has three biases: one is drawn for the device, one for each scan, and one for each
+    frame (or spot, see `CalibrationOptions`). Their standard deviations are `laser_sigma_m`,
+    `scan_sigma_m` and `frame_sigma_m`. In addition, each ray has noise. For a ray of the incidence
+    theta (rad) and the range r (m), its standard deviation is ``ray_sigma_m + ray_incidence_m *
+    theta^2 + ray_range * r``.
     """
 
     laser_sigma_m: float = 0.0
@@ -57,9 +58,14 @@ BIASES, RAYS = NAMES[:3], NAMES[3:]
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations ``matrix @ x = right`` for errors z with covariance V.
+    """Normal equations ``matrix @ x = right`` for range errors z with covariance V.
 
-    `squares` is ``z' V^-1 z``, and `log_determinant` is ``log |V|``.
+    Parameters
+    ----------
+    squares
+        The number ``z' V^-1 z``.
+    log_determinant
+        The number ``log |V|``.
     """
 
     matrix: Floats
@@ -70,9 +76,15 @@ class Equations:
 
 @dataclass(frozen=True)
 class RestrictedLikelihood:
-    """Restricted likelihood of observations with ranges rounded to multiples of `quantum_m`.
+    """Restricted likelihood of observed range errors, as a function of their parameters.
 
-    Rounding adds ``quantum_m^2 / 12`` to the variance of a ray.
+    Parameters
+    ----------
+    seen
+        The observations.
+    quantum_m
+        Step to which the sensor rounds ranges, m. Rounding adds ``quantum_m^2 / 12`` to the
+        variance of a ray.
     """
 
     seen: Observations
@@ -80,7 +92,7 @@ class RestrictedLikelihood:
     _kept: dict[tuple[float, float, float], Floats] = field(default_factory=dict, repr=False)
 
     def deviance(self, sigmas: Sigmas) -> float:
-        """Return minus twice the restricted log-likelihood, up to a constant.
+        """Return minus twice the restricted log-likelihood of parameters, up to a constant.
 
         Raises InputError if the planes and the biases cannot be separated.
         """
@@ -91,9 +103,17 @@ class RestrictedLikelihood:
         return equations.log_determinant + determinant + equations.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Return the best linear unbiased prediction of the lasers' biases, (lasers,), m.
+        """Estimate the bias of each laser by the best linear unbiased prediction.
 
-        Its covariance, (lasers, lasers), is returned as well.
+        Parameters
+        ----------
+        sigmas
+            Parameters of the range errors.
+
+        Returns
+        -------
+        tuple of arrays
+            The biases, (lasers,), m, and their covariance matrix, (lasers, lasers), m^2.
         """
         equations, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(equations.matrix)
@@ -101,7 +121,7 @@ class RestrictedLikelihood:
         return parts @ (covariance @ equations.right), parts @ covariance @ parts.T
 
     def variances(self, sigmas: Sigmas) -> Floats:
-        """Return the variance of each range due to ray noise and rounding, (n,), m^2."""
+        """Return the variance of each range, (n,), m^2, due to ray noise and rounding."""
         scale = np.maximum(self.seen.features @ np.array(sigmas.ray), _LEAST_SIGMA_M)
         return np.asarray(scale**2 + self.quantum_m**2 / 12)
 
@@ -127,7 +147,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, equations.squares, equations.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Change variables from laser biases to the mean bias and scaled deviations."""
+        """Transform laser biases to their mean and scaled deviations from the mean."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]

@@ -36,18 +36,19 @@ Codes = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observations:
-    """Range errors of n returns on planes that are not known exactly, sorted by cell and surface.
+    """Range errors of n returns on planes that are only known by fits to these returns.
 
     A cell contains the returns of one laser in one frame (or direction) of one scan. A group is the
-    part of a cell on one surface. Lasers of different devices have different numbers.
+    part of a cell on one surface. Returns are sorted by cell and surface. Lasers of different
+    devices have different numbers.
 
     Parameters
     ----------
     error
         Range errors, (n,), m.
     basis
-        Derivatives of the error with respect to the three parameters of the surface's plane,
-        (n, 3).
+        Derivatives of the error with respect to the three parameters of the surface's plane, (n,
+        3).
     features
         Columns 1, squared incidence (rad^2) and range (m), (n, 3): a ray's standard deviation is a
         weighted sum of them.
@@ -92,10 +93,19 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Compute range errors from tables of plane residuals, one for each device.
+    """Compute range errors from tables of plane residuals.
 
-    `cells` is ``"frame"`` or ``"spot"``, as in `CalibrationOptions`. Raises InputError if a table
-    lacks a column or has invalid values, or if there are fewer than 100 residuals.
+    Parameters
+    ----------
+    tables
+        Tables with the columns `virtual_lidar.residual_table.COLUMNS`, one for each device.
+    cells
+        ``"frame"`` or ``"spot"``, as in `CalibrationOptions`.
+
+    Raises
+    ------
+    InputError
+        A table lacks a column or has invalid values, or there are fewer than 100 residuals.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")

@@ -25,28 +25,35 @@ __all__ = [
 
 
 def error_model_names() -> list[str]:
-    """Return the names of all error models: those of this package, then those of plug-ins."""
+    """Return the names of all error models: first those of this package, then those of plug-ins."""
     return ERROR_MODELS.names()
 
 
 def error_model_title(name: str) -> str:
-    """Return an error model's title or, without one, its name as words."""
+    """Return an error model's title for figures; a model without a title gets its name as words."""
     title = ERROR_MODELS.get(name).title if name in ERROR_MODELS else ""
     words = name.replace("_", " ")
     return title or words[:1].upper() + words[1:]
 
 
 def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:
-    """Create an error model with the given parameters.
+    """Create an error model, which says how measurements of a virtual scan deviate from the truth.
 
     Parameters
     ----------
     name
-        One of `error_model_names`, or the place of a class of your own, ``module:Class`` or
-        ``path/to/file.py:Class``, which `pointkit.registry.trust` must allow.
+        One of `error_model_names`. For a class of your own, it is the place of the class:
+        ``module:Class`` or ``path/to/file.py:Class``. `pointkit.registry.trust` must allow this
+        place.
     options
-        Parameters by name; those left out have their defaults. The parameter ``receiver`` holds
-        the parameters of a `Receiver`, which then loses returns of the model.
+        Parameters of the model by name. Parameters that are left out have their defaults. The
+        additional parameter ``receiver`` holds the parameters of a `Receiver`, which loses some of
+        the model's returns.
+
+    Returns
+    -------
+    ErrorModel
+        The model with checked parameters, to be passed to `scan`.
 
     Raises
     ------

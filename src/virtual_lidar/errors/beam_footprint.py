@@ -68,17 +68,16 @@ def echoes(apart: Floats, gap: float, choice: Echo) -> tuple[Floats, NDArray[np.
     apart
         Distances of the rays' hits, (beams, rays), m; inf for a ray that hits nothing.
     gap
-        In increasing order, a distance that is more than `gap` metres beyond the previous one
-        begins a new echo.
+        Least distance between two echoes, m. Sorted by distance, a hit that is more than `gap`
+        beyond the previous hit begins a new echo.
     choice
         The echo to choose, as in `BeamFootprint.returns`.
 
     Returns
     -------
-    distances
-        Mean distances of the chosen echoes, (beams,), m; inf for a beam without a hit.
-    nearest
-        Index of the ray of each echo whose distance is nearest to the mean, (beams,).
+    distances, nearest
+        Mean distance of each chosen echo, (beams,), m, inf for a beam without a hit; and the index
+        of the ray of this echo whose distance is nearest to the mean, (beams,).
     """
     order = np.argsort(apart, axis=1, kind="stable")
     reach = np.take_along_axis(apart, order, axis=1)

@@ -129,8 +129,16 @@ class Calibrated(ErrorModel):
 def read_parameters(file: str) -> dict[str, Any]:
     """Return the parameters of `Calibrated`, by name, from a file that `write_calibration` made.
 
-    `file` is a path that ends in .yaml or .yml, or the name of a file in this package, such as
-    ``vlp16_measured``. Raises InputError if it is no such file.
+    Parameters
+    ----------
+    file
+        A path that ends in .yaml or .yml, or the name of a file in this package, such as
+        ``vlp16_measured``.
+
+    Raises
+    ------
+    InputError
+        The file is missing or was not made by `write_calibration`.
     """
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else _SHIPPED / f"{file}.yaml"

@@ -1,4 +1,4 @@
-"""What an error model is: the class to derive from, and what its methods are given."""
+"""The class from which error models derive, and the classes of its methods' arguments."""
 
 from __future__ import annotations
 
@@ -23,28 +23,29 @@ Distribution = Literal["gaussian", "laplace"]
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Objects of a labelled mesh, and the object to which each triangle belongs.
+    """The objects of a labelled mesh, and which triangle belongs to which object.
 
     Parameters
     ----------
     object_id
-        Index of each triangle's object in `objects`, (t,); -1 for a triangle of no object.
+        Index in `objects` of each triangle's object, (t,); -1 for a triangle that belongs to none.
     objects
-        Names and semantic classes.
+        Name and semantic class of each object.
     """
 
     object_id: NDArray[np.int32]
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return a number for each triangle, (t,), that depends on the triangle's object.
+        """Return a number for each triangle, (t,), by the name or class of its object.
 
         Parameters
         ----------
         by_name
-            Numbers by the name of an object or by semantic class; the name has precedence.
+            The numbers, by name or by semantic class of an object. A name has precedence over a
+            class.
         default
-            Number for all other triangles.
+            The number for triangles of all other objects and of no object.
         """
         numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
         return np.array([*numbers, default])[self.object_id]
@@ -52,18 +53,21 @@ class Surfaces:
 
 @dataclass(frozen=True)
 class Hits:
-    """Where rays first meet the mesh, in arrays of shape (frames, azimuth steps, rays of a step).
+    """Where rays first meet the mesh.
+
+    All arrays have the shape (frames, azimuth steps, rays of an azimuth step).
 
     Parameters
     ----------
     distance
         Distances from the sensor, m; inf for a ray that meets nothing within the sensor's range.
     triangle
-        Indices of the triangles hit; undefined where `distance` is inf.
+        Numbers of the triangles that are hit; undefined where `distance` is inf.
     incidence
-        Angles between ray and surface normal, rad, from 0 to pi / 2; nan where `distance` is inf.
+        Angles between the rays and the surface normals, rad, from 0 to pi / 2; nan where `distance`
+        is inf.
     surfaces
-        Objects of the mesh, or None for a mesh without labels.
+        Objects of the mesh; None for a mesh without labels.
     """
 
     distance: Floats
@@ -77,11 +81,11 @@ class Hits:
 
 
 class Draws:
-    """Source of the random numbers of one scan: generators by name, all derived from one.
+    """Source of the random numbers of one scan: random generators that are identified by names.
 
-    A scan calls its error model for a few frames at a time. The result does not depend on how many,
-    if each name is used for one purpose, and draws the same number of values for every ray (or, for
-    a value per frame, for every frame).
+    A scan calls its error model for a few frames at a time. The result does not depend on the
+    number of these frames if the model keeps two rules: it uses each name for only one purpose, and
+    it draws the same number of values for every ray (or for every frame).
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -89,18 +93,18 @@ class Draws:
         self._running: dict[str, np.random.Generator] = {}
 
     def running(self, name: str) -> np.random.Generator:
-        """Return the generator of this name, which continues where its last use ended.
+        """Return the generator with this name, which continues where its last use ended.
 
-        It is for values that differ from ray to ray or from frame to frame.
+        Use it for values that differ between rays or between frames.
         """
         if name not in self._running:
             self._running[name] = self.fixed(name)
         return self._running[name]
 
     def fixed(self, name: str) -> np.random.Generator:
-        """Return a generator of this name at the beginning of its sequence.
+        """Return the generator with this name, always at the beginning of its sequence.
 
-        It is for values that are the same in all frames of a scan, such as the lasers' biases.
+        Use it for values that are the same in all frames of a scan, such as biases of lasers.
         """
         digest = hashlib.sha256(name.encode()).digest()[:16]
         words = np.frombuffer(digest, dtype="<u4").tolist()
@@ -110,10 +114,19 @@ class Draws:
 def standard_noise(
     stream: np.random.Generator, shape: tuple[int, ...], distribution: Distribution
 ) -> Floats:
-    """Draw independent numbers with mean 0 and scale 1, in an array of the given shape.
+    """Draw independent random numbers with mean 0 and scale 1.
 
-    The scale is the standard deviation of ``"gaussian"`` and, as in BlenSor, the parameter b of
-    ``"laplace"``, whose standard deviation is sqrt(2) b.
+    The scale of ``"gaussian"`` is the standard deviation. The scale of ``"laplace"`` is the
+    parameter b, as in BlenSor; its standard deviation is sqrt(2) b.
+
+    Parameters
+    ----------
+    stream
+        Generator from which the numbers are drawn.
+    shape
+        Shape of the array that is returned.
+    distribution
+        ``"gaussian"`` or ``"laplace"``.
     """
     if distribution == "gaussian":
         return stream.standard_normal(shape)
@@ -121,14 +134,14 @@ def standard_noise(
 
 
 class ErrorModel(Model):
-    """Base class of error models, which say how a measurement deviates from the truth.
+    """Base class of error models: how measurements in virtual scans deviate from the truth.
 
-    Fields of a subclass are its parameters, with the unit at the end of the name. A subclass
-    overrides one or more of the methods, which by default leave rays, distances and points as they
-    are. A scan calls them in the order `perturb_rays`, `merge_hits`, `perturb_ranges`,
-    `lift_points`, for a few frames at a time. They must not keep anything from one call to the
-    next, and draw random numbers for every ray, whether it hits or not, so that no ray affects
-    another.
+    The fields of a subclass are its parameters; the name of a field ends with its unit. A subclass
+    overrides one or more of the methods below, which by default leave rays, distances and points as
+    they are. A scan calls the methods in the order `perturb_rays`, `merge_hits`, `perturb_ranges`,
+    `lift_points`, for a few frames at a time. The methods must keep nothing from one call to the
+    next. They must draw random numbers for every ray, whether it hits or not, so that no ray
+    affects another.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -141,12 +154,13 @@ class ErrorModel(Model):
     """Model of which this class is a set of parameters; results store that model's name."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """Return the rays that are fired in place of the nominal ones.
+        """Return the rays that the sensor really fires in place of the nominal rays.
 
         Parameters
         ----------
         rays
-            Nominal rays, in arrays of shape (frames, azimuth steps, lasers).
+            Nominal rays, i.e. those that the sensor reports, in arrays of shape (frames, azimuth
+            steps, lasers).
         sensor
             The scanning sensor.
         draws
@@ -155,37 +169,73 @@ class ErrorModel(Model):
         Returns
         -------
         Rays
-            Rays of the same shape or, from a model with `merge_hits`, k rays for each laser, next
-            to each other: (frames, azimuth steps, lasers * k). `rays` itself saves a second ray
-            casting.
+            Rays of the same shape. A model that overrides `merge_hits` may return k rays for each
+            laser next to each other: (frames, azimuth steps, lasers * k). A model that changes no
+            ray should return `rays` itself, since this saves a second ray casting.
         """
         return rays
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Return one hit for each laser, from the hits of all the rays that `perturb_rays` fired.
+        """Return one hit for each laser, if `perturb_rays` fired several rays for each laser.
 
-        Arrays of `hits` have the shape (frames, azimuth steps, lasers * k), those of the result
-        (frames, azimuth steps, lasers).
+        Parameters
+        ----------
+        hits
+            Hits of all rays, in arrays of shape (frames, azimuth steps, lasers * k).
+        sensor
+            The scanning sensor.
+
+        Returns
+        -------
+        Hits
+            Arrays of shape (frames, azimuth steps, lasers).
         """
         return hits
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """Return the measured distances, m, in the shape of the true ones, ``hits.distance``.
+        """Return the measured distances for the true distances ``hits.distance``.
 
-        A distance that is inf or nan is no return: the ray hit nothing, or the model loses it.
+        Parameters
+        ----------
+        hits
+            True hits of the fired rays, in arrays of shape (frames, azimuth steps, lasers).
+        sensor
+            The scanning sensor.
+        draws
+            Source of random numbers.
+
+        Returns
+        -------
+        array
+            Measured distances, m, in the shape of ``hits.distance``. A value of inf or nan means
+            that there is no return, because the ray hit nothing or because the model loses the
+            return.
         """
         return hits.distance
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
-        """Return by how much measured points are moved along the true surface normal, m.
+        """Return by how much measured points are moved along the true surface normal.
 
-        Positive values move points towards the sensor. The result has the shape of
-        ``hits.distance``, and is finite even where that is not; None moves no point.
+        Parameters
+        ----------
+        hits
+            True hits of the fired rays, in arrays of shape (frames, azimuth steps, lasers).
+        sensor
+            The scanning sensor.
+        draws
+            Source of random numbers.
+
+        Returns
+        -------
+        array or None
+            Lengths, m, in the shape of ``hits.distance``; positive lengths move points towards the
+            sensor. They are finite even where the distance is not. None means that no point is
+            moved.
         """
         return None
 
     def described(self) -> dict[str, Any]:
-        """Return the model's class name (``model``) and parameters, as scans store them."""
+        """Return the class name (``model``) and the parameters of the model, as scans store it."""
         kind = vars(type(self)).get("variant_of") or type(self)
         return {"model": kind.__name__, **self.model_dump()}
 

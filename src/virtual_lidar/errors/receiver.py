@@ -52,7 +52,17 @@ class Receiver(Model):
     opaque."""
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
-        """Round measured distances to the range quantum, and set those of lost returns to inf."""
+        """Return the distances that the receiver reports, with inf for each return that it loses.
+
+        Parameters
+        ----------
+        measured
+            Measured distances, m, which are rounded to the range quantum.
+        hits
+            True hits, in arrays of the same shape.
+        draws
+            Source of random numbers.
+        """
         lost = self._too_dark(hits) | self._dropped(hits, draws)
         if self.range_quantum_mm is not None:
             quantum = self.range_quantum_mm * 1e-3
@@ -82,9 +92,17 @@ class Receiver(Model):
         return np.asarray(draws.running("raydrop").random(hits.distance.shape) < probability)
 
     def mirrored(self, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
-        """Return which triangles of a mesh are mirrors, (t,), or None if `mirrors` is empty.
+        """Return a mask (t,) of the mesh's triangles that are mirrors; None if `mirrors` is empty.
 
-        Raises InputError if there are mirrors, but the mesh has no labels.
+        Parameters
+        ----------
+        surfaces
+            Objects of the mesh; None for a mesh without labels.
+
+        Raises
+        ------
+        InputError
+            There are mirrors, but the mesh has no labels.
         """
         if not self.mirrors:
             return None
@@ -94,7 +112,7 @@ class Receiver(Model):
 
 
 class Received(ErrorModel):
-    """An error model whose returns a receiver may lose."""
+    """Error model that combines another error model with a receiver, which may lose returns."""
 
     model: ErrorModel
     receiver: Receiver

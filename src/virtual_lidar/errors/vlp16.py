@@ -51,10 +51,10 @@ class Vlp16(ErrorModel):
         return noisy
 
     def ray_scale(self, hits: Hits) -> Floats | float:
-        """Return the scale of the rays' noise, m.
+        """Return the scale of the noise of each ray, m.
 
-        It is one number, or an array in the shape of ``hits.distance`` that is finite even for rays
-        that hit nothing.
+        The result is one number for all rays, or an array in the shape of ``hits.distance``. Such
+        an array is finite even for rays that hit nothing.
         """
         return self.ray_sigma_m
 

@@ -1,1 +1,1 @@
-"""Generated 3D scenes: rooms, objects, streets and calibration targets with labelled triangles."""
+"""Generated 3D scenes as labelled meshes: rooms, objects, streets, and walls for calibration."""

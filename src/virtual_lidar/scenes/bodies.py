@@ -13,18 +13,18 @@ from virtual_lidar.scenes.surfaces import Shape, Surface, join, pose, primitive
 
 @dataclass(frozen=True)
 class Body:
-    """An object or a part of one, which gets a name of its own in a scene.
+    """An object, or a part of an object, that has its own name in a scene.
 
     Parameters
     ----------
     kind
-        What it is ("mug"); names of objects derive from it.
+        What the body is (such as "mug"). Names of objects consist of the kind and a number.
     semantic
-        Semantic class ("clutter").
+        Semantic class (such as "clutter").
     surface
-        Its surface.
+        Surface of the body in its own coordinates.
     pose
-        Similarity transform of the surface, (4, 4).
+        Similarity transform from these coordinates to the scene, (4, 4).
     """
 
     kind: str
@@ -37,7 +37,7 @@ class Body:
         return replace(self, pose=pose @ self.pose)
 
     def placed(self) -> Surface:
-        """Return the surface at the body's pose."""
+        """Return the surface of the body in the scene, i.e. after the transform `pose`."""
         return self.surface.transformed(self.pose)
 
 
@@ -53,7 +53,7 @@ def posed(item: Iterable[Body], pose: Floats) -> Item:
 def moved(
     item: Iterable[Body], x: float = 0.0, y: float = 0.0, z: float = 0.0, **angles: float
 ) -> Item:
-    """Return an item after the transform that `pose` makes from the same arguments."""
+    """Return an item after the transform that the function `pose` makes from the same arguments."""
     return posed(item, pose(x, y, z, **angles))
 
 
@@ -70,10 +70,10 @@ def _box_corners(body: Body) -> Floats:
 
 
 def build_mesh(bodies: Sequence[Body]) -> Mesh:
-    """Merge bodies into a mesh with a label for each triangle.
+    """Merge bodies into one mesh with a label for each triangle.
 
-    Each body is an object, named by kind and number ("chair_3"). Its triangles are assigned to the
-    geometric primitives of its surface, of which equal ones count as one.
+    Each body becomes an object, named by its kind and a number (such as "chair_3"). Each triangle
+    is assigned to the geometric primitive of its surface; equal primitives are merged.
     """
     counts: Counter[str] = Counter()
     objects, shape_ids, object_ids = [], [], []

@@ -19,15 +19,22 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 
 
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
-    """Make a wall at y = 0, 1.6 m wide and 2.2 m high, and a floor that extends to the sensor.
+    """Make a scene to measure range errors: a wall at y = 0, and a floor up to the sensor.
+
+    The wall is 1.6 m wide and 2.2 m high.
 
     Parameters
     ----------
     name
-        One of `CALIBRATIONS`.
+        One of `CALIBRATIONS`, which states the distance of the wall.
     room
-        Whether to add a room around them, open behind the sensor, of the semantic class
-        "surroundings".
+        Whether to add a surrounding room, which is open behind the sensor. The semantic class of
+        the room is "surroundings".
+
+    Returns
+    -------
+    Mesh
+        The scene in metres, with z up.
 
     Raises
     ------
@@ -47,19 +54,19 @@ def calibration_origin(name: str) -> tuple[float, float, float]:
 
 
 def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
-    """Make a wall and a floor as `make_calibration`, turned so that the wall is ahead (+y).
+    """Make the scene of `make_calibration`, rotated so that the wall is ahead of the sensor (+y).
 
     Parameters
     ----------
     distance
         Distance of the wall from the sensor, m: one of those in `CALIBRATIONS`.
     room
-        As for `make_calibration`.
+        Whether to add a surrounding room, as in `make_calibration`.
 
     Returns
     -------
     mesh, origin
-        The scene, and the sensor's position, (3,), m.
+        The scene, and the sensor's position (3,), m.
     """
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])

@@ -22,16 +22,16 @@ SENSOR_FREE, SENSOR_TOP = 0.45, 2.0
 
 @dataclass
 class FloorPlan:
-    """Floor of a room or street, and the spaces that objects occupy, in metres.
+    """The floor of a room or street with the spaces that objects already occupy, in metres.
 
-    A space is a rectangle in x and y, by its corners (4, 2), from one height to another.
+    A space is a rectangle in x and y, given by its corners (4, 2), between two heights.
 
     Parameters
     ----------
     outline
         Corners of the floor, counter-clockwise, (n, 2).
     rectangles, heights
-        The occupied spaces.
+        The occupied spaces: corners, and the pair of lowest and highest z.
     """
 
     outline: Floats
@@ -39,12 +39,12 @@ class FloorPlan:
     heights: list[tuple[float, float]] = field(default_factory=list)
 
     def occupy(self, rectangle: Floats, low: float, high: float) -> None:
-        """Mark a space as occupied."""
+        """Mark the space over a rectangle (4, 2), from height `low` to `high`, as occupied."""
         self.rectangles.append(rectangle)
         self.heights.append((low, high))
 
     def is_free(self, rectangle: Floats, low: float, high: float) -> bool:
-        """Return whether a space is above the floor and overlaps no occupied one."""
+        """Return whether a space lies over the floor and overlaps no occupied space."""
         if not self.contains(rectangle):
             return False
         if not self.rectangles:
@@ -57,7 +57,7 @@ class FloorPlan:
         return not bool(_overlaps(rectangle, others).any())
 
     def contains(self, rectangle: Floats) -> bool:
-        """Return whether a rectangle is on the floor; it may touch the walls."""
+        """Return whether a rectangle (4, 2) lies on the floor; it may touch the walls."""
         rectangle = rectangle + (rectangle.mean(axis=0) - rectangle) * _TOUCH
         between = (rectangle + np.roll(rectangle, -1, axis=0)) / 2
         if not _inside(np.concatenate([rectangle, between]), self.outline).all():
@@ -68,14 +68,22 @@ class FloorPlan:
 def footprint(
     low: Sequence[float] | Floats, high: Sequence[float] | Floats, pose: Floats
 ) -> Floats:
-    """Return the corners, (4, 2), of the base of a box with two given corners, at a pose (4, 4)."""
+    """Return the corners (4, 2) of the base of a box after a transform.
+
+    Parameters
+    ----------
+    low, high
+        Lowest and highest corner of the box.
+    pose
+        The transform, (4, 4).
+    """
     x0, y0, x1, y1 = low[0], low[1], high[0], high[1]
     corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
     return np.asarray(corners @ pose[:2, :2].T + pose[:2, 3])
 
 
 def square(x: float, y: float, half: float) -> Floats:
-    """Return the corners, (4, 2), of a square with the middle (x, y) and sides of 2 `half`."""
+    """Return the corners (4, 2) of a square with the centre (x, y) and sides of length 2 `half`."""
     return np.array(
         [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
     )
@@ -107,20 +115,22 @@ def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Placement:
-    """An item to place in a room.
+    """A request to place an item in a room.
 
     Parameters
     ----------
     maker
         Function that makes the item.
     where
-        "wall": on the floor, back to a wall. "mounted": on a wall. "floor": anywhere on the floor.
-        "ceiling": hanging. "fixed": at `at`, without a check of collisions.
+        "wall": on the floor, with the back to a wall. "mounted": on a wall. "floor": anywhere on
+        the floor. "ceiling": hanging from the ceiling. "fixed": at the position `at`, without a
+        check for collisions.
     at
-        Position in metres, (x, y) or (x, y, z); at walls (wall index, share of the wall's length);
-        by default random.
+        Position (x, y) or (x, y, z) in metres. For "wall" and "mounted", it is the index of the
+        wall and the share (0 to 1) of the wall's length. By default, the position is random.
     turn, turn_range
-        Rotation about z and its random deviation, in degrees, if `at` is set.
+        Rotation about z, and greatest random deviation from it, degrees. They count only if `at` is
+        set.
     """
 
     maker: Maker
@@ -132,25 +142,25 @@ class Placement:
 
 @dataclass
 class Room:
-    """A room that is being furnished.
+    """A room during its furnishing, to which items are added one after the other.
 
     Parameters
     ----------
     cad
-        Maker of the room's shell and items.
+        Modeller that makes the walls and the items of the room.
     outline
         Corners of the floor, counter-clockwise, (n, 2), m.
     height
         Height of the ceiling, m.
     openings
-        Doors and windows, which stay accessible.
+        Doors and windows; the floor before them stays free.
     origin
-        Position of a sensor, which stays free, m.
+        Position (x, y) of a sensor, m; the space around it stays free.
 
     Attributes
     ----------
     item
-        All that the room contains, and its shell.
+        All bodies of the room: the walls, floor and ceiling, and the items so far.
     """
 
     cad: Modeller
@@ -176,7 +186,7 @@ class Room:
         self.plan.occupy(taken, opening.sill - 0.04, opening.sill + opening.height + 0.1)
 
     def put(self, placement: Placement) -> None:
-        """Place an item; without space for it, it is left out."""
+        """Place an item, or leave it out if there is no space for it."""
         item, at = placement.maker(self.cad), placement.at
         if placement.where == "fixed":
             x, y, z = at or (0.0, 0.0, 0.0)
@@ -227,7 +237,17 @@ class Room:
 
 
 def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
-    """Occupy the space of an item at the pose `place`, (4, 4), if free; return whether it was."""
+    """Occupy the space of an item if it is free, and return whether it was free.
+
+    Parameters
+    ----------
+    plan
+        The floor, on which the space is marked as occupied.
+    item
+        The item.
+    place
+        Pose of the item, (4, 4).
+    """
     low, high = item_bounds(item)[:, 2] + place[2, 3]
     grounds = [_ground(body, place) for body in _feet(item)]
     if not all(plan.is_free(ground, low, high) for ground in grounds):
@@ -248,7 +268,7 @@ def _feet(item: Item) -> Item:
 
 
 def lamp_grid(outline: Floats, maker: Maker, spacing: float) -> list[Placement]:
-    """Return places of lamps on a ceiling, in rows and columns about `spacing` metres apart."""
+    """Return requests for lamps on a ceiling, in rows and columns about `spacing` metres apart."""
     low, size = outline.min(axis=0), np.ptp(outline, axis=0)
     counts = np.maximum(1, np.round(size / spacing)).astype(int)
     xs, ys = (low[k] + size[k] * (np.arange(counts[k]) + 0.5) / counts[k] for k in (0, 1))

@@ -1,6 +1,7 @@
-"""Parametric models of objects in a house: chairs, tables, lamps, vessels, spectacles and guitars.
+"""Models of objects in a house: chairs, tables, lamps, vessels, spectacles and guitars.
 
-The function of a class of objects makes its object number `member`, from 0.
+Each public function makes one object of a class. The argument `member` is the number of the object
+in the class, from 0, which selects the variant. Other choices are random.
 """
 
 from __future__ import annotations
@@ -135,7 +136,6 @@ def bottle(cad: Modeller, member: int) -> Item:
 
 
 def _ear(cad: Modeller, xs: Sequence[float], zs: Sequence[float], radius: float) -> Surface:
-    """Make a handle of round wire, bent in the plane y = 0."""
     path = [(x, 0.0, z) for x, z in zip(xs, zs, strict=True)]
     return cad.tube(cad.smooth(path), radius)
 

@@ -34,8 +34,6 @@ class _Opening:
 
 @dataclass(frozen=True)
 class _Facade:
-    """Design of a facade, in metres; `reveal` is the depth of windows behind the facade."""
-
     width: float
     height: float
     lower: list[_Opening]

@@ -23,19 +23,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Modeller:
-    """Maker of solids and of random dimensions, which models of objects are composed with.
+    """Makes solids and random dimensions, from which models of objects are composed.
 
-    Solids stand on z = 0, unless said otherwise; their curved parts have segments according to
-    their size. Further parameters are those of the functions of the same names in `solids`.
+    A solid stands on the plane z = 0 unless its method says otherwise. The number of segments of a
+    curved part depends on its size. Parameters that are not explained here are those of the
+    functions of the same names in `solids`.
 
     Parameters
     ----------
     rng
-        Source of all random numbers, drawn in the order of the calls.
+        Source of all random numbers, which are drawn in the order of the calls.
     detail
-        Factor of the number of segments (1: segments of 12 mm, 16 to 96 for a full circle).
+        Factor of the number of segments. With 1, segments are 12 mm long, and a full circle has 16
+        to 96 segments.
     unit
-        How many metres a unit of the model counts as, when numbers of segments are chosen.
+        Length of one unit of the model in metres, by which the number of segments is chosen.
     """
 
     rng: np.random.Generator
@@ -56,7 +58,7 @@ class Modeller:
         return float(self.rng.uniform(low, high))
 
     def chance(self, probability: float) -> bool:
-        """Return True with a given probability, else False."""
+        """Return True with the given probability, otherwise False."""
         return bool(self.rng.random() < probability)
 
     box = staticmethod(solids.box)
@@ -79,7 +81,7 @@ class Modeller:
         return solids.pipe(points, radius, bend, self.steps(radius))
 
     def legs(self, foot: Point, top: Point, height: float, radius: float) -> list[Surface]:
-        """Make four rods, which rise from (+-x, +-y) of `foot` to (+-x, +-y) of `top`."""
+        """Make four rods from the points (+-x, +-y) of `foot`, z = 0, to (+-x, +-y) of `top`."""
         (x0, y0), (x1, y1) = foot, top
         sides = [(a, b) for a in (-1, 1) for b in (-1, 1)]
         return [self.rod((a * x0, b * y0, 0), (a * x1, b * y1, height), radius) for a, b in sides]
@@ -145,6 +147,14 @@ class Modeller:
         return solids.tube(path, radius, self.steps(float(np.max(radius))), closed=closed)
 
     def smooth(self, points: Sequence[Sequence[float]], steps: int = 8) -> Floats:
-        """Return a smooth path through points, with `steps` segments between two at detail 1."""
+        """Return points of a smooth path through the given points.
+
+        Parameters
+        ----------
+        points
+            Points to pass through.
+        steps
+            Number of segments between two of these points, at detail 1.
+        """
         segments = max(2, round(steps * self.detail))
         return catmull_rom(np.array(points, dtype=np.float64), segments)

@@ -17,7 +17,15 @@ MEMBERS = 12
 
 
 class ObjectClass(NamedTuple):
-    """Function that makes the object number ``member`` of a class, and `Modeller.unit` for it."""
+    """A class of generated objects, such as chairs.
+
+    Parameters
+    ----------
+    make
+        Function that makes the object with a given number.
+    unit
+        `Modeller.unit` for this function.
+    """
 
     make: Callable[[Modeller, int], Item]
     unit: float
@@ -46,7 +54,7 @@ OBJECTS: tuple[str, ...] = tuple(
 
 
 def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
-    """Generate an object.
+    """Generate a household, outdoor or workshop object as a labelled mesh.
 
     Parameters
     ----------
@@ -55,13 +63,14 @@ def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
     seed
         Seed of all random choices; the same name and seed give the same object.
     detail
-        Factor of the number of segments of curved parts.
+        Factor by which curved parts have more segments than by default.
 
     Returns
     -------
     Mesh
-        The object, whose longest side is 1, on z = 0. Labels tell each triangle's part, with its
-        semantic class, and geometric primitive ("cylinder").
+        The object on the plane z = 0, scaled so that its longest side is 1. Labels name the part of
+        each triangle, the semantic class of this part, and the geometric primitive on which the
+        triangle lies (such as "cylinder").
 
     Raises
     ------

@@ -13,7 +13,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Segment:
-    """Part of an outline.
+    """A part of an outline in the plane: a polyline, an arc or a smooth curve.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ class Segment:
     points
         Successive points, (n, 2).
     centre, radius
-        Those of an arc.
+        Centre and radius of an arc; not used for other kinds.
     """
 
     kind: str
@@ -42,7 +42,7 @@ def line(*points: Point) -> Outline:
 
 
 def ring(*paths: Outline) -> Outline:
-    """Make a closed outline from paths, joined by lines from each one's end to the next's start."""
+    """Make a closed outline from paths, with a line from the end of each path to the next path."""
     following = (*paths[1:], paths[0])
     return tuple(
         segment
@@ -136,9 +136,9 @@ def loop(outline: Outline) -> Floats:
 
 
 def catmull_rom(points: Floats, steps: int) -> Floats:
-    """Return points on a smooth curve through points, (n, dimensions).
+    """Return points on a smooth curve through the given points, (n, dimensions).
 
-    They are `steps` for each of the given points but the last, and the last.
+    The result has `steps` points for each given point but the last, and then the last point.
     """
     padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
     a, b, c, d = (padded[start : len(padded) - 3 + start] for start in range(4))

@@ -42,7 +42,7 @@ _OPENINGS: dict[str, Callable[..., Opening]] = {
 
 @dataclass(frozen=True)
 class RoomSpec:
-    """What a room is made from, in metres, as in rooms.yaml.
+    """Specification of a room, as the file rooms.yaml states it, in metres.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class RoomSpec:
     openings
         Doors and windows.
     furnishing
-        Items to place, in this order; those for which there is no space are left out.
+        Items to place, in this order. Items for which there is no space are left out.
     lamps
         Function that makes a lamp, and the distance between lamps.
     """
@@ -72,22 +72,23 @@ class RoomSpec:
 
 
 def make_room(name: str, seed: int, detail: float = 1.0) -> Mesh:
-    """Generate a furnished room.
+    """Generate a furnished room as a labelled mesh.
 
     Parameters
     ----------
     name
-        One of `ROOMS`, such as ``office_1``, or of `room_types`, such as ``Area_1_office_1``.
+        One of `ROOMS`, such as ``office_1``, or one of `room_types`, such as ``Area_1_office_1``.
     seed
         Seed of all random choices; the same name and seed give the same room.
     detail
-        Factor of the number of segments of curved parts.
+        Factor by which curved parts have more segments than by default.
 
     Returns
     -------
     Mesh
-        The room, m, z up, with its floor at z = 0, seen from inside. Labels tell each triangle's
-        object, with its semantic class ("chair"), and geometric primitive ("cylinder").
+        The room in metres, with z up, the floor at z = 0 and surfaces that face inwards. Labels
+        name the object of each triangle, the semantic class of this object (such as "chair"), and
+        the geometric primitive on which the triangle lies (such as "cylinder").
 
     Raises
     ------
@@ -104,9 +105,10 @@ def make_room(name: str, seed: int, detail: float = 1.0) -> Mesh:
 
 
 def room_origin(name: str, seed: int = 0) -> tuple[float, float, float]:
-    """Return a sensor's position in a room of `make_room`, (x, y, z), m.
+    """Return a position for a sensor in a room of `make_room`, (x, y, z), m.
 
-    It is 1.3 m high, and displaced at random by up to 5 cm from the room's `RoomSpec.origin`.
+    The position is 1.3 m above the floor, and displaced at random by up to 5 cm from
+    `RoomSpec.origin`.
     """
     spec = room_spec(name, seed)
     x, y = np.array(spec.origin) + generator(seed, "origin", name).uniform(-0.05, 0.05, 2)
@@ -116,7 +118,7 @@ def room_origin(name: str, seed: int = 0) -> tuple[float, float, float]:
 def room_box(name: str, seed: int = 0) -> Floats:
     """Return the lowest and highest corner of a room of `make_room`, (2, 3), m.
 
-    Doors and windows, and the spaces behind open doors, may be outside.
+    Doors, windows and the spaces behind open doors may extend beyond this box.
     """
     spec = room_spec(name, seed)
     outline = np.array(spec.outline)
@@ -124,7 +126,7 @@ def room_box(name: str, seed: int = 0) -> Floats:
 
 
 def room_spec(name: str, seed: int = 0) -> RoomSpec:
-    """Return what a room of `make_room` is made from; raise InputError if there is no such room."""
+    """Return the specification of a room of `make_room`; raise InputError for other names."""
     if name in room_types():
         return building_room(name, seed)
     if name not in ROOMS:
@@ -134,7 +136,7 @@ def room_spec(name: str, seed: int = 0) -> RoomSpec:
 
 @cache
 def room_types() -> dict[str, str]:
-    """Return the rooms of the generated building: types ("office") by name ("Area_1_office_1")."""
+    """Return the type ("office") of each generated room, by name ("Area_1_office_1")."""
     return {
         f"{area}_{kind}_{number}": kind
         for area, counts in AREAS.items()
@@ -144,7 +146,7 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """Return what a room of the building is made from: a room of `ROOMS`, stretched at random."""
+    """Return the specification of a generated room: a room of `ROOMS`, stretched at random."""
     kind = room_types()[name]
     rng = generator(seed, "building", name)
     base = str(rng.choice(ROOM_CHOICES[kind]))
@@ -153,7 +155,10 @@ def building_room(name: str, seed: int) -> RoomSpec:
 
 
 def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
-    """Return a room that is `x` times as long and `y` times as wide, with the same furniture."""
+    """Return a room that is longer by the factor `x` and wider by the factor `y`.
+
+    The furniture keeps its size.
+    """
     return replace(
         spec,
         outline=tuple((x * a, y * b) for a, b in spec.outline),

@@ -18,18 +18,20 @@ CASING = 0.07
 
 @dataclass(frozen=True)
 class Opening:
-    """An opening in a wall, in metres.
+    """A door or window in a wall, in metres.
 
     Parameters
     ----------
     wall
-        Index of an edge of the room's outline.
+        Index of the edge of the room's outline on which the wall stands.
     at
-        Centre of the opening, as a share of the wall's length, from the end of the edge.
+        Centre of the opening as a share (0 to 1) of the wall's length, counted from the end of the
+        edge.
     kind
-        A closed door, an open door that leads to a closed space (``"passage"``), or a window.
+        ``"door"`` is a closed door, ``"passage"`` an open door that leads to a closed space,
+        ``"window"`` a window.
     width, height
-        Size.
+        Size of the opening.
     sill
         Height of the lower edge above the floor.
     """
@@ -42,7 +44,7 @@ class Opening:
     sill: float = 0.0
 
     def span(self, length: float) -> tuple[float, float]:
-        """Return where the opening begins and ends along a wall of a given length."""
+        """Return where the opening begins and ends along a wall of the given length, m."""
         return self.at * length - self.width / 2, self.at * length + self.width / 2
 
 
@@ -54,10 +56,10 @@ def window(
 
 
 def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
-    """Return the pose, (4, 4), and the length of wall number `wall` of an outline, (n, 2).
+    """Return the pose (4, 4) and the length (m) of wall number `wall` of an outline (n, 2).
 
     The pose's x axis lies along the wall, its y axis points out of the room, and its origin is the
-    end of the wall's edge.
+    end of the wall's edge in the outline.
     """
     start, end = outline[wall], outline[(wall + 1) % len(outline)]
     length = float(np.linalg.norm(end - start))
@@ -70,7 +72,7 @@ def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
 
 
 def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening, ...]) -> Item:
-    """Make the floor, ceiling and walls of a room, seen from inside, with doors and windows."""
+    """Make the floor, ceiling and walls of a room with doors and windows, facing inwards."""
     ground = polygon(*[(float(x), float(y)) for x, y in outline])
     item = [Body("floor", "floor", flat(ground))]
     item.append(Body("ceiling", "ceiling", flat(ground).flipped().at(z=height)))
@@ -109,7 +111,11 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
 
 
 def recess(width: float, depth: float, height: float) -> tuple[Surface, Surface]:
-    """Make the sides and the back of an opening in a wall at y = 0, from z = 0, centred in x."""
+    """Make the sides and the back of an opening in a wall at y = 0.
+
+    The opening begins at z = 0 and is centred in x. The sides and the back are returned as two
+    surfaces.
+    """
     whole = box(width, depth, height).flipped().at(y=depth / 2)
     return whole.select(0, 1, 4, 5), whole.select(3)
 

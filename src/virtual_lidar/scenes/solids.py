@@ -138,17 +138,20 @@ def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = Fal
 def loft(sections: Floats) -> Surface:
     """Connect successive closed sections by a freeform surface, and close both ends.
 
-    `sections` are k sections of n points, (k, n, 3), counter-clockwise, seen against the direction
-    from the first to the last.
+    Parameters
+    ----------
+    sections
+        Points of k sections of n points, (k, n, 3). They are counter-clockwise as seen from the
+        last section towards the first.
     """
     skin = grid(sections.swapaxes(0, 1), closed=(True, False))
     return join([skin, _fan(sections[0]).flipped(), _fan(sections[-1])])
 
 
 def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: int) -> Surface:
-    """Make a pipe with closed ends along points: cylinders, and elbows that are parts of tori.
+    """Make a pipe with closed ends along points, from cylinders and elbows (parts of tori).
 
-    `bend` is the radius of the elbows, to the middle of the pipe.
+    `bend` is the radius of the elbows, measured to the middle of the pipe.
     """
     path = np.array(points, dtype=np.float64)
     starts, ends, parts = path.copy(), path.copy(), []
@@ -162,7 +165,7 @@ def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: i
 
 
 def sheet(points: Floats, thickness: float) -> Surface:
-    """Make a freeform plate of a given thickness whose middle passes through a grid (m, n, 3)."""
+    """Make a freeform plate whose middle passes through a grid of points (m, n, 3)."""
     rows, columns = np.gradient(points, axis=0), np.gradient(points, axis=1)
     normal = np.cross(rows, columns)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -255,7 +258,7 @@ def _straight(start: Floats, end: Floats, radius: float, steps: int) -> Surface:
 def _elbow(
     corner: Floats, radius: float, bend: float, steps: int
 ) -> tuple[Surface, Floats, Floats]:
-    """Return an elbow, and where it starts and ends, for a point between two others, (3, 3)."""
+    """Return the elbow at the middle of three points (3, 3), and the two points where it ends."""
     before, at, after = corner
     towards = (before - at) / np.linalg.norm(before - at)
     onwards = (after - at) / np.linalg.norm(after - at)

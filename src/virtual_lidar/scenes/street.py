@@ -40,20 +40,21 @@ _CLEAR_HEIGHT = 4.0
 
 
 def make_street(name: str, seed: int, length: float) -> Mesh:
-    """Generate a street with houses, parked cars, trees and street furniture.
+    """Generate a street with houses, parked cars, trees and street furniture as a labelled mesh.
 
     Parameters
     ----------
     name, seed
-        Any text and number; the same ones give the same street.
+        Any text and any number, which seed all random choices; equal ones give the same street.
     length
-        Distance of the cross streets at its ends, m.
+        Distance between the two cross streets at the ends, m.
 
     Returns
     -------
     Mesh
-        The street, along x and centred on the origin, m, z up. Labels tell each triangle's object,
-        with its semantic class ("car"), and geometric primitive ("cylinder").
+        The street in metres, with z up. It runs along x and is centred on the origin. Labels name
+        the object of each triangle, the semantic class of this object (such as "car"), and the
+        geometric primitive on which the triangle lies (such as "cylinder").
     """
     street = _Street(
         length, lambda part: Modeller(generator(seed, "street", name, part), _DETAIL, _UNIT)
@@ -65,15 +66,15 @@ def make_street(name: str, seed: int, length: float) -> Mesh:
 
 
 def street_origin() -> tuple[float, float, float]:
-    """Return a sensor's position, (x, y, z), m, halfway along the street.
+    """Return a position for a sensor halfway along the street, (x, y, z), m.
 
-    It is 1.9 m above the lane that leads to +x.
+    The position is 1.9 m above the lane for traffic towards +x.
     """
     return (0.0, -LANE / 2, SENSOR_HEIGHT + road_height(LANE / 2))
 
 
 def free_way(length: float) -> tuple[float, float]:
-    """Return the first and last x, m, of a way along the street, 1 m from any object."""
+    """Return the first and the last x, m, of a free path along the street, 1 m from any object."""
     return (-length / 2, length / 2)
 
 
@@ -224,7 +225,7 @@ def _street_furniture(street: _Street) -> None:
 def _scatter(
     street: _Street, cad: Modeller, frame: Floats, maker: Maker, per_200_m: int, y: float
 ) -> None:
-    """Put items at random positions along a side, `per_200_m` in 200 m, where there is space."""
+    """Put items at random free positions along a side, `per_200_m` in 200 m of street."""
     end = street.length / 2 - 8.0
     for _ in range(max(1, round(per_200_m * street.length / 200.0))):
         street.put(maker(cad), frame @ pose(cad.between(-end, end), y, PAVEMENT_Z))

@@ -40,7 +40,7 @@ def road_height(y: float) -> float:
 
 
 def ground(cad: Modeller, length: float) -> Item:
-    """Make the ground of a street with `length` metres between its cross streets."""
+    """Make the ground of a street whose two cross streets are `length` metres apart."""
     x = length / 2 - _CORNER
     ridge = x - _HIP
     half = _facet((-x, -ROAD, 0.0), (x, -ROAD, 0.0), (ridge, 0.0, CROWN), (-ridge, 0.0, CROWN))

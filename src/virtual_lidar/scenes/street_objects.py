@@ -142,16 +142,16 @@ def hedge(cad: Modeller, length: float) -> Item:
 
 
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
-    """Make leaves in ellipsoids, denser near their surfaces.
+    """Make leaves that fill ellipsoids and are denser near their surfaces.
 
     Parameters
     ----------
     cad
-        Maker of random numbers.
+        Source of random numbers.
     middles, radii
         Centres and half axes of k ellipsoids, (k, 3), m.
     count
-        Number of leaves, distributed by the ellipsoids' volumes.
+        Number of leaves of all ellipsoids, which are distributed in proportion to volume.
     size
         Size of a leaf, m.
     """

@@ -12,16 +12,16 @@ from pointkit.geometry.mesh import Primitive
 
 @dataclass(frozen=True)
 class Shape:
-    """A geometric primitive in its normal pose: plane z = 0, axis z, centre or apex (0, 0, 0).
+    """A geometric primitive in its standard pose: plane z = 0, axis along z, centre or apex at 0.
 
     Parameters
     ----------
     kind
-        As in `pointkit.geometry.mesh.Primitive`.
+        Kind of the primitive, as in `pointkit.geometry.mesh.Primitive`.
     lengths
         Radii or half axes, which scale with the pose.
     ratios
-        Angles or exponents, which do not.
+        Angles or exponents, which do not scale.
     """
 
     kind: str
@@ -35,7 +35,7 @@ FREEFORM = Shape("freeform")
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles that lie on s geometric primitives.
+    """Triangles that lie on s geometric primitives, such as the surface of a box on six planes.
 
     Parameters
     ----------
@@ -84,9 +84,10 @@ class Surface:
     def at_sides(
         self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, axis: int = 0, **angles: float
     ) -> list[Surface]:
-        """Return two copies that are turned as by `pose`, on opposite sides.
+        """Return two copies on opposite sides, rotated by `angles` as in the function `pose`.
 
-        The second is at (x, y, z), the first there with the coordinate number `axis` negated.
+        The second copy is at (x, y, z). The first is at the same position with the coordinate of
+        number `axis` negated.
         """
         place = [-value if number == axis else value for number, value in enumerate((x, y, z))]
         return [self.at(*place, **angles), self.at(x, y, z, **angles)]
@@ -105,7 +106,13 @@ class Surface:
         return replace(self, triangles=self.triangles[:, ::-1], frames=frames)
 
     def deformed(self, change: Callable[[Floats], Floats]) -> Surface:
-        """Return a freeform surface whose vertices are ``change(vertices)``, (v, 3)."""
+        """Return a freeform surface whose vertices are ``change(vertices)``.
+
+        Parameters
+        ----------
+        change
+            Function that maps vertices (v, 3) to new vertices (v, 3).
+        """
         return freeform(change(self.vertices), self.triangles)
 
     def select(self, *shapes: int) -> Surface:
@@ -119,7 +126,7 @@ class Surface:
 
 
 def join(surfaces: list[Surface]) -> Surface:
-    """Make one surface of several, one after the other."""
+    """Merge several surfaces into one, in their order."""
     vertices, shapes = 0, 0
     triangles, shape_ids = [], []
     for each in surfaces:
@@ -145,10 +152,10 @@ def pose(
     roll: float = 0.0,
     scale: float = 1.0,
 ) -> Floats:
-    """Return a similarity transform, (4, 4).
+    """Return a similarity transform as a matrix (4, 4).
 
-    It scales by `scale`, rotates about y by `roll`, about x by `tilt` and about z by `turn`,
-    degrees, counter-clockwise, and then moves by (x, y, z).
+    The transform scales by `scale`, then rotates about y by `roll`, about x by `tilt` and about z
+    by `turn`, and then moves by (x, y, z). Angles are in degrees, counter-clockwise.
     """
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
@@ -157,7 +164,7 @@ def pose(
 
 
 def rotation(axis: int, degrees: float) -> Floats:
-    """Return the rotation about an axis (0, 1, 2: x, y, z), (3, 3)."""
+    """Return the matrix (3, 3) of a rotation about the axis x, y or z (`axis` 0, 1 or 2)."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
@@ -180,9 +187,12 @@ def frame_along(axis: Floats, origin: Floats) -> Floats:
 def one_shape(
     vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
 ) -> Surface:
-    """Make a surface on one primitive, without those triangles that have no area.
+    """Make a surface on one primitive; triangles without area are left out.
 
-    `frame` is the pose of the primitive, by default its normal pose.
+    Parameters
+    ----------
+    frame
+        Pose of the primitive, (4, 4); by default the standard pose of its `Shape`.
     """
     a, b, c = vertices[triangles].swapaxes(0, 1)
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -192,7 +202,7 @@ def one_shape(
 
 
 def freeform(vertices: Floats, triangles: Ints) -> Surface:
-    """Make a surface of no particular shape."""
+    """Make a surface that lies on no particular primitive."""
     return one_shape(vertices, triangles, FREEFORM)
 
 

@@ -1,6 +1,7 @@
-"""Parametric models of hammers, screws, gears and pipe fittings.
+"""Models of hammers, screws, gears and pipe fittings.
 
-The function of a class of objects makes its object number `member`, from 0.
+Each public function makes one object of a class. The argument `member` is the number of the object
+in the class, from 0, which selects the variant. Other choices are random.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Detection of walls, floors and ceilings in recordings, and analysis of range noise on them."""
+"""Detection of walls, floors and ceilings in recordings, and statistics of range errors on them."""

@@ -43,7 +43,8 @@ class PlaneSearch(Model):
     Parameters
     ----------
     threshold_m
-        Largest distance of a return on a plane, after subtraction of its laser's bias.
+        Largest distance from the plane of a return that counts as lying on the plane, after
+        subtraction of the mean error (bias) of its laser.
     share_on_plane
         Least fraction of a pixel's returns that lie on the plane.
     most_planes
@@ -51,18 +52,20 @@ class PlaneSearch(Model):
     up
         Upward direction in the sensor's coordinates, of any length.
     tilt_deg
-        Largest tilt of a wall from the vertical, and of a floor or ceiling from the horizontal.
+        Largest tilt of a wall from the vertical, and of a floor or ceiling from the horizontal,
+        degrees.
     most_incidence_deg
-        Returns at greater incidence angles are not used.
+        Largest angle, in degrees, between a ray and the plane's normal; returns at larger angles
+        are not used.
     inlier_sigmas
         Largest distance from the plane, in robust standard deviations, of returns that are used.
     least_laser_share
-        Least ratio of a laser's number of returns on a plane to the median over lasers; a laser
-        with fewer follows an edge.
+        Least number of a laser's returns on a plane, relative to the median over lasers. A laser
+        with fewer returns is not used on this plane, since it follows an edge.
     least_returns, least_lasers
-        Least number of returns per turn, and of lasers, on a plane.
+        Least number of returns per turn (revolution) on a plane, and least number of lasers.
     least_width_m, least_height_m
-        Least extents of the returns on a plane.
+        Least width and height of the area that the returns on a plane cover.
     most_noise_m
         Largest robust standard deviation of the distances to the plane.
     """
@@ -94,18 +97,19 @@ class PlaneSearch(Model):
 
 @dataclass(frozen=True)
 class DetectedPlane:
-    """A plane in a recording.
+    """A plane that was found in a recording, with the returns that lie on it.
 
     Parameters
     ----------
     kind
         `WALL`, `FLOOR`, `CEILING` or `OBLIQUE`.
     plane
-        The plane, with its normal towards the sensor.
+        Equation of the plane; its normal points towards the sensor.
     rows
-        Rows of the recording's table whose returns lie on the plane, (n,).
+        Numbers of the recording's rows whose returns lie on the plane, (n,).
     width_m, height_m
-        Extents of these returns in the plane, horizontally and perpendicular to that.
+        Extents of these returns within the plane: horizontally, and perpendicular to the
+        horizontal.
     """
 
     kind: str
@@ -122,7 +126,15 @@ class DetectedPlane:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A plane that does not meet the criteria of a `PlaneSearch`, and why, in a few words."""
+    """A plane that does not meet the criteria of a `PlaneSearch`.
+
+    Parameters
+    ----------
+    surface
+        The plane.
+    reason
+        The criterion that is not met, in a few words.
+    """
 
     surface: DetectedPlane
     reason: str
@@ -131,21 +143,21 @@ class Rejected:
 def find_surfaces(
     table: ReturnTable, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
-    """Find walls, floors and ceilings by RANSAC, one after the other.
+    """Find walls, floors and ceilings in a recording by RANSAC, one after the other.
 
     Parameters
     ----------
     table
         Returns of a sensor at rest.
     search
-        Criteria.
+        Criteria that a plane must meet.
     rng
         Source of the random samples.
 
     Returns
     -------
     taken, rejected
-        Planes that meet the criteria, those with most returns first, and planes that do not.
+        Planes that meet the criteria, in decreasing number of returns; and planes that do not.
     """
     least = least_returns(table, search)
     view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
@@ -172,20 +184,26 @@ def find_surfaces(
 def surface_of(
     table: ReturnTable, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
-    """Fit a plane robustly to some returns, and select those that lie on it.
+    """Fit a plane robustly to some returns, and select the returns that lie on the plane.
 
     Parameters
     ----------
     table
         The recording.
     rows
-        Rows of the returns to fit; of fewer than three, none lies on the plane.
+        Row numbers of the returns to fit. If they are fewer than three, the result is `start`
+        without returns.
     start
         Plane with which the fit begins.
     kind
-        Kind of the result.
+        Kind of the result, such as `WALL`.
     search
-        Criteria of the returns that count as lying on the plane.
+        Criteria that say which returns count as lying on the plane.
+
+    Returns
+    -------
+    DetectedPlane
+        The fitted plane and the selected returns.
     """
     part = table.select(rows)
     if len(rows) < 3:
@@ -198,7 +216,7 @@ def surface_of(
 
 
 def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) -> str | None:
-    """Return which criterion a plane does not meet, in a few words, or None if it meets all."""
+    """Return in a few words the first criterion that a plane fails; None if it meets all."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -214,12 +232,12 @@ def fault_of(table: ReturnTable, surface: DetectedPlane, search: PlaneSearch) ->
 
 
 def least_returns(table: ReturnTable, search: PlaneSearch) -> int:
-    """Return the least number of returns on a plane in all turns of a recording."""
+    """Return the least number of returns that a plane needs in all revolutions of a recording."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
 def incidence(table: ReturnTable, plane: Plane) -> Floats:
-    """Return the angles between the nominal rays of returns and a plane's normal, (n,), rad."""
+    """Return the angle between each return's nominal ray and the normal of a plane, (n,), rad."""
     azimuth, elevation = table["azimuth"], table["elevation"]
     level = np.cos(elevation)
     rays = [level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)]
@@ -228,7 +246,11 @@ def incidence(table: ReturnTable, plane: Plane) -> Floats:
 
 
 def kind_of(plane: Plane, search: PlaneSearch) -> str:
-    """Return whether a plane is a `WALL`, `FLOOR` or `CEILING` of its sensor, or `OBLIQUE`."""
+    """Return whether a plane is a `WALL`, a `FLOOR`, a `CEILING` or `OBLIQUE`.
+
+    The class follows from the tilt of the plane; a floor is below the sensor, and a ceiling is
+    above it.
+    """
     up = np.array(search.up) / np.linalg.norm(search.up)
     rise = float(plane.facing(np.zeros(3)).normal @ up)
     tilt = math.radians(search.tilt_deg)
@@ -241,14 +263,17 @@ def kind_of(plane: Plane, search: PlaneSearch) -> str:
 
 @dataclass(frozen=True)
 class RangeImage:
-    """Pixels of a recording's n returns in an image with a row for each laser, by elevation.
+    """Assignment of a recording's n returns to the pixels of an image.
+
+    A row of the image belongs to a laser, in the order of elevation; a column is one degree of
+    azimuth.
 
     Parameters
     ----------
     pixel
         Flat index of each return's pixel, (n,).
     shape
-        Numbers of rows and columns.
+        Numbers of rows and columns of the image.
     """
 
     pixel: NDArray[np.intp]
@@ -275,9 +300,16 @@ class RangeImage:
 
 
 def largest_patch(pixels: Mask, returns: Floats) -> Mask:
-    """Return the patch of a mask's pixels with most returns, as a mask.
+    """Return, as a mask, the connected patch of a mask's pixels that has the most returns.
 
-    `returns` are counts for each pixel; gaps of up to two pixels do not split a patch.
+    Gaps of up to two pixels do not split a patch.
+
+    Parameters
+    ----------
+    pixels
+        Mask of the pixels to connect, (rows, columns).
+    returns
+        Number of returns in each pixel, (rows, columns).
     """
     from scipy import ndimage
 
@@ -291,7 +323,7 @@ def largest_patch(pixels: Mask, returns: Floats) -> Mask:
 
 
 def widened(pixels: Mask) -> Mask:
-    """Return a mask with the eight neighbours of each pixel as well; azimuths are cyclic."""
+    """Return a mask that also contains the eight neighbours of each pixel; azimuths are cyclic."""
     beside = pixels | np.roll(pixels, 1, axis=1) | np.roll(pixels, -1, axis=1)
     padded = np.pad(beside, ((1, 1), (0, 0)))
     wide: Mask = padded[:-2] | padded[1:-1] | padded[2:]
@@ -299,7 +331,10 @@ def widened(pixels: Mask) -> Mask:
 
 
 def without_ends(pixels: Mask) -> Mask:
-    """Return a mask without the ends of its rows, since returns there mix two surfaces."""
+    """Return a mask without the end pixels of its rows.
+
+    Returns in these pixels may mix two surfaces.
+    """
     inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
     return inner
 
@@ -320,9 +355,16 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Return the best of random planes through three nearby returns, or None if it is poor.
+        """Return the best of several random planes, or None if the best is poor.
 
-        The mask `free` (n,) selects the returns; the best plane has most of them near it.
+        Each plane passes through three nearby returns; the best one has the most returns near it.
+
+        Parameters
+        ----------
+        free
+            Mask (n,) of the returns that may be used.
+        rng
+            Source of random numbers.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
@@ -336,10 +378,17 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """Fit a plane to its largest connected patch of pixels; return both.
+        """Return a plane fitted to its largest connected patch of pixels, and this patch as a mask.
 
-        Selection of the patch, among returns in the mask `free` (n,), and fitting alternate until
-        the patch stays the same. Laser biases are subtracted, so that no laser loses its pixels.
+        Two steps alternate until the patch no longer changes: selection of the patch, and fitting
+        of the plane. The lasers' biases are subtracted, so that no laser loses its pixels.
+
+        Parameters
+        ----------
+        plane
+            The plane with which to begin.
+        free
+            Mask (n,) of the returns that may be used.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
@@ -366,7 +415,7 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Return normals (k, 3) and offsets (k,) of planes that are not oblique."""
+        """Return random planes that are not oblique, as normals (k, 3) and offsets (k,)."""
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))
         first = rng.integers(len(order), size=_SAMPLES)

@@ -1,4 +1,4 @@
-"""Plane residuals of a recording (thesis, section 5.1.2, Procedure 1)."""
+"""Distances of a recording's returns from fitted planes (thesis, section 5.1.2, Procedure 1)."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ from virtual_lidar.walls.stillness import SHIFT_M, Still, still_rows
 
 
 class Crop(Model):
-    """A plane that is selected by hand.
+    """A wall, floor or ceiling in a recording that the user selects with a box.
 
     Parameters
     ----------
     surface
-        What it is.
+        Whether the plane is a wall, a floor or a ceiling.
     box
-        Lowest and highest corner, (x, y, z), m, of a box in sensor coordinates that contains
-        returns of the plane only.
+        Lowest and highest corner, (x, y, z), m, of a box in sensor coordinates. The box must
+        contain returns of this plane only.
     """
 
     surface: Literal["wall", "floor", "ceiling"]
@@ -56,13 +56,15 @@ class Crop(Model):
         return self
 
     def rows(self, points: Floats) -> NDArray[np.intp]:
-        """Return which of the points, (n, 3), m, are in the box, as indices."""
+        """Return the indices of the points, (n, 3), m, that are in the box."""
         low, high = np.array(self.box)
         return np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
 
 
 class RecordingOptions(Model):
-    """Options for the plane residuals of a recording.
+    """Options that say how the plane residuals of a recording are computed.
+
+    A plane residual is the distance of a return from the plane that was fitted to its surface.
 
     Parameters
     ----------
@@ -71,16 +73,17 @@ class RecordingOptions(Model):
     stream
         Stream of a packet capture with several sensors, such as ``192.168.1.201:2368``.
     topic
-        Topic of a ROS bag.
+        Topic with the sensor's messages in a ROS bag.
     time_unit
         Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default inferred.
     still_s
         ``[start, end]`` of the interval to use, seconds after the first packet; by default the
         longest interval at rest.
     most_shift_m
-        Largest difference of distances between turns of a sensor at rest.
+        Largest difference of distances, m, between two turns (revolutions) of the sensor that
+        counts as rest.
     most_turns
-        Number of turns to use, from the start of the interval.
+        Largest number of turns (revolutions) to use, from the start of the interval.
     planes
         Planes selected by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``: a
         `wall`, `floor` or `ceiling`, and the lowest and highest corner, m, of a box in sensor
@@ -111,7 +114,7 @@ class RecordingOptions(Model):
 
 
 def recording_options(values: Mapping[str, Any]) -> RecordingOptions:
-    """Create the options from fields by name; raise InputError if one is unknown or invalid."""
+    """Create the options from a dictionary; raise InputError for an unknown or invalid field."""
     return parsed(RecordingOptions, values, "capture options")
 
 
@@ -121,16 +124,20 @@ _LEAST_RETURNS = 50
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """The part of a recording in which the sensor was at rest, and the planes in it.
+    """The planes found in a recording, and that part of it in which the sensor was at rest.
 
     Parameters
     ----------
     table
-        Returns of that part.
+        Returns of this part.
     still
-        The interval, if it was detected; None if the option `still_s` gave it.
-    surfaces, rejected
-        As of `find_surfaces`; planes that were selected by hand in their order.
+        The time in which the sensor was at rest, if it was detected; None if the option `still_s`
+        gave it.
+    surfaces
+        Planes that are used. Planes that were selected by hand are in the order of the option
+        `planes`; detected planes come in decreasing number of returns.
+    rejected
+        Detected planes that are not used, with the reasons.
     """
 
     table: ReturnTable
@@ -140,23 +147,31 @@ class RecordedPlanes:
 
 
 def recorded_planes(table: ReturnTable, options: RecordingOptions, source: Path) -> RecordedPlanes:
-    """Find out when a sensor was at rest, and which walls, floors and ceilings it saw.
+    """Find when the sensor of a recording was at rest, and the walls, floors and ceilings it saw.
 
-    In dual return mode only beams with two equal returns are used, since other beams hit an edge.
+    In dual return mode (two returns reported per laser beam), only beams with two equal returns are
+    used, since other beams hit an edge.
 
     Parameters
     ----------
     table
-        A recording; if the option `still_s` is given, the returns of that interval only.
+        Returns of the recording. If the option `still_s` is given, it must contain the returns of
+        that interval only.
     options
-        Options.
+        Options, from `recording_options`.
     source
         The file that error messages name.
+
+    Returns
+    -------
+    RecordedPlanes
+        The returns of the sensor at rest, and the planes in them.
 
     Raises
     ------
     InputError
-        The sensor was never at rest, or there is no plane, or none in a box given by hand.
+        The sensor was never at rest, no plane was found, or a box selected by hand contains no such
+        plane.
     """
     still = None
     with naming(source):
@@ -170,9 +185,10 @@ def recorded_planes(table: ReturnTable, options: RecordingOptions, source: Path)
 
 
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
-    """Return the plane residuals of a recording, in a table with the columns `COLUMNS`.
+    """Return the plane residuals of a recording as a table with the columns `COLUMNS`.
 
-    The column `run` has the number of the plane, from 1, and `frame` that of the revolution.
+    A plane residual is the distance of a return from its plane. The column `run` has the number of
+    the plane, from 1, and the column `frame` the number of the revolution.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)

@@ -1,7 +1,8 @@
-"""Ray noise and laser biases in recordings of a sensor at rest.
+"""Statistics of range errors in recordings of a sensor at rest: ray noise and laser biases.
 
 The *deviation* of a return is its measured range minus the distance to the fitted plane along the
-ray. *Ray noise* is how much the deviations of a laser in one direction vary between revolutions.
+ray. *Ray noise* is the variation, between revolutions, of the deviations of one laser in one
+direction. A *laser bias* is the mean deviation of one laser on a plane.
 """
 
 from __future__ import annotations
@@ -28,15 +29,17 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 @dataclass(frozen=True)
 class RayNoise:
-    """Standard deviation of deviations between revolutions, in bins of laser and azimuth.
+    """Ray noise: how much the deviations in one direction vary from revolution to revolution.
+
+    Returns are grouped in bins of the same laser and azimuth.
 
     Parameters
     ----------
     median_std_m
-        Median of the bins' standard deviations; it underestimates Gaussian noise by 17 % with three
-        revolutions and by 4 % with ten.
+        Median of the bins' standard deviations, m. It underestimates Gaussian noise by 17 % with
+        three revolutions and by 4 % with ten.
     sigma_m
-        Standard deviation from the bins' pooled variances, which does not.
+        Standard deviation from the pooled variances of the bins, m, which has no such bias.
     bins
         Number of bins.
     """
@@ -48,10 +51,19 @@ class RayNoise:
 
 @dataclass(frozen=True)
 class LaserBias:
-    """Mean deviation of each laser on a plane, m, and its number of returns there.
+    """Mean deviation of each laser from a fitted plane.
 
-    A bias that all lasers share, or that is linear in their elevation, is not seen: the fitted
-    plane follows it.
+    A bias that all lasers share, or that is linear in their elevation, cannot be seen, because the
+    fitted plane follows it.
+
+    Parameters
+    ----------
+    lasers
+        Numbers of the lasers, (k,).
+    mean_m
+        Mean deviation of each laser, (k,), m.
+    returns
+        Number of returns of each laser on the plane, (k,).
     """
 
     lasers: NDArray[np.intp]
@@ -85,9 +97,14 @@ class Repeatability:
 
 
 def range_deviation(residual: Floats, incidence: Floats) -> Floats:
-    """Return the deviations of returns, (n,), m, from their distances to the plane.
+    """Return the deviations of returns, (n,), m: measured minus true range on the fitted plane.
 
-    The distances `residual`, m, are positive towards the sensor; `incidence` is in rad.
+    Parameters
+    ----------
+    residual
+        Distances from the plane, (n,), m, positive towards the sensor.
+    incidence
+        Angles between the rays and the plane's normal, (n,), rad.
     """
     return np.asarray(-residual / np.cos(incidence))
 
@@ -100,7 +117,7 @@ def ray_noise(
     step_rad: float,
     least_turns: int = LEAST_TURNS,
 ) -> RayNoise | None:
-    """Return the ray noise of returns, or None if it cannot be told.
+    """Estimate the ray noise of returns; return None if no bin has enough revolutions.
 
     Parameters
     ----------
@@ -130,7 +147,12 @@ def ray_noise(
 def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
     """Return the mean deviation of each laser that has at least 20 returns.
 
-    `deviation`, m, and `laser` are those of each return, (n,).
+    Parameters
+    ----------
+    deviation
+        Deviation of each return, (n,), m.
+    laser
+        Number of each return's laser, (n,).
     """
     counts = np.bincount(laser)
     lasers = np.flatnonzero(counts >= _LEAST_RETURNS)
@@ -139,7 +161,7 @@ def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
 
 
 def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
-    """Compare the lasers' biases on several planes, or return None if too few lasers see two."""
+    """Compare the lasers' biases on several planes; return None if planes share too few lasers."""
     correlations, covariances = [], []
     for first_bias, second_bias in combinations(biases, 2):
         _, first, second = np.intersect1d(
@@ -171,18 +193,22 @@ def _turns_in(group: NDArray[np.intp], turn: NDArray[Any]) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class PlaneStatistics:
-    """Returns on a plane, their distances from it, and what these say about the sensor.
+    """The returns on one plane, their distances from it, and the range errors that follow.
 
     Parameters
     ----------
     surface
         The plane.
     rows
-        The returns.
-    residual, deviation
-        Distances from the plane, positive towards the sensor, and deviations, (n,), m.
-    bias, noise
-        The lasers' biases and the ray noise; None if it cannot be told.
+        The returns on the plane.
+    residual
+        Distance of each return from the plane, (n,), m, positive towards the sensor.
+    deviation
+        Deviation of each return's range, (n,), m.
+    bias
+        Mean deviation of each laser.
+    noise
+        Ray noise; None if it cannot be estimated.
     """
 
     surface: DetectedPlane
@@ -194,7 +220,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Standard deviation of what neither biases nor ray noise explain, or None if unknown."""
+        """Standard deviation, m, that neither biases nor ray noise explain; None if unknown."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
@@ -222,7 +248,7 @@ class PlaneStatistics:
 
 
 def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
-    """Return the statistics of each plane of a recording."""
+    """Return the statistics of each plane of a recording, in the order of ``planes.surfaces``."""
     step, parts = azimuth_step(planes.table), []
     for surface in planes.surfaces:
         rows = planes.table.select(surface.rows)
@@ -235,7 +261,7 @@ def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
 
 
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
-    """Return the statistics of a recording and of its planes, as they are written to JSON files."""
+    """Return the statistics of a recording and its planes as a dictionary, ready for JSON."""
     parts, table = plane_statistics(planes), planes.table
     walls = [part.bias for part in parts if part.surface.kind == WALL]
     stds = [bias.std_m for bias in walls if bias.std_m is not None]

@@ -23,14 +23,14 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """An interval in which the sensor was at rest.
+    """A series of revolutions in which the sensor was at rest.
 
     Parameters
     ----------
     first, last
-        Numbers of its first and last revolution.
+        Numbers of the first and the last revolution.
     shift_m
-        Greatest `turn_shift` from the first revolution to another one of the interval.
+        Greatest `turn_shift` between the first revolution and any other of the series, m.
     """
 
     first: int
@@ -44,10 +44,24 @@ class Still:
 
 
 def still_rows(table: ReturnTable, limit_m: float = SHIFT_M) -> tuple[ReturnTable, Still]:
-    """Return the longest part of a recording with the sensor at rest, and its interval.
+    """Find the longest part of a recording in which the sensor was at rest.
 
-    At rest, the `turn_shift` between revolutions is at most `limit_m`. Raises InputError if the
-    recording has only one revolution, or the sensor was never at rest.
+    Parameters
+    ----------
+    table
+        The recording.
+    limit_m
+        Greatest `turn_shift` between revolutions of a sensor at rest, m.
+
+    Returns
+    -------
+    tuple of ReturnTable and Still
+        The returns of this part, and its revolutions.
+
+    Raises
+    ------
+    InputError
+        The recording has only one revolution, or the sensor was never at rest.
     """
     turns = _turns(table)
     if len(turns) < 2:
@@ -70,11 +84,12 @@ def still_rows(table: ReturnTable, limit_m: float = SHIFT_M) -> tuple[ReturnTabl
 
 
 def turn_shift(reference: ReturnTable, other: ReturnTable) -> float:
-    """Return by how much distances differ between two revolutions, m; inf with too few returns.
+    """Return how much the measured distances differ between two revolutions, m.
 
     The distances of each laser in `reference` are interpolated to the azimuths of `other`. The
-    median difference in each of 36 sectors of azimuth averages out noise; the third quartile of the
-    medians reveals a moving sensor, but ignores a passing person.
+    median difference in each of 36 sectors of azimuth averages out noise. The result is the third
+    quartile of these medians: it is large if the sensor moves, but a passing person does not affect
+    it. It is inf if there are too few returns.
     """
     change, azimuth = _differences(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS

@@ -66,9 +66,18 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps, which rise towards +y.
+    """Make steps that rise towards +y.
 
-    A step has the depth and height `step`, m; the last one has the depth `at_back`.
+    Parameters
+    ----------
+    width
+        Width of the steps, m.
+    step
+        Depth and height of a step, m.
+    count
+        Number of steps.
+    at_back
+        Depth of the last step, m.
     """
     depth, rise = step
     parts: list[Surface] = []

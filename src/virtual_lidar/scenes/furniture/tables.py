@@ -43,7 +43,10 @@ def desk(cad: Modeller) -> Item:
 def scattered(
     cad: Modeller, makers: Sequence[Maker], spots: Sequence[tuple[float, float]], height: float
 ) -> Item:
-    """Place small random objects at positions `spots` (x, y) with probability 0.8, at a height."""
+    """Make small random objects on a plane at the given height.
+
+    At each of the positions `spots` (x, y), an object is placed with probability 0.8.
+    """
     item: Item = []
     for x, y in spots:
         if cad.chance(0.8):
