@@ -434,7 +434,7 @@ class Plan:
 
     @cached_property
     def opened(self) -> dict[str, Codec]:
-        """Codecs of the run by name, ready to tell their rates and properties."""
+        """Codecs of the run by name, with their options and rates, but without loaded weights."""
         return {name: codecs.open_codec(name, self.config.codec(name)) for name in self.codecs}
 
     @cached_property
@@ -473,7 +473,7 @@ class Plan:
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
-        """Rate-distortion curves: a triple (data set, cloud, codec) for each cloud that is coded."""
+        """Rate-distortion curves of the run, as triples (data set, cloud, codec)."""
         return tuple(
             (dataset, cloud, codec)
             for dataset, cloud in self.clouds

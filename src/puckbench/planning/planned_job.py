@@ -45,7 +45,7 @@ class PlannedJob(NamedTuple):
 
     @property
     def key(self) -> str:
-        """The job's name with a digest of its settings and code, unique for each result."""
+        """The job's name with a digest of its settings and code, by which logs tell what ran."""
         digest = hashlib.sha256(f"{self.record}\n{self.code}".encode()).hexdigest()[:16]
         return f"{self.name}-{digest}"
 
