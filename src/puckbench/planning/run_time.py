@@ -17,7 +17,10 @@ _OTHER_S = 1.0
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
-    """Return a function that maps a rule's name to the mean seconds of its jobs."""
+    """Return a function that estimates how long a job of the workflow takes.
+
+    The function takes the name of the job's rule, and returns the estimated mean time in s.
+    """
     counts = [data.points for data in bench.plan.datasets.values() for _ in data.clouds]
     millions = sum(counts) / 1e6 / max(1, len(counts))
     seconds = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
