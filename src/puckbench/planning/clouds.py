@@ -64,7 +64,7 @@ class CloudJobs:
     def sources(self, dataset: str, cloud: str) -> dict[str, str]:
         """Return the files that the preparation of a cloud reads, by input name.
 
-        ``source`` is the file of `source`; ``sampled``, only for sampled points, is its description.
+        ``source`` is the path from `source`; ``sampled``, for samples only, is its description.
         """
         source = self.source(dataset, cloud)
         if self.dataset(dataset).settings.make != "sample":

@@ -41,6 +41,7 @@ def key_table(model: type[BaseModel]) -> str:
 
 def with_tables(text: str) -> str:
     """Return a Markdown text in which the tables of keys are replaced by current ones."""
+
     def table(match: re.Match[str]) -> str:
         return f"{match[1]}{key_table(getattr(config, match[2]))}{match[3]}"
 

@@ -95,7 +95,7 @@ def failed_jobs(logs: Path, since: float) -> list[Failure]:
 
 
 def failure_of(log: Path, logs: Path) -> Failure | None:
-    """Return the failure that a log in the folder `logs` tells of, or None if the job ended well."""
+    """Return the failure of the job with a log in the folder `logs`, or None if it succeeded."""
     reason = _reason(log)
     if reason is None:
         return None

@@ -18,9 +18,10 @@ from puckbench.jobs.cost import read_cost
 from puckbench.planning.planned_job import RECORDS, PlannedJob
 
 OTHERWISE = RECORDS / "made_otherwise"
-"""Empty-handed input of each job whose results were made with other settings or code.
+"""File that is an input of every job, and is newer than all results at the start of a run.
 
-The file is newer than all such results, so that Snakemake makes them again.
+Snakemake compares its time only for jobs whose present results were made with other settings or
+code, and so makes these results again.
 """
 _RESULTS = ("scenes", "clouds", "coded", "metrics", "drives", "residuals", "tables", "figures")
 
