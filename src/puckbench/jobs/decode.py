@@ -40,17 +40,33 @@ _log = logging.getLogger(__name__)
 
 @JOBS.register("decode")
 class Decode(Decoding):
-    """Decode a stream, or a rate of a curve, to a cloud or mesh."""
+    """Decode a stream to a cloud or mesh.
+
+    Parameters
+    ----------
+    as_mesh
+        Whether to decode a mesh; otherwise, a cloud is decoded.
+    rate
+        Name of the rate to decode, if the file is a curve, i.e. has streams of several rates.
+    """
 
     as_mesh: bool = False
     rate: str | None = None
 
     def run(self, stream: Path, cloud: Path, like: tuple[Path, ...] = ()) -> dict[str, Any]:
-        """Write the decoded cloud, by default in the coordinate frame of the encoded cloud.
+        """Write the decoded cloud or mesh, and return facts about the decoding.
 
-        `like` contains a prepared cloud (its description maps points to the source's coordinates),
-        an original cloud (its attributes are copied to the points), or both. A LAS or LAZ file gets
-        the original's header.
+        Parameters
+        ----------
+        stream
+            Stream or curve to decode.
+        cloud
+            File to write. A LAS or LAZ file requires an original in `like`, whose header it gets.
+        like
+            Up to two clouds to which decoded points are fitted. With the prepared cloud that was
+            encoded, points are moved back to the coordinates before the preparation, in m. With the
+            original cloud, points get the attributes of its points. By default, points stay in the
+            coordinate frame of the encoded cloud.
         """
         if self.as_mesh:
             if like:
@@ -84,9 +100,10 @@ class Decode(Decoding):
         return {**result.record, "attributes_by": match.by, **lost}
 
     def _reach(self, coded: Coded) -> float | None:
-        """Return the diagonal of a grid cell, in m, if the rate is a length, else None.
+        """Return the largest distance, in m, between a decoded point and its original point.
 
-        It is None, too, if decoded points are estimates of the surface.
+        It is the diagonal of a grid cell if the rate is a length. For other rates, and if decoded
+        points are estimates of the surface, it is unknown, and None is returned.
         """
         name, codec = coded.record.get("rate"), self.loaded(self.codec_of(coded))
         named_rate = find_rate(codec, name) if name else None
@@ -112,9 +129,9 @@ class Decode(Decoding):
 
 
 def _match(decoded: Floats, prepared: Model | None, original: Model, reach: float | None) -> Match:
-    """Find the original points of decoded points (m, 3), m; see `match_points`.
+    """Find the original point of each decoded point (m, 3), in m, as `match_points` does.
 
-    Raises InputError if the decoded points are not those of the original.
+    Raises InputError if most decoded points lie far from all original points.
     """
     fault = f"not coded from {original.path}"
     if prepared:
@@ -151,7 +168,10 @@ def _with_attributes(decoded: PointCloud, original: Model, rows: NDArray[np.int6
 def _as_wide(
     decoded: NDArray[np.uint8], narrow: NDArray[np.uint8] | None, wide: NDArray[Any] | None
 ) -> NDArray[Any]:
-    """Return decoded colours, in 16 bits if the original has these: its own where 8 bits agree."""
+    """Return decoded colours with 16 bits if the original's colours `wide` have 16 bits.
+
+    Where the decoded 8 bits are those of the original, the original's 16 bits are returned.
+    """
     if wide is None or narrow is None or wide.dtype == np.uint8:
         return decoded
     return np.where(decoded == narrow, wide, decoded.astype(np.uint16) * 257)

@@ -650,8 +650,9 @@ def read_config(path: Path) -> Options:
 
 
 def check_config_files(paths: Iterable[str | Path]) -> None:
-    """Raise InputError if one of Snakemake's configuration files is not valid YAML or JSON.
+    """Raise InputError if a configuration file, which Snakemake has read already, is not valid.
 
+    A file is valid if it is YAML or JSON, and YAML 1.1 and 1.2 read all its values alike.
     A file without any key of puckbench is ignored, since it belongs to a workflow that imports
     puckbench's.
     """
