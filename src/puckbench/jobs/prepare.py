@@ -36,9 +36,9 @@ class _Boxed(Model):
 
 @JOBS.register("prepare")
 class Prepare(Job):
-    """Prepare a cloud for coding: crop it, scale it, and estimate its normals (section 6.1).
+    """Prepare a cloud for coding: crop it, scale it, and estimate its normals.
 
-    The section is that of the thesis.
+    This is the preparation of section 6.1 of the thesis.
 
     Parameters
     ----------
