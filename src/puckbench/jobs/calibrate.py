@@ -14,6 +14,20 @@ CODE = (
 
 @JOBS.register("calibrate")
 class Calibrate(Job):
+    """Fit the parameters of an error model to the residuals of a real sensor's recordings.
+
+    Parameters
+    ----------
+    model
+        Name of the model in the tables of residuals to which parameters are fitted.
+    cells
+        Kind of cells in which residuals are compared.
+    parameters
+        Names of the parameters to fit; by default all.
+    quantum_mm
+        Step of the sensor's ranges in mm.
+    """
+
     model: str | None = None
     cells: Literal["frame", "spot"] | None = None
     parameters: tuple[str, ...] | None = None

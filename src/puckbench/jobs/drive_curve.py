@@ -84,7 +84,7 @@ class EncodeDrive(TimedJob):
     codec: str
 
     def run(self, drive: Path, curve: Path) -> dict[str, Any]:
-        """Encode the file `drive`, write the streams of all rates to `curve`, and count the rates."""
+        """Encode the file `drive`, write all streams to `curve`, and return the number of rates."""
         codec, turns = ready(open_codec(self.codec, self.changes)), read_drive(drive).turns
         points = sum(map(len, turns))
         rates, shared = codec.rates_of("metric"), [codec.shared_work() for _ in turns]

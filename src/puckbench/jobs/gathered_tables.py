@@ -12,17 +12,24 @@ CODE = (*TABLES, "puckbench.jobs.curve_files", "puckbench.jobs.tables", "puckben
 
 
 class OfNames(Job):
-    """Base class of jobs that read files by names relative to the results folder."""
+    """Base class of jobs that read many files of results.
+
+    `names` are the paths of the files, relative to the results folder.
+    """
 
     names: tuple[str, ...] = ()
 
     def files(self, results: Path) -> list[Path]:
+        """Return the paths of the files in a results folder."""
         return [results / name for name in self.names]
 
 
 @JOBS.register("rows_table")
 class RowsTable(OfNames):
-    """Gather the result rows of one kind from all jobs' files."""
+    """Join the rows of results that many jobs wrote to a table.
+
+    `kind` is the name of the table.
+    """
 
     kind: Literal["metrics", "clouds", "scan_errors", "recovery", "drives"]
 
@@ -35,7 +42,15 @@ class RowsTable(OfNames):
 
 @JOBS.register("plan_table")
 class PlanTable(Job):
-    """Write a table of rows that the plan contains: ``left_out`` or ``codecs``."""
+    """Write a table whose rows are known before the run.
+
+    Parameters
+    ----------
+    table
+        Name of the table, ``left_out`` or ``codecs``.
+    rows
+        Rows of the table: values by name of the column.
+    """
 
     table: str
     rows: tuple[dict[str, str], ...]
