@@ -87,7 +87,7 @@ def read_cost(log: Path) -> dict[str, Any] | None:
 
 
 def read_costs(logs: Path) -> Iterator[dict[str, Any]]:
-    """Yield the costs, as from `read_cost`, of all jobs that succeeded and have logs in a folder."""
+    """Yield the cost, as from `read_cost`, of each job that succeeded and has a log in a folder."""
     for log in sorted(logs.rglob("*.log")):
         if cost := read_cost(log):
             yield cost
