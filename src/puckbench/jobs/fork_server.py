@@ -178,7 +178,7 @@ def serve(modules: Iterable[str]) -> None:
 
 
 def _import(name: str, ours: Collection[str]) -> None:
-    """Import a module and, of a package of ours, all modules below it."""
+    """Import a module and, if it is a package in `ours`, all modules below it."""
     with suppress(Exception):
         folders = getattr(importlib.import_module(name), "__path__", ())
         if name.partition(".")[0] in ours:
