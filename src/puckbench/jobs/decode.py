@@ -100,18 +100,14 @@ class Decode(Decoding):
         return {**result.record, "attributes_by": match.by, **lost}
 
     def _reach(self, coded: Coded) -> float | None:
-        """Return the largest distance, in m, between a decoded point and its original point.
-
-        It is the diagonal of a grid cell if the rate is a length. For other rates, and if decoded
-        points are estimates of the surface, it is unknown, and None is returned.
-        """
+        """Return the largest possible error of a decoded point, in m, or None if it is unknown."""
         name, codec = coded.record.get("rate"), self.loaded(self.codec_of(coded))
         named_rate = find_rate(codec, name) if name else None
         encoder = str(coded.record.get("codec"))  # another one may decode its streams
         estimates = is_codec(encoder) and getattr(codec_class(encoder), "estimates", False)
         if estimates or named_rate is None or {*named_rate[1]} != {"step_m"}:
             return None
-        return float(named_rate[1]["step_m"]) * 3**0.5
+        return float(named_rate[1]["step_m"]) * 3**0.5  # diagonal of a grid cell
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         coded = read_coded(path, self.rate)
@@ -129,10 +125,7 @@ class Decode(Decoding):
 
 
 def _match(decoded: Floats, prepared: Model | None, original: Model, reach: float | None) -> Match:
-    """Find the original point of each decoded point (m, 3), in m, as `match_points` does.
-
-    Raises InputError if most decoded points lie far from all original points.
-    """
+    """Match decoded points to original ones; raise InputError if most are far from all of them."""
     fault = f"not coded from {original.path}"
     if prepared:
         if reach is None:
@@ -168,10 +161,7 @@ def _with_attributes(decoded: PointCloud, original: Model, rows: NDArray[np.int6
 def _as_wide(
     decoded: NDArray[np.uint8], narrow: NDArray[np.uint8] | None, wide: NDArray[Any] | None
 ) -> NDArray[Any]:
-    """Return decoded colours with 16 bits if the original's colours `wide` have 16 bits.
-
-    Where the decoded 8 bits are those of the original, the original's 16 bits are returned.
-    """
+    """Return decoded colours with 16 bits if the original's colours have 16 bits."""
     if wide is None or narrow is None or wide.dtype == np.uint8:
         return decoded
     return np.where(decoded == narrow, wide, decoded.astype(np.uint16) * 257)

@@ -36,6 +36,10 @@ class RowsTable(OfNames):
     def run(
         self, results: Path, csv: Path, parquet: Path, columns: Path | None = None
     ) -> dict[str, Any]:
+        """Write the table to `csv` and `parquet`, and return the number of rows.
+
+        If `columns` is set, the meanings of the columns are written to it.
+        """
         make, keys = ROWS[self.kind]
         return write_result(table_of(make(self.files(results)), keys), columns, csv, parquet)
 
@@ -58,4 +62,8 @@ class PlanTable(Job):
     def run(
         self, csv: Path, parquet: Path, results: Path | None = None, columns: Path | None = None
     ) -> dict[str, Any]:
+        """Write the table to `csv` and `parquet`, and return the number of rows.
+
+        If `columns` is set, the meanings of the columns are written to it. `results` is not used.
+        """
         return write_result(PLAN_TABLES[self.table](self.rows), columns, csv, parquet)

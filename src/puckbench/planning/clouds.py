@@ -30,6 +30,7 @@ class CloudJobs:
         self.plan = plan
 
     def dataset(self, name: str) -> DataSetPlan:
+        """Return the planned clouds of a data set."""
         return self.plan.datasets[name]
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:

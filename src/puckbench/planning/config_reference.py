@@ -71,6 +71,7 @@ def _yaml(value: Any) -> str:
 
 
 def main(root: Path) -> None:
+    """Write the schema and the tables of keys to the files of the repository in folder `root`."""
     readme = root / "config" / "README.md"
     readme.write_text(with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")
     file = root / "workflow" / "schemas" / "config.schema.json"

@@ -165,15 +165,19 @@ class DriveJobs:
         return planned(record_of_clouds, *readers, also=digest)
 
     def encode(self, name: str, codec: str) -> PlannedJob:
-        """Plan the job that encodes all turns of a drive of the entry `name`."""
+        """Plan the job that encodes all turns of a drive.
+
+        `name` is the drive's entry in the configuration; the job is the same for all its drives.
+        """
         changes = self._changes(name, codec)
         record = EncodeDrive(codec=codec, changes=changes, **timed(self.plan))
         return codec_job(self.plan, record, codec)
 
     def measure(self, name: str, codec: str) -> PlannedJob:
-        """Plan the job that decodes a drive of the entry `name`, and measures the tasks on it.
+        """Plan the job that decodes a drive, and measures a robot's tasks on the decoded turns.
 
-        With the codec ``undecoded``, the tasks are measured on the original drive.
+        `name` is the drive's entry in the configuration. With the codec ``undecoded``, the tasks
+        are measured on the original drive.
         """
         tasks = self.plan.drives[name].tasks
         modules = map(TASKS.module_of, tasks)
@@ -189,7 +193,10 @@ class DriveJobs:
         return codec_job(self.plan, record, codec, *modules)
 
     def minutes(self, name: str) -> int:
-        """Return the time, in minutes, to request for a job with a drive of the entry `name`."""
+        """Return the time, in minutes, to request for a job that encodes or measures a drive.
+
+        `name` is the drive's entry in the configuration.
+        """
         rates = max(map(len, self.entries[name].rates.values()), default=1)
         return 10 + int(5 * rates)
 

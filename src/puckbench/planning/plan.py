@@ -74,6 +74,7 @@ class ScenePlan:
 
     @cached_property
     def names(self) -> frozenset[str]:
+        """Names of all scenes of the set, also of those that the run does not use."""
         return frozenset(self.scenes.names())
 
     def files(self, scene: str) -> list[str]:
@@ -118,6 +119,7 @@ class DataSetPlan:
 
     @property
     def clouds(self) -> tuple[str, ...]:
+        """Names of the clouds."""
         return tuple(self.sources)
 
     def source_of(self, cloud: str) -> tuple[str, int]:
@@ -129,14 +131,17 @@ class DataSetPlan:
 
     @property
     def used_scenes(self) -> tuple[str, ...]:
+        """Names of the scenes from which clouds are made."""
         return tuple(dict.fromkeys(scene for scene, _ in self.sources.values()))
 
     @property
     def frame(self) -> CoordinateFrame:
+        """Coordinate frame of the clouds: ``metric`` for metres, ``scaled`` for a cube's grid."""
         return "metric" if self.settings.is_metric else "scaled"
 
     @property
     def has_truth(self) -> bool:
+        """Whether decoded clouds are also compared with the true surface or the true points."""
         return self.settings.truth and self.settings.make != "cloud"
 
     @property
@@ -430,6 +435,7 @@ class Plan:
 
     @property
     def results(self) -> Path:
+        """Path of the results folder."""
         return Path(self.config.results)
 
     @cached_property
@@ -508,6 +514,7 @@ class Plan:
 
     @cached_property
     def frames(self) -> tuple[CoordinateFrame, ...]:
+        """Coordinate frames of the run's clouds, each once."""
         return tuple(dict.fromkeys(data.frame for data in self.datasets.values()))
 
     def in_frame(self, frame: CoordinateFrame) -> list[str]:
@@ -536,7 +543,7 @@ class Plan:
         )
 
     def _lacks_start(self, name: str, value: TrainingConfig) -> bool:
-        """Return whether this training failed, or has no initial weights because theirs failed."""
+        """Return whether a training failed, or the training of its initial weights failed."""
         start = self.config.train.get(value.start or "")
         return self.has_failed("weights", name) or bool(
             self.config.failed and start and value.start not in self.trainings

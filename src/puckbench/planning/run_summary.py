@@ -118,11 +118,8 @@ def _drive_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[str
 
 
 def _task_columns(rows: Sequence[Row]) -> list[str]:
-    """Return the names of the most important columns with results of tasks.
-
-    Columns with settings of tasks are left out: they start with the name of another column, and all
-    rows have the same value.
-    """
+    """Return the names of the most important columns with results of tasks, without settings."""
+    # A setting starts with the name of another column, and has the same value in all rows.
     names = [
         name
         for name in rows[0]

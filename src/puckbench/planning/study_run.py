@@ -80,10 +80,8 @@ def study_configuration(
 
 
 def _stored(reference: ReferenceResults) -> Options:
-    """Return the part of the study's stored configuration that defines clouds and metrics.
-
-    A file of results must not run code, so a configuration that names code raises InputError.
-    """
+    """Return the part of the study's stored configuration that defines clouds and metrics."""
+    # A file of results must not run code, so a configuration that names code is refused.
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):
         study = checked(kept)
