@@ -39,14 +39,14 @@ def _checked_stand_in(cls: type[Model], values: Options) -> Options:
 
 Distinct = AfterValidator(_different)
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
-"""Name of an entry (data set, codec, ...); part of file names."""
+"""Name of an entry, such as a data set or codec, which becomes a part of file names."""
 RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)?$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
-"""``dataset/cloud``."""
+"""Names of a data set and of one of its clouds, as ``dataset/cloud``."""
 Seed = Annotated[int, Field(ge=0)]
 Position = tuple[float, float, float]
 Places = Annotated[tuple[str, ...], Distinct]
-"""Plug-ins: names, ``module:Name`` or ``path/to/file.py:Name``."""
+"""Plug-ins, each as a registered name, ``module:Name`` or ``path/to/file.py:Name``."""
 
 
 class SceneSource(Model):

@@ -32,7 +32,7 @@ _OF_CURVES = {
 }
 """Kinds of jobs for one data set, cloud and codec, with the word for the cloud in messages."""
 _LAST = ("report", "reference")
-"""Jobs without which a run is not complete."""
+"""Jobs that no run can leave out, even if they fail."""
 _TAIL_BYTES = 1 << 16
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
 _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)

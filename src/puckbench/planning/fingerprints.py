@@ -41,7 +41,7 @@ _PLUGINS: dict[str, Registry[Any]] = {
 }
 """Packages of puckbench with plug-ins, whose modules count only where a job names them."""
 _READERS = {"cloud_files.meshes": meshes.READERS}
-"""Rooms with readers of formats, which count only where a job reads such files."""
+"""Packages with readers of file formats, which count only where a job reads such files."""
 
 
 @cache

@@ -37,7 +37,7 @@ from virtual_lidar import open_error_model
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Tables with a row for each cloud, or for each cloud and codec."""
 _GATHERED = ("metrics", "clouds", "drives", "scan_errors", "recovery")
-"""Gathered tables of results, which tables and figures may read."""
+"""Tables that join the results of jobs, which other tables and figures may read."""
 _OF_CURVES = {"metrics", "recovery"}
 """Tables with rows for coded clouds only."""
 Inputs = dict[str, str]

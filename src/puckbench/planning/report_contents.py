@@ -7,7 +7,7 @@ from puckbench.planning.plan import Plan
 from puckbench.report.contents import Contents, Example
 
 FIRST_TABLES = ("summary", "clouds", "left_out", "scan_errors")
-"""Tables that come first in the report of every benchmark."""
+"""Names of the tables that come first in every report."""
 
 
 def planned_contents(

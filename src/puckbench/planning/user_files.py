@@ -46,7 +46,7 @@ _MEASURING_S = 3.5
 """Estimated time, in s, to measure a million decoded points."""
 CODECS = ("draco", "gpcc")
 CODECS_OF_RECORDINGS = ("gpcc", "gpcc_predictive", "puck")
-"""Default codecs for clouds and meshes, and for recordings."""
+"""Default codecs: `CODECS` for clouds and meshes, and these for recordings."""
 _LOADERS: dict[Kind, str] = {
     "clouds": "point_clouds",
     "meshes": "mesh_files",

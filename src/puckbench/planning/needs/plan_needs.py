@@ -47,7 +47,7 @@ def spins_or_recordings(plan: Plan) -> Options | None:
 
 @NEEDS.register("spins")
 def spins(plan: Plan) -> Options | None:
-    """Require that at least one coded data set has virtual scans of a level, still, spinning sensor."""
+    """Require that a coded data set has scans of a spinning virtual sensor, level and still."""
     return _if(bool(_true_spins(plan)))
 
 
