@@ -76,9 +76,10 @@ def read_coded_drive(path: Path) -> dict[str, CodedDrive]:
 
 @JOBS.register("encode_drive")
 class EncodeDrive(TimedJob):
-    """Encode a drive, i.e. consecutive turns of a sensor, at all rates of a codec for metres.
+    """Encode a drive at all rates that a codec has for clouds in metres.
 
-    Each turn (revolution of the sensor) becomes a separate stream.
+    A drive is a sequence of turns (revolutions) of a moving sensor. Each turn becomes a separate
+    stream.
     """
 
     codec: str

@@ -19,7 +19,7 @@ class Figure(Job):
     figure
         Name of the figure, or place (``file.py:function``) of the user's own.
     style
-        Layers of options of the style, each of which overrides the last.
+        Layers of options of the style, each of which overrides earlier ones.
     codecs, datasets
         Names of the only codecs or data sets to show; empty shows all.
     """

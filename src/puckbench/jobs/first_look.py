@@ -14,7 +14,7 @@ CODE = (*CLOUD_FILES, *TABLES, "puckbench.jobs.gathered_tables")
 class FirstLook(OfNames):
     """Draw the first figures of a run from the results of one codec.
 
-    `style` has layers of options of the figures' style, each of which overrides the last.
+    `style` has layers of options of the figures' style, each of which overrides earlier ones.
     """
 
     style: tuple[dict[str, Any], ...] = ()

@@ -46,7 +46,7 @@ class Scanning(Job):
     errors, error_options
         Name or place (``file.py:Name``) of the error model, and changes to its parameters.
     sweep
-        Name of a sweep, i.e. of the sensor's motion during the scan, or changes to the thesis's.
+        Name of a sweep, i.e. of a motion of the sensor during the scan.
     origin
         Position x, y, z of the sensor, in m. By default, it is the position in the scene's
         description. If this has none, it is the unoccupied position nearest to the middle,

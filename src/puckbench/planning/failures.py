@@ -121,7 +121,8 @@ def write_failures(path: Path, failures: list[Failure], before: Mapping[str, str
     Returns
     -------
     Path | None
-        The path; None if no job is to be left out that was not before. Then no file is written.
+        The path of the file. If no further job failed that a run can leave out, no file is written,
+        and None is returned.
     """
     reasons = {
         failure.job: f"{failure.reason}; log: {failure.log}"

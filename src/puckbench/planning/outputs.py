@@ -256,7 +256,7 @@ class OutputJobs:
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
-        """Return the options of a figure's style as layers, each of which overrides the last.
+        """Return the options of a figure's style as layers, each of which overrides earlier ones.
 
         The layers are those of data sets and codecs, of all figures, and of this figure.
         """

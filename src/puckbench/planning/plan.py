@@ -236,8 +236,8 @@ class Plan:
     Raises
     ------
     InputError
-        The configuration names a loader, scene set, scene, codec or metric that does not exist,
-        nothing is left to run, or a scene cannot be used although ``strict`` is set.
+        The configuration names a loader, scene set, scene, codec or metric that does not exist;
+        nothing is left to run; or the configuration sets ``strict``, and a scene cannot be used.
     """
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
@@ -450,7 +450,10 @@ class Plan:
 
     @cached_property
     def scanned(self) -> tuple[tuple[str, str], ...]:
-        """Scans, as pairs (data set, cloud), that are compared with the true surface uncoded."""
+        """Scans whose distance from the true surface is measured before any coding.
+
+        Each is a pair (data set, cloud).
+        """
         datasets = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
         return tuple(
             cloud
@@ -494,7 +497,10 @@ class Plan:
         return tuple(data for name, data in self.datasets.items() if name in names)
 
     def codes(self, codec: str, dataset: str) -> bool:
-        """Return whether a codec is requested for a data set, and can code its clouds."""
+        """Return whether a run codes the clouds of a data set with a codec.
+
+        It does if the configuration asks for this codec, and the codec can code such clouds.
+        """
         data = self.datasets[dataset]
         return self._is_requested(codec, data) and not self._why_not(codec, data)
 

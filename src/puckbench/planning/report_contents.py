@@ -30,7 +30,7 @@ def planned_contents(
     tables
         Names of the other tables.
     style
-        Options of the style of figures, in layers, each of which overrides the last.
+        Options of the style of figures, in layers, each of which overrides earlier ones.
     """
     settings = plan.config.report
     folder = plan.results / "tables"

@@ -56,8 +56,8 @@ def scene_faults(
     settings
         The data set's entry in the configuration.
     results_file
-        JSON file that stores the results of checks. Only scenes whose files or settings changed
-        since are read again, and clouds that could not be used.
+        JSON file that stores the results of checks. A scene is read again only if its files or the
+        settings changed, or if it is a cloud that could not be used.
     digest_of
         Function that returns a digest of the content of files.
     """
