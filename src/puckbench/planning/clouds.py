@@ -73,7 +73,7 @@ class CloudJobs:
         return {"source": source, "sampled": str(Path(source).with_suffix(".json"))}
 
     def is_cropped(self, dataset: str) -> bool:
-        """Return whether a data set's clouds are scans that are cropped to the room's box."""
+        """Return whether a data set's clouds are scans, cropped to the bounding box of the room."""
         settings = self.dataset(dataset).settings
         return settings.is_scan and settings.crop != "none" and not settings.is_metric
 

@@ -2,7 +2,8 @@
 
 The code of a job is the module that defines it, what this module and the job's plug-ins name in
 their constant ``CODE`` (`puckbench.core.code`), and the package pointkit. Comments, docstrings and
-help texts do not count. A YAML file counts with the Python file of the same name beside it.
+help texts do not count. A YAML file counts with the Python file of the same name beside it, and
+with the package in whose folder it lies.
 
 The code of a user's file is the Python files of its package or, outside a package, of its folder
 and the folders directly in it. The modules that the file has imported count too, except those of

@@ -206,7 +206,7 @@ class OutputJobs:
     def figures(self) -> dict[str, Inputs]:
         """Figures that a run draws, with the files of their inputs.
 
-        If a registered figure replaces another (its `instead_of`), only the first is drawn.
+        If one of two such figures replaces the other (`instead_of`), the other is not drawn.
         """
         others = {entry.instead_of for entry in figure_entries().values()}
         return {name: files for name, files in self.drawable.items() if name not in others}
