@@ -1,4 +1,4 @@
-"""Archives of results: uncompressed ZIP files, such as the streams of one curve."""
+"""Archives of results: uncompressed ZIP files, such as the streams of a cloud at all rates."""
 
 from __future__ import annotations
 
@@ -14,15 +14,22 @@ from pointkit.files import read_bytes, written_whole
 
 SUFFIX = ".zip"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Earliest time that a zip archive can store."""
+"""Earliest time that a ZIP file can store."""
 _DAMAGE = (zipfile.BadZipFile, ValueError, RuntimeError, EOFError, OSError, struct.error)
 _REGULAR_FILE = 0o100644 << 16
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write an uncompressed ZIP file with these members, contents by name.
+    """Write an uncompressed ZIP file.
 
-    Equal members give the same bytes, whenever they are written.
+    The time of writing is not stored, so equal members always give the same bytes.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    members
+        Content of each member of the archive, by the member's name.
     """
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, data in members.items():
@@ -32,9 +39,12 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_archive(path: Path) -> dict[str, bytes]:
-    """Return the members of an archive, contents by name.
+    """Return the content of each member of a ZIP file, by the member's name.
 
-    Raises InputError if the file is damaged, or a member is compressed or larger than the file.
+    Raises
+    ------
+    InputError
+        The file is damaged, or contains compressed members, which `write_archive` does not write.
     """
     data = read_bytes(path)
     with naming(path), reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:

@@ -1,10 +1,13 @@
-"""Names of the code that results of several jobs depend on.
+"""Names of modules and packages on which the results of several jobs depend.
 
-The module of a job or plug-in lists in its constant ``CODE`` what its results depend on besides
-pointkit, on which all do (`puckbench.planning.fingerprints`): modules, of which only their own file
-counts and what their ``CODE`` names; rooms of puckbench and other packages of the repository, with
-all files directly in their folder except plug-ins; and, with ``.*`` at the end, packages with all
-that is below.
+A job runs again when the code that makes its results changes (`puckbench.planning.fingerprints`).
+The module of each job or plug-in lists this code by name in its constant ``CODE``:
+
+* a module stands for its own file and for what its own ``CODE`` lists;
+* a package stands for all files directly in its folder, except plug-ins;
+* a package with ``.*`` at the end stands for all files in and below its folder.
+
+The package pointkit always counts, and is not listed.
 """
 
 from __future__ import annotations
@@ -13,28 +16,28 @@ CLOUD_FILES = (
     *("cloud_files.clouds", "cloud_files.content", "cloud_files.descriptions", "cloud_files.ply"),
     *("puckbench.core.archives", "cloud_files.missing_returns", "cloud_files.point_columns"),
 )
-"""Clouds on disk, as the jobs of a run write and read them."""
+"""Code that reads and writes clouds on disk."""
 MESH_FILES = (*CLOUD_FILES, "cloud_files.meshes", "cloud_files.meshes.ply")
-"""Scenes on disk: meshes, or clouds."""
+"""Code that reads and writes scenes on disk, which are meshes or clouds."""
 SENSOR = ("virtual_lidar", "virtual_lidar.errors")
-"""The virtual sensor, but for its error models."""
+"""Code of the virtual sensor, without its error models, which are plug-ins."""
 CODEC = ("puckbench.codecs.base", "puckbench.jobs.codec_jobs", "puckbench.jobs.curve_files")
-"""Calls of a codec, and archives of its streams."""
+"""Code that calls codecs, and that reads and writes archives of streams."""
 RECORDINGS = (
     *("puckbench.recordings", "puckbench.datasets.recordings", "puck.records"),
     *("puck.recordings", "puckbench.codecs.registry", "cloud_files.missing_returns"),
     "cloud_files.point_columns",
 )
-"""Recordings of real sensors."""
+"""Code that reads recordings of real sensors."""
 STATISTICS = (
     *("puckbench.metrics.bjontegaard", "puckbench.metrics.coordinate_frames"),
     *("puckbench.metrics.interpolation", "puckbench.metrics.lossless", "puckbench.metrics.peaks"),
     *("puckbench.metrics.statistics", "puckbench.metrics.timing"),
 )
-"""Statistics of results."""
+"""Code that computes statistics of results."""
 FIGURES = (*(*STATISTICS, "puckbench.figures", "puckbench.codecs.facts", "virtual_lidar.errors"),)
-"""Figures, but for the one that is drawn."""
+"""Code that all figures share."""
 TABLES = (
     *(*FIGURES, "puckbench.metrics.tables", "puckbench.report", "puckbench.jobs.table_files"),
 )
-"""Tables, with their columns, and their formats."""
+"""Code that all tables share, with that of their columns and file formats."""

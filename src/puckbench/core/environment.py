@@ -21,24 +21,28 @@ THREAD_VARIABLES = (
 """Environment variables that limit the threads of OpenMP (PyTorch, pykdtree), BLAS and numba."""
 
 LIBRARIES = ("numpy", "scipy", "numba", "DracoPy", "torch", "constriction", "pykdtree")
-"""Packages that timed calls of codecs and metrics use."""
+"""Packages whose versions affect the times of codecs and metrics."""
 
 PACKAGES = (
     *(*LIBRARIES, "open3d-cpu", "open3d", "imagecodecs", "pyarrow"),
     *("pandas", "matplotlib", "pydantic", "snakemake"),
 )
-"""Packages with versions stated in reports."""
+"""Packages whose versions the report states."""
 
 COMMIT = "PUCKBENCH_COMMIT"
-"""Environment variable for the commit of the sources, which a run determines once for all jobs."""
+"""Environment variable by which a run tells its jobs the commit of the sources."""
 
 
 def thread_environment(threads: int) -> dict[str, str]:
-    """Return environment variables that limit the threads of numerical libraries."""
+    """Return environment variables that limit numerical libraries to a number of threads."""
     return dict.fromkeys(THREAD_VARIABLES, str(threads))
 
 
 def run_environment(alone: bool) -> dict[str, Any]:
+    """Return facts about this machine that belong to measured times, by column of results.
+
+    `alone` tells whether no other job ran at the same time.
+    """
     return {
         "cpu": cpu_model(),
         "threads": allowed_threads(),
@@ -49,7 +53,7 @@ def run_environment(alone: bool) -> dict[str, Any]:
 
 @cache
 def cpu_model() -> str:
-    """Return the processor's model name or, if unknown, the architecture."""
+    """Return the name of the processor's model or, if it is unknown, the architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -60,12 +64,13 @@ def cpu_model() -> str:
 
 @cache
 def libraries() -> str:
-    """Return versions of Python and packages in one line: ``python 3.11.7; numpy 2.1.3; ...``."""
+    """Return the versions of Python and of `LIBRARIES`, as ``python 3.11.7; numpy 2.1.3; ...``."""
     versions = {"python": platform.python_version(), **installed_versions(LIBRARIES)}
     return "; ".join(f"{name} {version}" for name, version in versions.items())
 
 
 def installed_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
+    """Return the versions of those of some packages that are installed, by package name."""
     versions = {}
     for name in packages:
         try:
@@ -76,7 +81,11 @@ def installed_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 
 
 def source_commit() -> str:
-    """Return the commit of the sources, with ``-dirty`` if files were changed; empty if unknown."""
+    """Return the abbreviated hash of the Git commit of the sources.
+
+    It ends in ``-dirty`` if tracked files were changed since. It is empty if the sources are not in
+    a Git repository.
+    """
     if COMMIT in os.environ:
         return os.environ[COMMIT]
     root = Path(__file__).parents[3]
@@ -94,7 +103,10 @@ def source_commit() -> str:
 
 
 def installation() -> dict[str, str]:
-    """Return the facts for a bug report: versions, processor, commit."""
+    """Return facts about this installation for a bug report, as text by name.
+
+    They are the commit and folder of the sources, the processor, and the versions of packages.
+    """
     sources = Path(__file__).parents[1]
     return {
         "commit": source_commit() or "unknown (not run from a repository)",

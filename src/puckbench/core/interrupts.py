@@ -1,8 +1,8 @@
-"""Ends of processes: signals, and the pipe that ends Snakemake and its jobs with `puckbench run`.
+"""Interruption of a run: all processes that `puckbench run` started end when it ends.
 
 `puckbench run` starts Snakemake with a pipe as standard input, which Snakemake's jobs inherit.
-Nothing is written to it. When `puckbench run` ends, even by SIGKILL, the kernel closes the pipe,
-and sends SIGIO to the processes that called `interrupt_with_run`.
+Nothing is written to the pipe. When `puckbench run` ends, even by SIGKILL, the kernel closes the
+pipe, and sends the signal SIGIO to each process that called `interrupt_with_run`.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from contextlib import contextmanager
 from typing import NoReturn
 
 VARIABLE = "PUCKBENCH_RUN"
-"""Name of the environment variable by which a job knows the pipe of its `puckbench run`.
+"""Environment variable with the inode number of the pipe of `puckbench run`.
 
-Its value is the inode number of the pipe.
+A job compares it with its standard input, to know whether that is the pipe.
 """
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """In the `with` block, let SIGTERM and SIGHUP raise KeyboardInterrupt, as SIGINT (Ctrl-C) does.
+    """Let SIGTERM and SIGHUP raise KeyboardInterrupt in a `with` block, as SIGINT (Ctrl-C) does.
 
-    A signal for which the process has another handler than the system's default keeps it. In
-    another thread than the main one, nothing changes.
+    A signal for which the process has set its own handler keeps this handler. Outside the main
+    thread, nothing changes.
     """
     ending = [each for each in _SIGNALS if signal.getsignal(each) is signal.SIG_DFL]
     try:
@@ -45,15 +45,24 @@ def interrupted_by_signals() -> Iterator[None]:
 
 
 def run_environment(pipe: int) -> dict[str, str]:
-    """Return the environment of processes whose standard input is a pipe."""
+    """Return the environment variables for processes that inherit the pipe of `puckbench run`.
+
+    `pipe` is the file descriptor of the pipe's end that becomes their standard input.
+    """
     return {**os.environ, VARIABLE: str(os.fstat(pipe).st_ino)}
 
 
 def interrupt_with_run(seconds_to_end: int = 0) -> None:
-    """Raise KeyboardInterrupt in this process when it is interrupted, or its run ends: once.
+    """From now on, raise KeyboardInterrupt in this process if it is interrupted or its run ends.
 
-    After `seconds_to_end`, if not 0, the kernel ends the process. A signal that the parent process
-    ignores (as with ``nohup``) is ignored.
+    It is raised only at the first such event. Signals that this process ignores already, such as
+    SIGHUP after ``nohup``, stay ignored.
+
+    Parameters
+    ----------
+    seconds_to_end
+        Time, in s, between KeyboardInterrupt and the end of the process by the kernel; 0 for no
+        such end.
     """
     heard = [each for each in _SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
     pipes: list[int] = []
@@ -83,7 +92,10 @@ def _is_pipe_of_run() -> bool:
 
 
 def signal_end(stream: int) -> None:
-    """Send SIGIO to this process when the other end of a pipe or socket closes."""
+    """Have SIGIO sent to this process when the other end of a pipe or socket closes.
+
+    `stream` is the file descriptor of this process's end.
+    """
     import fcntl
 
     fcntl.fcntl(stream, fcntl.F_SETOWN, os.getpid())

@@ -1,11 +1,13 @@
-"""Small program that runs a command under limits and prints the command's cost.
+"""Small program that runs a command under limits, and prints the command's time and memory.
 
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 
-The kernel counts the memory of the starting process as the command's; if the benchmark started the
-command, the peak would include the benchmark's clouds. Seconds, peak memory in KiB and exit status
-(negative: a signal) are printed as JSON; the command's output goes to standard error. The command
-is killed when standard input, a pipe, closes.
+Standard output gets a JSON object with ``seconds``, ``peak_kib`` (peak memory in KiB) and
+``status`` (exit status, or minus the number of the signal that ended the command). The command's
+own output goes to standard error. The command is killed when standard input, a pipe, closes.
+
+This is a program of its own since the kernel counts the memory of the process that starts a command
+as the command's. If the benchmark started it, the peak would include the benchmark's clouds.
 """
 
 import fcntl

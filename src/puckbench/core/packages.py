@@ -1,4 +1,4 @@
-"""Packages of the repository, and others with plug-ins, which jobs import."""
+"""Packages that jobs import: those of this repository, and installed packages with plug-ins."""
 
 from __future__ import annotations
 
@@ -11,17 +11,22 @@ ENGINES = (
     *("cloud_files", "gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck"),
     "virtual_lidar",
 )
+"""Packages of this repository that puckbench builds on."""
 
 
 def plugin_packages() -> list[EntryPoint]:
-    """Return the packages that add plug-ins of several kinds (`pointkit.registry`)."""
+    """Return the installed packages that declare plug-ins of puckbench, as entry points.
+
+    The value of an entry point is the name of the package.
+    """
     return list(entry_points(group="puckbench.plugins"))
 
 
 def package_folders() -> dict[str, Path]:
-    """Return the folders of puckbench, its engines and the packages with plug-ins, by name.
+    """Return the folders of the packages that jobs import, by the package's name.
 
-    Packages that are not installed are left out.
+    These are puckbench, `ENGINES`, and the packages with plug-ins. Packages that are not installed
+    are left out.
     """
     names = ("puckbench", *ENGINES, *(point.value for point in plugin_packages()))
     specs = {name: find_spec(name) for name in names}
@@ -29,9 +34,20 @@ def package_folders() -> dict[str, Path]:
 
 
 def packages_alone(folder: Path) -> Path:
-    """Make a folder with links to these packages only, for jobs to import; return its path.
+    """Make a folder from which jobs can import the packages of `package_folders` and no others.
 
-    The folder also declares the packages with plug-ins, as their installation does.
+    The folder contains links to the packages. It also declares the packages with plug-ins, as their
+    installation does.
+
+    Parameters
+    ----------
+    folder
+        The folder; it is made if it does not exist.
+
+    Returns
+    -------
+    Path
+        Absolute path of the folder.
     """
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)

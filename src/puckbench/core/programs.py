@@ -14,30 +14,30 @@ from pointkit.measurement import Cost
 from puckbench.core import launch
 
 _MAX_WORDS = 80
-"""Maximum number of characters of a program's last line in a message."""
+"""Maximum number of characters that an error message repeats of a program's last line."""
 
 
 def run_program(
     command: Sequence[str | Path], memory_bytes: float, seconds: float
 ) -> tuple[Cost, str]:
-    """Run a program until it, or this process, ends.
+    """Run a program under limits, and wait for its end; it is killed if this process ends first.
 
     Parameters
     ----------
     command
         Program and arguments.
     memory_bytes, seconds
-        Limits of address space, bytes, and of run time, s.
+        Limits of the program's address space, in bytes, and of its run time, in s.
 
     Returns
     -------
     tuple[Cost, str]
-        The cost of the process, and its output.
+        Time and peak memory of the program, and the text that it printed.
 
     Raises
     ------
     InputError
-        The program fails or exceeds a limit; the message ends with the last line of output.
+        The program fails or exceeds a limit. The message ends with the last line of its output.
     """
     limits = (str(int(memory_bytes)), str(int(seconds)))
     words = [sys.executable, "-I", "-S", launch.__file__, *limits, *map(str, command)]

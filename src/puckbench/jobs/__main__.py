@@ -8,7 +8,7 @@ from puckbench.core.interrupts import interrupt_with_run
 from puckbench.jobs.fork_server import run_forked
 
 _SECONDS_TO_END = 10
-"""Time (s) between interrupting this process and its end."""
+"""Time, in s, that this process has to end after it was interrupted."""
 
 
 def _run(words: list[str]) -> int:

@@ -14,12 +14,33 @@ CODE = (
 
 @JOBS.register("calibrate")
 class Calibrate(Job):
+    """Fit the parameters of an error model to the residuals of a real sensor's recordings.
+
+    Parameters
+    ----------
+    model
+        Name of the error model, or ``real``, whose rows of the tables of residuals are used; None
+        if the tables have only one.
+    cells
+        Which returns of a laser share a bias: those in one ``frame``, or those at one ``spot`` for
+        a sensor at rest. By default, spots for recordings, and otherwise frames.
+    parameters
+        Names of the standard deviations to estimate; by default all.
+    quantum_mm
+        Resolution of the ranges in mm; by default 2 for recordings, and otherwise 0.
+    """
+
     model: str | None = None
     cells: Literal["frame", "spot"] | None = None
     parameters: tuple[str, ...] | None = None
     quantum_mm: float | None = None
 
     def run(self, model: Path, residuals: tuple[Path, ...] = ()) -> dict[str, Any]:
+        """Write the fitted model to the file `model` (YAML), and return its content.
+
+        `residuals` are tables of the distances of measured points from fitted planes, one for each
+        device.
+        """
         from virtual_lidar import calibrate, write_calibration
         from virtual_lidar.calibration.files import read_tables, settings_for
 

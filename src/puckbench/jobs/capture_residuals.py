@@ -18,11 +18,15 @@ CODE = (*RECORDINGS, *MESH_FILES, "virtual_lidar.residual_table", "virtual_lidar
 
 @JOBS.register("capture_residuals")
 class CaptureResiduals(Job):
-    """Find walls, floor and ceiling in a recording, and measure the range noise on them."""
+    """Find walls, floor and ceiling in a recording, and measure the sensor's range noise on them.
+
+    `options` are those of the measurement, as in the configuration's ``captures``.
+    """
 
     options: dict[str, Any] = Field({})
 
     def run(self, capture: Path, table: Path) -> dict[str, Any]:
+        """Write the distances of points from their planes to `table`, and return a summary."""
         from pointkit.tables import write_table
         from virtual_lidar.residual_table import REAL
         from virtual_lidar.walls.residuals import recording_options, recording_residuals
@@ -35,7 +39,15 @@ class CaptureResiduals(Job):
 
 
 def planes_of_capture(capture: Path, options: RecordingOptions) -> RecordedPlanes:
-    """Read a recording, compressed or not, and detect the planes that its options ask for."""
+    """Return the planes that are found in a recording, with the points that lie on them.
+
+    Parameters
+    ----------
+    capture
+        File of the recording, compressed or not.
+    options
+        Options of the measurement, such as the sensor and the time during which it stood still.
+    """
     from pointkit.lidar.sensors import load_sensor
     from puckbench.recordings.reading import read_recording
     from virtual_lidar.walls.residuals import recorded_planes

@@ -16,7 +16,15 @@ CODE = ("puckbench.core.archives", "puckbench.codecs.base", "puckbench.jobs.curv
 
 
 class CodecJob(Job):
-    """A job that uses a codec; `changes` is the codec's entry in the configuration."""
+    """Base class of jobs that use codecs.
+
+    Parameters
+    ----------
+    codec
+        Name of the codec. With None, each stream determines the codec that decodes it.
+    changes
+        The codec's entry in the configuration: changes to its options and rates.
+    """
 
     codec: str | None = None
     changes: dict[str, Any] = Field({})
@@ -26,15 +34,21 @@ class CodecJob(Job):
         yield from codec_plugins(self.codec, self.changes)
 
     def loaded(self, name: str) -> Codec:
+        """Return a codec that is ready to code; raise InputError if it cannot run here."""
         if name not in self._loaded:
             self._loaded[name] = ready(open_codec(name, self.changes))
         return self._loaded[name]
 
     def codec_of(self, coded: Coded) -> str:
-        """Return the name of a stream's codec.
+        """Return the name of the codec that decodes a stream.
 
-        The name comes from the job's settings, else from the magic bytes, else from the record.
-        Raises InputError if there is no name, or the record's codec is not registered.
+        It is the codec of the job's settings. If they name none, it is the codec that the first
+        bytes of the stream identify, or finally the codec named in the stream's record.
+
+        Raises
+        ------
+        InputError
+            None of these names a codec, or the codec in the record is not registered.
         """
         if self.codec:
             return self.codec
@@ -51,18 +65,32 @@ class CodecJob(Job):
 
 
 class TimedJob(CodecJob):
-    """A job with timed calls; `alone` is true if no other job runs at the same time."""
+    """Base class of jobs that measure the time of encoding or decoding.
+
+    Parameters
+    ----------
+    repeats
+        Number of times that each call is repeated; the median time counts.
+    alone
+        Whether no other job runs at the same time. This is noted with the results.
+    """
 
     repeats: int = 1
     alone: bool = False
 
     def runs_twice(self, codec: Codec) -> bool:
-        """Return whether to run a codec twice and compare results: only for the user's codecs."""
+        """Return whether to call a codec once more, to check that results are the same.
+
+        This is done for the user's codecs only, and only if timing does not repeat calls anyway.
+        """
         return self.repeats == 1 and not type(codec).__module__.startswith("puckbench.")
 
 
 def ready(codec: Codec) -> Codec:
-    """Load weights and compiled loops; raise InputError if the codec cannot run here."""
+    """Return a codec after it has loaded its weights and compiled its loops.
+
+    Raises InputError if the codec cannot run on this machine.
+    """
     ok, why = codec.available()
     if not ok:
         raise InputError(f"codec {codec.name} cannot run here: {why}")
@@ -71,8 +99,10 @@ def ready(codec: Codec) -> Codec:
 
 
 def codec_plugins(name: str | None, changes: Mapping[str, Any]) -> Iterable[str | None]:
+    """Return the names or places of the plug-ins of a codec with this entry."""
     return name, changes.get("class"), changes.get("training")
 
 
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    """Return a codec's entry of the configuration with some options added or replaced."""
     return {**changes, "options": {**changes.get("options", {}), **more}}

@@ -13,15 +13,21 @@ from pointkit.files import json_of, text_end
 from pointkit.models import Model, parsed
 
 BEGIN = '{"job": '
-"""Beginning of the last line in the log of a finished job."""
+"""Beginning of the last line in the log of a job that succeeded."""
 _TAIL_BYTES = 2048
 
 
 def cost_line(name: str, key: str) -> str:
-    """Return a line of JSON with the time and memory of this process, which runs a job.
+    """Return one line of JSON with the time and memory that this process took for a job.
 
-    Child processes are included; imports by the server that forked this process are not. `key`
-    identifies the job's settings and code (`puckbench.planning.provenance`).
+    Child processes are included. Imports in the server that forked this process are not.
+
+    Parameters
+    ----------
+    name
+        Name of the job in the registry `JOBS`.
+    key
+        Text that identifies the job's settings and code (`puckbench.planning.provenance`).
     """
     import resource
 
@@ -68,7 +74,10 @@ class _Cost(Model, extra="ignore"):
 
 
 def read_cost(log: Path) -> dict[str, Any] | None:
-    """Return the cost at the end of a log; None if the job failed or has not finished."""
+    """Return the content of the cost line at the end of a log, by key of the line's JSON.
+
+    If the job failed or has not finished, return None.
+    """
     last = text_end(log, _TAIL_BYTES).rpartition("\n")[2]
     if not last.startswith(BEGIN):
         return None
@@ -78,6 +87,7 @@ def read_cost(log: Path) -> dict[str, Any] | None:
 
 
 def read_costs(logs: Path) -> Iterator[dict[str, Any]]:
+    """Yield the cost, as from `read_cost`, of each job that succeeded and has a log in a folder."""
     for log in sorted(logs.rglob("*.log")):
         if cost := read_cost(log):
             yield cost

@@ -16,22 +16,40 @@ STREAM, RECORD = ".bin", ".json"
 
 
 REMARK = "remark"
-"""Column of result rows: a remark on an unusual result."""
+"""Name of the column, in rows of results, with a remark on an unusual result."""
 
 
 NOT_CODED = "not_coded"
-"""Column of result rows: names of the cloud's attributes that the codec does not code."""
+"""Name of the column, in rows of results, that lists the attributes that are not coded."""
 
 
 class Coded(NamedTuple):
+    """A cloud's stream at one rate.
+
+    Parameters
+    ----------
+    stream
+        The bytes from which the codec decodes the cloud.
+    record
+        Facts about the encoding, such as codec, rate, number of points and seconds. It may be empty
+        for a stream from elsewhere.
+    """
+
     stream: bytes
     record: dict[str, Any]
 
 
 def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
-    """Write a curve (a cloud's streams and records by rate) as an uncompressed zip archive.
+    """Write a curve, i.e. a cloud's streams at several rates, as an uncompressed ZIP file.
 
-    The members of rate r1 are ``r1.bin`` and ``r1.json``.
+    The stream and the record of a rate ``r1`` are the members ``r1.bin`` and ``r1.json``.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    coded
+        Streams with their records, by the name of the rate.
     """
     members = {}
     for rate, stream in coded.items():
@@ -41,7 +59,10 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
 
 
 def read_curve(path: str | Path) -> dict[str, Coded]:
-    """Read streams and records by rate; raise InputError if the file is not a curve."""
+    """Return the streams of a curve with their records, by the name of the rate.
+
+    Raises InputError if the file is not a curve as `write_curve` writes it.
+    """
     path = Path(path)
     members = read_archive(path)
     rates = [name.removesuffix(STREAM) for name in members if name.endswith(STREAM)]
@@ -74,7 +95,22 @@ def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
-    """Read a stream and its record from two files, or from the archive of a curve at a rate."""
+    """Return a stream and its record, from a file of one stream or from a curve.
+
+    Parameters
+    ----------
+    path
+        File of a stream, whose record is in the file `record_file` if it exists; or a curve
+        (``.zip``).
+    rate
+        Name of the rate to read from a curve; by default the only rate.
+
+    Raises
+    ------
+    InputError
+        The curve lacks the rate, or has several rates and `rate` is None; or the file has one
+        stream, which is not of this rate.
+    """
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
         record = read_object(beside) if beside.exists() else {}
@@ -91,10 +127,12 @@ def read_coded(path: Path, rate: str | None = None) -> Coded:
 
 
 def record_file(stream: Path) -> Path:
+    """Return the path of the record (JSON) beside a file of one stream."""
     return stream.with_name(f"{stream.name}.json")
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows of results, given as values by column name, to a Parquet file."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -105,7 +143,10 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """Read result rows from files, omitting keys without a value."""
+    """Return the rows of results in Parquet files, as one list of values by column name.
+
+    A row lacks the columns in which it has no value.
+    """
     import pyarrow as pa
     from pyarrow import parquet
 

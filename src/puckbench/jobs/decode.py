@@ -40,17 +40,33 @@ _log = logging.getLogger(__name__)
 
 @JOBS.register("decode")
 class Decode(Decoding):
-    """Decode a stream, or a rate of a curve, to a cloud or mesh."""
+    """Decode a stream to a cloud or mesh.
+
+    Parameters
+    ----------
+    as_mesh
+        Whether to decode a mesh; otherwise, a cloud is decoded.
+    rate
+        Name of the rate to decode, if the file is a curve, i.e. has streams of several rates.
+    """
 
     as_mesh: bool = False
     rate: str | None = None
 
     def run(self, stream: Path, cloud: Path, like: tuple[Path, ...] = ()) -> dict[str, Any]:
-        """Write the decoded cloud, by default in the coordinate frame of the encoded cloud.
+        """Write the decoded cloud or mesh, and return facts about the decoding.
 
-        `like` contains a prepared cloud (its description maps points to the source's coordinates),
-        an original cloud (its attributes are copied to the points), or both. A LAS or LAZ file gets
-        the original's header.
+        Parameters
+        ----------
+        stream
+            Stream or curve to decode.
+        cloud
+            File to write. A LAS or LAZ file requires an original in `like`, whose header it gets.
+        like
+            Up to two clouds to which decoded points are fitted. With the prepared cloud that was
+            encoded, points are moved back to the coordinates before the preparation, in m. With the
+            original cloud, points get the attributes of its points. By default, points stay in the
+            coordinate frame of the encoded cloud.
         """
         if self.as_mesh:
             if like:
@@ -84,17 +100,14 @@ class Decode(Decoding):
         return {**result.record, "attributes_by": match.by, **lost}
 
     def _reach(self, coded: Coded) -> float | None:
-        """Return the diagonal of a grid cell, in m, if the rate is a length, else None.
-
-        It is None, too, if decoded points are estimates of the surface.
-        """
+        """Return the largest possible error of a decoded point, in m, or None if it is unknown."""
         name, codec = coded.record.get("rate"), self.loaded(self.codec_of(coded))
         named_rate = find_rate(codec, name) if name else None
         encoder = str(coded.record.get("codec"))  # another one may decode its streams
         estimates = is_codec(encoder) and getattr(codec_class(encoder), "estimates", False)
         if estimates or named_rate is None or {*named_rate[1]} != {"step_m"}:
             return None
-        return float(named_rate[1]["step_m"]) * 3**0.5
+        return float(named_rate[1]["step_m"]) * 3**0.5  # diagonal of a grid cell
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         coded = read_coded(path, self.rate)
@@ -112,10 +125,7 @@ class Decode(Decoding):
 
 
 def _match(decoded: Floats, prepared: Model | None, original: Model, reach: float | None) -> Match:
-    """Find the original points of decoded points (m, 3), m; see `match_points`.
-
-    Raises InputError if the decoded points are not those of the original.
-    """
+    """Match decoded points to original ones; raise InputError if most are far from all of them."""
     fault = f"not coded from {original.path}"
     if prepared:
         if reach is None:
@@ -151,7 +161,7 @@ def _with_attributes(decoded: PointCloud, original: Model, rows: NDArray[np.int6
 def _as_wide(
     decoded: NDArray[np.uint8], narrow: NDArray[np.uint8] | None, wide: NDArray[Any] | None
 ) -> NDArray[Any]:
-    """Return decoded colours, in 16 bits if the original has these: its own where 8 bits agree."""
+    """Return decoded colours with 16 bits if the original's colours have 16 bits."""
     if wide is None or narrow is None or wide.dtype == np.uint8:
         return decoded
     return np.where(decoded == narrow, wide, decoded.astype(np.uint16) * 257)

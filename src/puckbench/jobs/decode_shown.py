@@ -16,11 +16,15 @@ CODE = (*CLOUD_FILES, *CODEC, "puckbench.jobs.decoding")
 
 @JOBS.register("decode_shown")
 class DecodeShown(Decoding):
-    """Decode the rates of a curve that the report shows."""
+    """Decode a cloud at the rates that the report shows.
+
+    `rates` are the names of these rates.
+    """
 
     rates: tuple[str, ...]
 
     def run(self, curve: Path, clouds: Path) -> dict[str, Any]:
+        """Write the decoded clouds to one ZIP file, as ``RATE.ply``, and return their number."""
         coded = read_curve(curve)
         members = {}
         with naming(curve):

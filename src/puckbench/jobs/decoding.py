@@ -16,15 +16,29 @@ CODE = CODEC
 
 
 class Decoded(NamedTuple):
+    """A decoded cloud, and facts about its encoding and decoding by column of results."""
+
     cloud: PointCloud
     record: dict[str, Any]
 
 
 class Decoding(TimedJob):
-    """Base class of jobs that decode streams; by default, the stream determines the codec."""
+    """Base class of jobs that decode streams.
+
+    If the setting `codec` is None, each stream determines the codec that decodes it.
+    """
 
     def decoded(self, coded: Coded, again: bool = False) -> Decoded:
-        """Decode and time a stream; with `again`, compare two decodings by a user's codec."""
+        """Decode a stream, and measure the time and memory of the decoding.
+
+        Parameters
+        ----------
+        coded
+            The stream and its record.
+        again
+            Whether to decode once more if the codec is the user's own. If the points differ, the
+            record gets a remark.
+        """
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):

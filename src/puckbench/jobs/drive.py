@@ -28,14 +28,18 @@ CODE = (
 )
 
 _TURN_S = 0.1
-"""Assumed time (s) between turns of a data set without times."""
+"""Assumed time (s) between the turns (revolutions) of a data set that has no times."""
 
 
 @JOBS.register("drive")
 class VirtualDrive(Scanning):
-    """Scan a mesh from a moving sensor, and write the drive with its poses."""
+    """Scan a mesh from a moving virtual sensor.
+
+    The result is a drive, i.e. consecutive turns (revolutions) of the sensor with its true poses.
+    """
 
     def run(self, mesh: Path, drive: Path) -> dict[str, Any]:
+        """Scan the file `mesh`, write the drive to `drive`, and return facts about it."""
         from virtual_lidar.scan_returns import returns_of_scan
 
         job, rng = self.scan_of(mesh)
@@ -54,7 +58,22 @@ class VirtualDrive(Scanning):
 
 
 def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
-    """Return 2 n + 1 times, in s, and poses (4, 4), at the ends and middles of n turns."""
+    """Return times and poses of a moving virtual sensor, at the ends and middles of its turns.
+
+    Parameters
+    ----------
+    sweep
+        Motion of the sensor, with one turn (revolution) for each frame.
+    origin
+        Position (3,), m, that is added to the positions of the sweep's trajectory.
+
+    Returns
+    -------
+    times
+        Times (2 n + 1,) in s, for n turns.
+    poses
+        Poses (2 n + 1, 4, 4) that map sensor coordinates to the scene's, in m.
+    """
     times = np.arange(2 * sweep.frames + 1) / (2 * sweep.frames_per_second)
     placed = sweep.poses_during(times)
     poses = np.tile(np.eye(4), (len(times), 1, 1))
@@ -66,9 +85,21 @@ def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
 class DriveOfClouds(Job):
     """Collect consecutive clouds of a data set into a drive.
 
-    Poses, one in the middle of each turn, come from the file `poses` (TUM or KITTI), else from the
-    data set, else from KISS-ICP with the options of the task ``odometry``. The last are no truth:
-    errors of decoded turns are then deviations from the undecoded trajectory.
+    A drive is a sequence of turns (revolutions) of a moving sensor with a pose in the middle of
+    each. The poses are those of the file `poses`. Without a file, they are those of the data set;
+    if it has none, the odometry KISS-ICP estimates them from the undecoded turns. Such estimates
+    are not the truth: errors of decoded turns are then deviations from the undecoded trajectory.
+
+    Parameters
+    ----------
+    loader, options, seed
+        Name of the loader of the clouds, its options, and its seed.
+    names
+        Names of the clouds in the order of time.
+    poses
+        File of poses in the format of TUM or KITTI.
+    odometry
+        Options of the task ``odometry``, with which KISS-ICP estimates poses.
     """
 
     loader: str
@@ -82,6 +113,11 @@ class DriveOfClouds(Job):
         return (self.loader,)
 
     def run(self, drive: Path, clouds: tuple[Path, ...] = ()) -> dict[str, Any]:
+        """Write the drive to the file `drive`, and return facts about it.
+
+        The loader finds the files of the clouds itself; `clouds` only makes them known to
+        Snakemake.
+        """
         scenes = open_scene_set(self.loader, self.options, self.seed)
         loaded = [scenes.load(name) for name in self.names]
         made = self._drive(loaded)
@@ -131,7 +167,7 @@ def _sensor(scene: Scene) -> dict[str, Any]:
 
 
 def _starts(scenes: list[Scene]) -> tuple[Floats, bool]:
-    """Return the start times (n,) of turns, in s, and whether points have times."""
+    """Return the start times (n,) of n turns, in s, and whether their points have times too."""
     clocks = [scene.returns.turns[0].times for scene in scenes if scene.returns]
     if len(clocks) == len(scenes) and all(clock is not None for clock in clocks):
         begun = np.array([float(clock[0]) for clock in clocks if clock is not None])

@@ -37,13 +37,22 @@ _UNDECODED_RATES = {KEPT: "times", AZIMUTH: "azimuth times", NONE: "no times"}
 
 @dataclass(frozen=True)
 class CodedDrive:
-    """The streams of a drive's turns at a rate, and their common record."""
+    """A drive that was encoded at one rate.
+
+    Parameters
+    ----------
+    streams
+        One stream for each turn, i.e. for each revolution of the sensor.
+    record
+        Facts about the encoding of all turns, such as codec, rate, bytes and seconds.
+    """
 
     streams: tuple[bytes, ...]
     record: Mapping[str, Any]
 
 
 def write_coded_drive(path: Path, rates: Mapping[str, CodedDrive]) -> None:
+    """Write a drive that was encoded at several rates, given by name, to one ZIP file."""
     members: dict[str, bytes] = {}
     for rate, coded in rates.items():
         members[rate + RECORD] = json_bytes(coded.record)
@@ -52,6 +61,7 @@ def write_coded_drive(path: Path, rates: Mapping[str, CodedDrive]) -> None:
 
 
 def read_coded_drive(path: Path) -> dict[str, CodedDrive]:
+    """Return an encoded drive by rate; raise InputError if the file is not one."""
     members = read_archive(path)
     rates = {}
     for name, data in members.items():
@@ -66,11 +76,16 @@ def read_coded_drive(path: Path) -> dict[str, CodedDrive]:
 
 @JOBS.register("encode_drive")
 class EncodeDrive(TimedJob):
-    """Encode every turn of a drive at all rates of a codec; each turn is a separate stream."""
+    """Encode a drive at all rates that a codec has for clouds in metres.
+
+    A drive is a sequence of turns (revolutions) of a moving sensor. Each turn becomes a separate
+    stream.
+    """
 
     codec: str
 
     def run(self, drive: Path, curve: Path) -> dict[str, Any]:
+        """Encode the file `drive`, write all streams to `curve`, and return the number of rates."""
         codec, turns = ready(open_codec(self.codec, self.changes)), read_drive(drive).turns
         points = sum(map(len, turns))
         rates, shared = codec.rates_of("metric"), [codec.shared_work() for _ in turns]
@@ -111,12 +126,20 @@ def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
 
 @JOBS.register("measure_drive")
 class MeasureDrive(TimedJob):
-    """Evaluate tasks on the decoded turns of a drive, or on the original turns.
+    """Measure a robot's tasks, such as odometry, on the decoded or the original turns of a drive.
 
-    `tasks` maps names to options. The column ``times`` says where points have their times from:
-    ``kept`` by codecs of returns, by ``azimuth``, or ``none``. Turns coded as points lose the
-    firings, and are measured both with the times of their azimuths and without times. Azimuths give
-    times if the drive has returns, and the sensor moves during a turn.
+    Tasks use the times at which points were measured during a turn (a revolution of the sensor).
+    The column ``times`` of the results tells where these times come from. They are ``kept`` by
+    codecs that encode a sensor's returns. Codecs that encode points lose them: the tasks are then
+    measured twice, with times that follow from the points' ``azimuth``, and with ``none``. Azimuths
+    give times only if the original drive has returns, and the sensor moves during a turn.
+
+    Parameters
+    ----------
+    dataset
+        Name of the entry under ``drives`` in the configuration.
+    tasks
+        Options of each task, by the name or place (``file.py:function``) of the task.
     """
 
     dataset: str
@@ -126,7 +149,10 @@ class MeasureDrive(TimedJob):
         return *super().plugins(), *self.tasks
 
     def run(self, drive: Path, rows: Path, curve: Path | None = None) -> dict[str, Any]:
-        """Write a row per rate and kind of times; without `curve`, those of the drive itself."""
+        """Write a row of results for each rate and kind of times to the file `rows` (Parquet).
+
+        `curve` is the encoded drive. Without it, the tasks are measured on the file `drive` itself.
+        """
         original = read_drive(drive)
         about = {**original.about, "digest": _digest(original)}
         described = {"dataset": self.dataset, "cloud": drive.stem, **about}
@@ -185,7 +211,7 @@ def _is_timed(drive: Drive, turns: Sequence[PointCloud]) -> bool:
 def _of_points(
     drive: Drive, turns: Sequence[PointCloud]
 ) -> Iterator[tuple[str, tuple[PointCloud, ...]]]:
-    """Yield turns of points with the times of their azimuths, where there are any, and without."""
+    """Yield a kind of times and the turns with such times, for each kind that points can have."""
     if _is_timed(drive, drive.turns):
         both = zip(turns, drive.turns, strict=True)
         yield AZIMUTH, tuple(timed_by_azimuth(turn, original) for turn, original in both)

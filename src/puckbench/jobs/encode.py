@@ -18,13 +18,26 @@ from puckbench.jobs.registry import JOBS
 
 @JOBS.register("encode")
 class Encode(Encoding):
-    """Encode a cloud at a rate; `frame` replaces the coordinate frame in the description."""
+    """Encode a cloud at one rate.
+
+    Parameters
+    ----------
+    rate
+        Name of the rate.
+    frame
+        Coordinate frame of the cloud, ``metric`` or ``scaled``. By default, the cloud's description
+        or file format tells it.
+    """
 
     rate: str
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Write the stream and its record; first write the prepared cloud to `prepared`, if set."""
+        """Write the stream, with its record (JSON) beside it, and return the record.
+
+        If `prepared` is set, the cloud is first prepared for coding (scaled, with normals), and
+        this prepared cloud is written to the file `prepared` and encoded.
+        """
         codec = open_codec(self.codec, self.changes)
         with naming("--rate"):
             rate = codec.rate_name(self.rate)

@@ -27,9 +27,26 @@ CODE = (*CLOUD_FILES, *CODEC)
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud to encode, with its returns if the codec uses returns or codes attributes.
+    """Return the cloud in a file, ready for a codec to encode.
 
-    By default, `frame` is metric for file formats in metres, else the description's frame.
+    The sensor's returns beside the file are read too if the codec encodes returns or attributes.
+
+    Parameters
+    ----------
+    codec
+        The codec that will encode the cloud.
+    path
+        File of the cloud.
+    frame
+        Coordinate frame of the cloud; by default metric for file formats that are in metres, and
+        otherwise the frame in the description beside the file.
+    rate
+        Name of the rate, which must be one for this coordinate frame; by default, any rate.
+
+    Raises
+    ------
+    InputError
+        The description names another frame, or the codec has no rate for clouds in this frame.
     """
     cloud = read_cloud(path)
     if frame is None and plain_suffix(path) in IN_METRES:
@@ -58,10 +75,19 @@ def measured_encoding(
     shared: SharedWork | None = None,
     each: Callable[[bytes], object] = lambda stream: None,
 ) -> Measured[bytes]:
-    """Encode a cloud and measure the time.
+    """Encode a cloud, and return the stream with the time and memory of the encoding.
 
-    The cost of reused `shared` work (see `Codec.shared_work`) is added. `each` is called with the
-    stream of every repetition.
+    Parameters
+    ----------
+    codec, cloud, rate
+        The codec, the cloud to encode, and the name of the rate.
+    repeats
+        Number of times that the cloud is encoded.
+    shared
+        Results of the encoding at other rates that are reused (`Codec.shared_work`). Their cost is
+        added, as if they were computed again.
+    each
+        Function that is called with the stream of every repetition.
     """
 
     def whole(here: Cost) -> Cost:
@@ -81,6 +107,8 @@ def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[s
 
 
 class Encoding(TimedJob):
+    """Base class of jobs that encode a cloud."""
+
     codec: str
 
     def coded(
@@ -91,7 +119,17 @@ class Encoding(TimedJob):
         shared: SharedWork | None = None,
         again: bool = False,
     ) -> Coded:
-        """Encode and time a cloud; with `again`, encode twice to compare the streams."""
+        """Encode a cloud at one rate, and return the stream with facts about the encoding.
+
+        Parameters
+        ----------
+        codec, cloud, rate
+            The codec, ready to code, the cloud to encode, and the name of the rate.
+        shared
+            Results of the encoding at other rates that are reused (`Codec.shared_work`).
+        again
+            Whether to encode once more. If the streams differ, the record gets a remark.
+        """
         with noting(f"rate {rate}"):
             streams: set[bytes] = set()
             timed = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
@@ -118,9 +156,10 @@ class Encoding(TimedJob):
 
 @JOBS.register("encode_curve")
 class EncodeCurve(Encoding):
-    """Encode a cloud at all rates of a codec."""
+    """Encode a cloud at all rates of a codec for the cloud's coordinate frame."""
 
     def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
+        """Encode the file `cloud`, write all streams to `curve`, and return the number of rates."""
         codec = open_codec(self.codec, self.changes)
         original = to_code(codec, cloud)
         rates = tuple(codec.rates_of(original.frame or "scaled"))

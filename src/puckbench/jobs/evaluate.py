@@ -34,25 +34,35 @@ CODE = (
 )
 
 _FEW_POINTS = 0.01
-"""Ratio of decoded to input points below which a row has a remark."""
+"""Ratio of decoded to encoded points below which a row of results gets a remark."""
 _KEPT = (
     *("name", "scene", "group", "scale", "diameter", "elongation"),
     *("dropped_points", "missing_returns", "file_bytes"),
 )
-"""Entries of the original cloud's description that a result row contains."""
+"""Entries of the original cloud's description that a row of results repeats."""
 
 
 def is_decoded(path: Path) -> bool:
-    """Return whether the suffix of a file is that of a decoded cloud, not of a stream."""
+    """Return whether a file is a decoded cloud, and not a stream, as its suffix tells."""
     return plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin"
 
 
 class Originals:
-    """Original clouds and surfaces with which decoded clouds are compared, read once.
+    """The original of decoded clouds: the encoded cloud and, if given, the true surface.
 
-    `truth` is the true surface: a mesh or captured room in metres, or a cloud in the coordinate
-    frame of `cloud`. `visible` contains the true surface point of each point of `cloud`; `clean` is
-    the clean scan along the same rays.
+    The files are read when the object is made, and serve for all rates.
+
+    Parameters
+    ----------
+    cloud
+        File of the encoded cloud.
+    truth
+        File of the true surface: a mesh or captured room in metres, or a cloud in the coordinate
+        frame of `cloud`.
+    visible
+        File of a cloud with the point of the true surface for each point of `cloud`.
+    clean
+        File of the scan along the same rays without the sensor's errors.
     """
 
     def __init__(
@@ -75,19 +85,28 @@ class Originals:
 
     @cached_property
     def returns(self) -> Returns | None:
+        """The sensor's returns of the encoded cloud, or None."""
         return self.attributed.returns
 
     @cached_property
     def attributed(self) -> PointCloud:
-        """The original cloud with its returns, if any."""
+        """The encoded cloud, with the sensor's returns if it has any."""
         return with_returns(self.reference.cloud, self._cloud)
 
 
 class Evaluating(Decoding):
-    """A job that compares decoded clouds with the encoded cloud and the true surface.
+    """Base class of jobs that compare decoded clouds with the encoded cloud and the true surface.
 
-    `peak` is the PSNR peak, by default from the cloud's description. `views` is the width, in
-    pixels, of six rendered views (0: no views).
+    Parameters
+    ----------
+    dataset
+        Name of the data set, for the row of results.
+    peak
+        PSNR peak, in the unit of the encoded cloud; by default that of the cloud's description.
+    views
+        Width, in pixels, of six rendered views of each cloud that are compared; 0 for none.
+    metrics
+        Names of further metrics, or places (``file.py:function``) of the user's own.
     """
 
     dataset: str | None = None
@@ -99,6 +118,7 @@ class Evaluating(Decoding):
         return *super().plugins(), *self.metrics
 
     def row(self, originals: Originals, decoded: Decoded) -> dict[str, Any]:
+        """Return the row of results of one decoded cloud: values by name of the column."""
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
@@ -133,11 +153,21 @@ class Evaluating(Decoding):
 
 @JOBS.register("evaluate")
 class Evaluate(Evaluating):
+    """Measure one decoded cloud, or one stream, which is decoded first.
+
+    `rate` is the name of the rate to decode if the file is a curve with several rates.
+    """
+
     rate: str | None = None
 
     def run(
         self, cloud: Path, decoded: Path, row: Path | None = None, **truth: Path | None
     ) -> dict[str, Any]:
+        """Compare `decoded` with the encoded cloud `cloud`, and return the row of results.
+
+        The row is written to the file `row` (JSON) if it is set. `truth` are the files ``truth``,
+        ``visible`` and ``clean`` of `Originals`.
+        """
         result = self.row(Originals(cloud, **truth), self._decoded(decoded))
         if row:
             write_json(row, result)
@@ -152,9 +182,13 @@ class Evaluate(Evaluating):
 
 @JOBS.register("evaluate_curve")
 class EvaluateCurve(Evaluating):
-    """Measure all streams of a curve."""
+    """Decode a cloud's streams at all rates of a curve, and measure the decoded clouds."""
 
     def run(self, cloud: Path, curve: Path, rows: Path, **truth: Path | None) -> dict[str, Any]:
+        """Write one row of results for each rate to the file `rows` (Parquet).
+
+        `truth` are the files ``truth``, ``visible`` and ``clean`` of `Originals`.
+        """
         originals = Originals(cloud, **truth)
         coded, progress = read_curve(curve), Progress("rate")
         results = []

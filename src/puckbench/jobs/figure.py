@@ -12,9 +12,16 @@ CODE = (*CLOUD_FILES, *FIGURES)
 
 @JOBS.register("figure")
 class Figure(Job):
-    """Draw a registered figure in a style merged from several layers of options.
+    """Draw a registered figure.
 
-    Non-empty `codecs` or `datasets` restrict the figure to these.
+    Parameters
+    ----------
+    figure
+        Name of the figure, or place (``file.py:function``) of the user's own.
+    style
+        Layers of options of the style, each of which overrides earlier ones.
+    codecs, datasets
+        Names of the only codecs or data sets to show; empty shows all.
     """
 
     figure: str
@@ -26,6 +33,11 @@ class Figure(Job):
         return (self.figure,)
 
     def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
+        """Draw the figure to the files `out`, in the formats of their suffixes.
+
+        `inputs` are files of the tables and clouds that the figure shows, by the names of the
+        parameters of the figure's function.
+        """
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
 

@@ -12,10 +12,19 @@ CODE = (*CLOUD_FILES, *TABLES, "puckbench.jobs.gathered_tables")
 
 @JOBS.register("first_look")
 class FirstLook(OfNames):
+    """Draw the first figures of a run from the results of one codec.
+
+    `style` has layers of options of the figures' style, each of which overrides earlier ones.
+    """
+
     style: tuple[dict[str, Any], ...] = ()
 
     def run(self, results: Path, parquet: Path, out: tuple[Path, ...]) -> dict[str, Any]:
-        """Write the table of result rows, and draw the figures named by the files in `out`."""
+        """Write the table of results to `parquet`, draw the figures, and return the row count.
+
+        `results` is the results folder. `out` are the files of the figures, each of which has the
+        name of its figure.
+        """
         from pointkit.tables import write_table
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle

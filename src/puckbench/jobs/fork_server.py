@@ -1,10 +1,15 @@
-"""A server process that imports the packages of jobs once, and runs each job in a fork.
+"""A server process that imports the packages of jobs once, and runs each job in a fork of itself.
 
-Imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s. A *client*, started by Snakemake for a
-job, sends arguments, environment, folder and output streams to the *server*, and waits for the exit
-status of the forked *job*. Without a server (on another node, in a container, with another number
-of threads, or with ``PUCKBENCH_FORK_SERVER=off``), or after a forked job was killed, the client
-runs the job. The socket has no file (an abstract address), so a killed server leaves nothing.
+This saves the time of imports (NumPy, Numba, PyTorch and others), which is 0.4 to 2.5 s for a job.
+
+Snakemake starts a *client* process for each job. The client sends its arguments, environment,
+working folder and output streams to the *server*, and waits for the exit status of the forked
+*job*. If there is no server, or the forked job was killed, the client runs the job itself. There is
+no server on another node, in a container, for another number of threads, and if the environment
+variable ``PUCKBENCH_FORK_SERVER`` is ``off``.
+
+Client and server are connected by a socket with an abstract address, which is no file. Therefore, a
+server that is killed leaves nothing behind.
 """
 
 from __future__ import annotations
@@ -25,7 +30,7 @@ from typing import Any
 from puckbench.core.interrupts import signal_end
 
 VARIABLE = "PUCKBENCH_FORK_SERVER"
-"""Environment variable: the name of a run's server, or ``off``."""
+"""Environment variable with the name of a run's server, or ``off``."""
 MODULES = (
     *("pandas", "pyarrow.parquet", "matplotlib.figure", "matplotlib.backends.backend_agg", "numba"),
     *("scipy.spatial", "pykdtree.kdtree", "open3d", "pointkit", "virtual_lidar", "gpcc", "puck"),
@@ -33,14 +38,14 @@ MODULES = (
     *("puckbench.metrics", "puckbench.codecs", "puckbench.figures", "puckbench.report"),
     "puckbench.jobs",
 )
-"""Imports of a server: modules, and packages with all their modules."""
+"""Names of what a server imports: modules, and packages with all their modules."""
 LEARNED = ("torch", "constriction", "pcc_networks")
-"""Further imports for learned codecs."""
+"""Names of what a server also imports if a run uses learned codecs."""
 _GPU = "/dev/nvidiactl"
 _SECONDS_TO_END = 5.0
 """Time (s) between interrupting a job and killing it."""
 EXIT_STATUS = "exit status "
-"""Beginning of the last line in the log of a job that ended its process, as by `os._exit`."""
+"""Beginning of the last line in the log of a job that ended its process itself (`os._exit`)."""
 _INTERRUPTED = 130
 _FORK = get_context("fork")
 _servers: list[Any] = []
@@ -48,11 +53,18 @@ _servers: list[Any] = []
 
 
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
-    """Start a server for jobs that child processes start; the server ends with this process.
+    """Start a server that runs the jobs of this process's child processes.
 
-    Do nothing on systems other than Linux, on machines with a GPU (its driver does not survive a
-    fork), or if a parent process has started a suitable server. `threads` is the number of threads
-    of the imported libraries.
+    The server ends when this process ends. No server is started on systems other than Linux, on
+    machines with a GPU (whose driver does not survive a fork), or if a parent process has started a
+    suitable server already.
+
+    Parameters
+    ----------
+    threads
+        Maximum number of threads of the imported libraries.
+    modules
+        Names of what the server imports: modules, and packages with all their modules.
     """
     import subprocess
     from pathlib import Path
@@ -76,13 +88,19 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
 
 
 def is_serving(threads: int | None = None) -> bool:
-    """Return whether a server for this environment, or this number of threads, accepts jobs."""
+    """Return whether a server accepts jobs with a number of threads.
+
+    With None, the number is that of the environment variable ``OMP_NUM_THREADS``.
+    """
     with socket.socket(socket.AF_UNIX) as client:
         return VARIABLE in os.environ and client.connect_ex(address(threads)) == 0
 
 
 def address(threads: int | None = None) -> str:
-    """Return the address of the server for this environment, or for a number of threads."""
+    """Return the address of the socket of the server for a number of threads.
+
+    With None, the number is that of the environment variable ``OMP_NUM_THREADS``.
+    """
     import hashlib
 
     number = os.environ.get("OMP_NUM_THREADS") if threads is None else str(threads)
@@ -92,13 +110,17 @@ def address(threads: int | None = None) -> str:
 
 
 def _is_of_this_user(peer: socket.socket) -> bool:
-    """Return whether the other process is of the same user: any user can use the address."""
+    """Return whether the process at the other end belongs to the same user as this one."""
     _, user, _ = struct.unpack("3i", peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
     return bool(user == os.getuid())
 
 
 def run_forked(words: Sequence[str]) -> int | None:
-    """Run a job in the server and return its exit status, or None if this process must run it."""
+    """Run a job in the server, and return the job's exit status.
+
+    If this process must run the job itself, return None. `words` are the arguments of
+    ``python -m puckbench.jobs``.
+    """
     if VARIABLE not in os.environ:
         return None
     job = 0
@@ -131,7 +153,7 @@ def run_forked(words: Sequence[str]) -> int | None:
 
 
 def serve(modules: Iterable[str]) -> None:
-    """Fork jobs on request until standard input is closed."""
+    """Import modules, then fork a process for each requested job until standard input closes."""
     import gc
 
     from puckbench.core.packages import ENGINES, plugin_packages
@@ -156,7 +178,7 @@ def serve(modules: Iterable[str]) -> None:
 
 
 def _import(name: str, ours: Collection[str]) -> None:
-    """Import a module and, of a package of ours, all modules below it."""
+    """Import a module and, if it is a package in `ours`, all modules below it."""
     with suppress(Exception):
         folders = getattr(importlib.import_module(name), "__path__", ())
         if name.partition(".")[0] in ours:

@@ -12,30 +12,49 @@ CODE = (*TABLES, "puckbench.jobs.curve_files", "puckbench.jobs.tables", "puckben
 
 
 class OfNames(Job):
-    """Base class of jobs that read files by names relative to the results folder."""
+    """Base class of jobs that read many files of results.
+
+    `names` are the paths of the files, relative to the results folder.
+    """
 
     names: tuple[str, ...] = ()
 
     def files(self, results: Path) -> list[Path]:
+        """Return the paths of the files in a results folder."""
         return [results / name for name in self.names]
 
 
 @JOBS.register("rows_table")
 class RowsTable(OfNames):
-    """Gather the result rows of one kind from all jobs' files."""
+    """Join the rows of results that many jobs wrote to a table.
+
+    `kind` is the name of the table.
+    """
 
     kind: Literal["metrics", "clouds", "scan_errors", "recovery", "drives"]
 
     def run(
         self, results: Path, csv: Path, parquet: Path, columns: Path | None = None
     ) -> dict[str, Any]:
+        """Write the table to `csv` and `parquet`, and return the number of rows.
+
+        If `columns` is set, the meanings of the columns are written to it.
+        """
         make, keys = ROWS[self.kind]
         return write_result(table_of(make(self.files(results)), keys), columns, csv, parquet)
 
 
 @JOBS.register("plan_table")
 class PlanTable(Job):
-    """Write a table of rows that the plan contains: ``left_out`` or ``codecs``."""
+    """Write a table whose rows are known before the run.
+
+    Parameters
+    ----------
+    table
+        Name of the table, ``left_out`` or ``codecs``.
+    rows
+        Rows of the table: values by name of the column.
+    """
 
     table: str
     rows: tuple[dict[str, str], ...]
@@ -43,4 +62,8 @@ class PlanTable(Job):
     def run(
         self, csv: Path, parquet: Path, results: Path | None = None, columns: Path | None = None
     ) -> dict[str, Any]:
+        """Write the table to `csv` and `parquet`, and return the number of rows.
+
+        If `columns` is set, the meanings of the columns are written to it. `results` is not used.
+        """
         return write_result(PLAN_TABLES[self.table](self.rows), columns, csv, parquet)

@@ -1,4 +1,7 @@
-"""The clouds from which a stream was coded, named to place decoded points (``decode --like``)."""
+"""Clouds that the user names with ``decode --like``, because a stream was coded from them.
+
+By them, decoded points get their original coordinates and attributes.
+"""
 
 from __future__ import annotations
 
@@ -18,23 +21,27 @@ from puckbench.geometry.matching import share_beyond
 CODE = (*CLOUD_FILES, "puckbench.geometry.matching")
 
 MOST_UNLIKE = 0.5
-"""Largest allowed share of decoded points that match no original point."""
+"""Largest allowed share of decoded points that lie near no original point."""
 _SAME = 1e-5
-"""Largest distance of points that count as equal, as a share of the extent."""
+"""Largest distance of points that count as equal, as a share of the cloud's extent."""
 _MARGIN, _FAR = 0.25, 1.0
-"""Most points lie within the other cloud's bounding box and the first margin, all within the
-second; margins are shares of the box's longest side."""
+"""Margins around a cloud's bounding box, as shares of the box's longest side.
+
+Most points of the other cloud must lie within the first margin, and all within the second.
+"""
 
 
 class Model(NamedTuple):
-    """A prepared or an original cloud.
+    """A cloud that the user named with ``--like``.
 
     Parameters
     ----------
+    path
+        File of the cloud.
     cloud
-        A prepared cloud as it is, or an original cloud in metres.
+        The cloud: a prepared cloud in its coordinate frame, or an original cloud in metres.
     metres_per_unit
-        Factor by which an original's coordinates were multiplied.
+        Factor by which the coordinates of an original cloud were multiplied after reading.
     """
 
     path: Path
@@ -43,11 +50,24 @@ class Model(NamedTuple):
 
 
 def read_models(paths: tuple[Path, ...]) -> tuple[Model | None, Model | None]:
-    """Read a prepared cloud and an original, if named, in any order.
+    """Read the clouds that the user named with ``--like``.
 
-    The original's coordinates are multiplied by the ``metres_per_unit`` with which the prepared
-    cloud was made of it. Raises InputError if most points of the prepared cloud are not the
-    original's.
+    Parameters
+    ----------
+    paths
+        At most one prepared cloud and one original cloud, in any order.
+
+    Returns
+    -------
+    prepared, original
+        The clouds, or None for one that is not named. The original's coordinates are multiplied by
+        the factor ``metres_per_unit`` with which the prepared cloud was made.
+
+    Raises
+    ------
+    InputError
+        There are two clouds of one kind, or most points of the prepared cloud are not points of the
+        original.
     """
     plys = {
         path: read_cloud(path, keep_missing=True)
@@ -85,7 +105,16 @@ def _check_source(prepared: Model, original: Model) -> None:
 
 
 def check_place(decoded: Floats, original: Floats, fault: str) -> None:
-    """Raise InputError unless decoded (m, 3) and original points (n, 3) have about one extent."""
+    """Raise InputError if decoded points lie elsewhere than the original points.
+
+    Parameters
+    ----------
+    decoded, original
+        Points (m, 3) and (n, 3), in the same coordinates. Their bounding boxes must be about the
+        same.
+    fault
+        Beginning of the error message.
+    """
     apart = _share_outside(decoded, original, _MARGIN), _share_outside(original, decoded, _MARGIN)
     if max(apart) > MOST_UNLIKE or _share_outside(decoded, original, _FAR):
         raise InputError(f"{fault}: the decoded points lie elsewhere")

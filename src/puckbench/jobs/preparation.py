@@ -19,29 +19,56 @@ CODE = (
 
 @dataclass(frozen=True)
 class MeasuredPoints:
-    """Measured points (`cloud`) and true points on the surface (`clean`), row by row."""
+    """Measured points, each with the true point on the surface.
+
+    Parameters
+    ----------
+    cloud
+        The measured points.
+    clean
+        The true points, in the same order.
+    """
 
     cloud: PointCloud
     clean: PointCloud
 
     def cropped(self, box: Floats, on: str = "clean") -> MeasuredPoints:
-        """Return the rows whose clean or noisy (`on`) coordinates are in a box (2, 3)."""
+        """Return the points that lie in a box.
+
+        Parameters
+        ----------
+        box
+            Lowest and highest corner (2, 3), m.
+        on
+            ``clean`` to test the true points, or ``noisy`` to test the measured points.
+        """
         cloud = self.clean if on == "clean" else self.cloud
         rows = inside_box(cloud.xyz, box)
         return MeasuredPoints(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
+        """Return the true points, scaled and shifted like a prepared cloud."""
         about = {key: prepared.about[key] for key in ("scale", "offset", "size")}
         xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
         return replace(self.clean, xyz=xyz, about=about)
 
 
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Scale a cloud in metres to [0, size - 1], then estimate normals (thesis section 6.1).
+    """Return a cloud scaled for coding, with estimated normals (thesis section 6.1).
 
-    With `size` 0, the cloud stays in metres, shifted if coordinates are large (`origin_shift`);
-    with `size` `GRID`, it stays on its voxel grid. The description gets scale, offset, elongations,
-    extent, density, outliers, diameter, digest and, for clouds in metres, the PSNR peak.
+    The description ``about`` gets scale, offset, elongations, extent, density, outliers, diameter
+    and digest. For a cloud that stays in metres, it also gets the PSNR peak.
+
+    Parameters
+    ----------
+    cloud
+        Cloud in metres.
+    size
+        Number of grid positions along a side of the cube [0, size - 1] to which the cloud is
+        scaled. With 0, the cloud stays in metres, but is shifted if coordinates are large
+        (`origin_shift`). With `GRID`, it gets the coordinates of its own voxel grid.
+    neighbours
+        Number of neighbouring points from which a normal is estimated.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres

@@ -36,21 +36,35 @@ class _Boxed(Model):
 
 @JOBS.register("prepare")
 class Prepare(Job):
-    """Crop a cloud, estimate its normals and scale it (thesis section 6.1).
+    """Prepare a cloud for coding: crop it, scale it, and estimate its normals.
+
+    This is the preparation of section 6.1 of the thesis.
 
     Parameters
     ----------
     crop
-        Coordinates by which a scan is cropped: clean or noisy.
+        Whether a scan is cropped by its ``clean`` coordinates (without the sensor's errors), by its
+        ``noisy`` ones, or not at all (``none``).
     box
-        Two corners, in m, of the box to which the cloud is cropped; by default the scene's box.
+        Two opposite corners, x, y, z and x, y, z in m, of the box to which the cloud is cropped; by
+        default the scene's box, if there is one.
     size
         Number of grid positions along a side of the cube to which the cloud is scaled; 0 keeps
         metres, ``grid`` keeps the integer grid of a voxelised cloud.
+    neighbours
+        Number of neighbouring points from which a normal is estimated.
+    clean
+        Whether to take the clean points of a scan, instead of those with the sensor's errors.
     peak
         PSNR peak, in m, of a cloud in metres.
     drop_invalid
         Whether to drop points that are not finite; otherwise, such points raise InputError.
+    keep_missing
+        Whether to keep missing returns, i.e. points that stand for pulses without an echo.
+    bin_columns
+        Names of the columns of a ``.bin`` file.
+    metres_per_unit
+        Factor by which the coordinates of the cloud are multiplied.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -72,10 +86,21 @@ class Prepare(Job):
         box: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the prepared cloud, and the true points in the same coordinate frame.
+        """Write the prepared cloud, and return its description.
 
-        `source` is a cloud or a scan table (.parquet). Name and group are copied from the
-        descriptions in `about`.
+        Parameters
+        ----------
+        source
+            Cloud to prepare, or table of a scan (``.parquet``).
+        cloud
+            File to write.
+        truth
+            If set, file to which the clean points are written, in the coordinate frame of `cloud`.
+        box
+            Description of the scene (JSON), whose ``box`` crops the cloud unless the setting `box`
+            is set.
+        about
+            Descriptions of the scene (JSON), from which its name and group are copied.
         """
         from puckbench.jobs.preparation import prepare
 
@@ -146,9 +171,10 @@ def _of_scan(path: Path, clean: bool) -> MeasuredPoints:
 
 
 def names_and_groups(cloud: Path, descriptions: tuple[Path, ...]) -> dict[str, Any]:
-    """Return a cloud's name and group from descriptions of its scene.
+    """Return a cloud's ``name`` and ``group`` from descriptions (JSON files) of its scene.
 
-    If a scene has several clouds, `name` is the cloud file's name, and `scene` is the scene's name.
+    If the name of the scene is not that of the file `cloud`, ``name`` is the name of the file, and
+    ``scene`` is the name of the scene. This is so for scenes of which several clouds are made.
     """
     names: dict[str, Any] = {}
     for path in descriptions:

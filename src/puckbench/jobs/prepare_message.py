@@ -11,14 +11,14 @@ from puckbench.recordings.cloud_messages import read_recorded_cloud
 
 @JOBS.register("prepare_message")
 class PrepareMessage(Prepare):
-    """Prepare the cloud in a message of a ROS bag.
+    """Prepare a cloud for coding, as `Prepare` does, from a message of a ROS bag.
 
     Parameters
     ----------
     message
-        Number of the message among those of the topic, from 0.
+        Number of the message among those of the topic, counted from 0.
     topic
-        By default the bag's only topic with clouds.
+        Topic of the message; by default the bag's only topic with clouds.
     """
 
     message: int

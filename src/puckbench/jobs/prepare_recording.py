@@ -27,16 +27,16 @@ _LONGEST_MARK = 24
 
 @JOBS.register("prepare_recording")
 class PrepareRecording(PrepareReturns):
-    """Convert turns as `PrepareReturns` does, also those of a recording.
+    """Prepare turns (revolutions) of a sensor as `PrepareReturns` does, also from a recording.
 
-    Of a recording, `turns` is by default the first whole turn.
+    For a recording, the default of `turns` is the first whole turn.
 
     Parameters
     ----------
     stream
-        Sensor to read in a packet capture of several sensors.
+        Name of the sensor to read, in a packet capture of several sensors.
     topic
-        Topic to read in a ROS bag of several sensors.
+        Topic to read, in a ROS bag of several sensors.
     """
 
     stream: str | None = None
@@ -54,7 +54,7 @@ class PrepareRecording(PrepareReturns):
 def is_recording(path: Path) -> bool:
     """Return whether a path is a recording: a packet capture, a ROS bag or a folder.
 
-    The file's suffix decides; for an unknown suffix, the first bytes of the file.
+    A file with a known suffix is judged by the suffix, and another file by its first bytes.
     """
     if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
         return True
@@ -73,9 +73,22 @@ def _check_selection(path: Path, stream: str | None, topic: str | None) -> None:
 def read_selected_turns(
     path: Path, turns: tuple[int, int] | None, stream: str | None = None, topic: str | None = None
 ) -> tuple[Returns, dict[str, int]]:
-    """Read turns of a recording or of a table of firings, and counts of damaged data.
+    """Read selected turns of a recording, or of a table of firings.
 
-    `turns`, `stream` and `topic` are those of `PrepareRecording`.
+    Parameters
+    ----------
+    path
+        The recording, or the table (Parquet).
+    turns
+        Numbers, from 0, of the first and last turn to read. None reads the first whole turn of a
+        recording, and all turns of a table.
+    stream, topic
+        Sensor of a packet capture, or topic of a ROS bag, to read; needed if there are several.
+
+    Returns
+    -------
+    tuple[Returns, dict[str, int]]
+        The sensor's returns, and the numbers of damaged or missing data by kind.
     """
     from puckbench.recordings.reading import read_turns
 

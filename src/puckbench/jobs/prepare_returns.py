@@ -20,14 +20,22 @@ CODE = ("puckbench.jobs.prepare", "puckbench.metrics.sensor_metrics")
 
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):
-    """Convert a scan or firings to a cloud with normals, in metres in the sensor's frame.
+    """Prepare a spinning sensor's returns for coding, as a cloud in metres with normals.
+
+    The cloud is in the coordinate frame of the sensor.
 
     Parameters
     ----------
+    neighbours
+        Number of neighbouring points from which a normal is estimated.
+    clean
+        Whether to take the returns of a virtual scan without the sensor's errors.
     turns
-        First and last turn, counted from 0; by default all turns.
+        Numbers, from 0, of the first and last turn (revolution) to use; by default all turns.
+    error_model
+        Name of the error model of a virtual scan, for the description of the cloud.
     peak
-        PSNR peak, in m.
+        PSNR peak, in m; by default `puckbench.metrics.default_peak.PEAK_M`.
     """
 
     neighbours: int = Field(30, ge=3)
@@ -44,10 +52,19 @@ class PrepareReturns(Job):
         truth: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the cloud, its returns and, if `truth` is set, the true points.
+        """Write the cloud and its returns, and return the description of the cloud.
 
-        `source` is a Parquet table of a scan (whole turns) or of a recording's firings. The true
-        points of a recording are its measured points.
+        Parameters
+        ----------
+        source
+            Parquet table of a virtual scan (of whole turns), or of the firings of a recording.
+        cloud, returns
+            Files to write: the cloud, and the table of its firings (Parquet).
+        truth
+            If set, file to which the true points are written. For a recording, these are the
+            measured points.
+        about
+            Descriptions of the scene (JSON), from which its name and group are copied.
         """
         from puckbench.jobs.preparation import prepare
 
@@ -107,10 +124,19 @@ class PrepareReturns(Job):
 
 
 def select_turns(returns: Returns, turns: tuple[int, int] | None) -> Returns:
-    """Return a sensor's returns without those of other turns than the selected ones.
+    """Return the part of a sensor's returns that is in selected turns (revolutions).
 
-    `turns` are the numbers of the first and the last turn to keep, counted from 0; None keeps all.
-    Turns that `returns` does not have raise InputError.
+    Parameters
+    ----------
+    returns
+        Returns of several turns.
+    turns
+        Numbers, from 0, of the first and last turn to keep; None keeps all turns.
+
+    Raises
+    ------
+    InputError
+        A selected turn does not exist.
     """
     first, last = turns or (0, len(returns.turns) - 1)
     if not 0 <= first <= last < len(returns.turns):

@@ -23,21 +23,47 @@ CODE = (
 )
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
-"""Entries of a stream's record that a row contains."""
+"""Entries of a stream's record that a row of results repeats."""
 
 
 class LabelledPoints(NamedTuple):
-    """True points with labels of primitives, and the scene's primitives in metres."""
+    """The truth with which decoded geometric primitives are compared.
+
+    Parameters
+    ----------
+    cloud
+        True points, each labelled with the index of its primitive.
+    labels
+        The primitives of the scene, in metres.
+    """
 
     cloud: PointCloud
     labels: Labels
 
 
 class Recovering(CodecJob):
+    """Base class of jobs that compare decoded geometric primitives with a scene's labels."""
+
     dataset: str | None = None
 
     def recovered(self, originals: LabelledPoints, name: str, coded: Coded) -> dict[str, Any]:
-        """Return a stream's result row; ``kinds`` is empty if the stream has no surface."""
+        """Return the results of one stream by column name.
+
+        Parameters
+        ----------
+        originals
+            The labelled points and primitives of the scene.
+        name
+            Name of the cloud.
+        coded
+            The stream and its record.
+
+        Returns
+        -------
+        dict[str, Any]
+            Facts about the stream and, as ``kinds``, a list with the results for each kind of
+            primitive, which is empty if the stream has no surface.
+        """
         codec, surface = self._decoded_surface(coded)
         record = coded.record
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)
@@ -67,13 +93,20 @@ class Recovering(CodecJob):
 
 @JOBS.register("recovery")
 class Recovery(Recovering):
-    """Compare the primitives of a stream, or of a rate of a curve, with the scene's labels."""
+    """Decode the geometric primitives of one stream, and compare them with the scene's labels.
+
+    `rate` is the name of the rate to decode if the file is a curve with several rates.
+    """
 
     rate: str | None = None
 
     def run(
         self, stream: Path, points: Path, scene: Path, row: Path | None = None
     ) -> dict[str, Any]:
+        """Return the results of the file `stream`, and write them to `row` (JSON) if it is set.
+
+        `points` is the cloud of labelled true points, and `scene` the mesh with the primitives.
+        """
         labelled = _labelled(points, scene)
         with naming(stream):
             result = self.recovered(labelled, points.stem, read_coded(stream, self.rate))
@@ -84,7 +117,13 @@ class Recovery(Recovering):
 
 @JOBS.register("recovery_curve")
 class RecoveryCurve(Recovering):
+    """Decode the geometric primitives at all rates, and compare them with the scene's labels."""
+
     def run(self, curve: Path, points: Path, scene: Path, rows: Path) -> dict[str, Any]:
+        """Write a row of results for each rate and kind of primitive to `rows` (Parquet).
+
+        `points` is the cloud of labelled true points, and `scene` the mesh with the primitives.
+        """
         labelled, coded = _labelled(points, scene), read_curve(curve)
         with naming(curve):
             streams = [self.recovered(labelled, points.stem, item) for item in coded.values()]

@@ -10,12 +10,20 @@ from puckbench.jobs.registry import JOBS, Job
 CODE = (*TABLES, "puckbench.jobs.cost")
 
 _AFTERWARDS = {"report", "reference"}
-"""Jobs that the duration of a run does not include."""
+"""Jobs whose time does not count for the duration of a run."""
 
 
 @JOBS.register("reference")
 class Reference(Job):
-    """Write a run's tables, configuration and machine as reference results."""
+    """Write a run's tables, configuration and machine to one file of reference results.
+
+    Parameters
+    ----------
+    contents
+        Contents of the run's report, as JSON (`puckbench.report.contents.Contents`).
+    bd_rate
+        Anchor codec and metrics of the run's Bjontegaard deltas.
+    """
 
     contents: dict[str, Any]
     bd_rate: dict[str, Any]
@@ -28,9 +36,10 @@ class Reference(Job):
         scan_errors: Path | None = None,
         drives: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the file; omit times if other work on the machine disturbed the measurements.
+        """Write the file `out`, and return facts about it.
 
-        Inputs are the tables of clouds or, for a run without clouds, `drives`.
+        Times are left out if other work on the machine disturbed the measurements. The other
+        arguments are files of the tables of these names. A run without clouds has only `drives`.
         """
         from pointkit.tables import read_table
         from puckbench.jobs.cost import read_costs

@@ -13,10 +13,15 @@ CODE = (*CLOUD_FILES, *TABLES, "puckbench.jobs.cost")
 
 @JOBS.register("report")
 class Report(Job):
-    """Build the report page.
+    """Build the report page of a run.
 
-    `code` contains the places (``module:Name`` or ``file.py:Name``) of the user's figures and
-    tables, which this job is permitted to import.
+    Parameters
+    ----------
+    contents
+        What the report shows, as JSON (`puckbench.report.contents.Contents`).
+    code
+        Places (``module:Name`` or ``file.py:Name``) of the user's figures and tables, which this
+        job may import.
     """
 
     contents: dict[str, Any]
@@ -26,7 +31,10 @@ class Report(Job):
         return self.code
 
     def run(self, page: Path, below: Path | None = None) -> dict[str, Any]:
-        """Write the page from the run's files, or from copies of them in the folder `below`."""
+        """Write the file `page` (HTML), and return its path and size in bytes.
+
+        The page is made of the run's files or, if `below` is set, of copies of them in this folder.
+        """
         from puckbench.jobs.cost import read_costs
         from puckbench.report.build import build_page
         from puckbench.report.contents import Contents

@@ -33,19 +33,33 @@ from virtual_lidar import (
 CODE = (*MESH_FILES, *SENSOR, "puckbench.geometry.extent", "puckbench.jobs.surfaces")
 
 _RAYS_IN_MEMORY = 4_000_000
-"""Maximum number of rays of a scan that is written at once (about 600 MB), not in portions."""
+"""Number of rays (about 600 MB of memory) above which a scan is made and written in portions."""
 
 
 class Scanning(Job):
-    """Base class of jobs that scan a mesh.
+    """Base class of jobs that scan a mesh with the virtual sensor.
 
     Parameters
     ----------
+    sensor
+        Name of a sensor, or YAML file that defines one.
+    errors, error_options
+        Name or place (``file.py:Name``) of the error model, and changes to its parameters.
+    sweep
+        Name of a sweep, i.e. of a motion of the sensor during the scan.
     origin
-        Position of the sensor in m; by default from the scene's description, else the unoccupied
-        position nearest to the middle, `height_m` above the floor.
+        Position x, y, z of the sensor, in m. By default, it is the position in the scene's
+        description. If this has none, it is the unoccupied position nearest to the middle,
+        `height_m` above the floor.
+    height_m
+        Height of the sensor above the floor, in m, if neither `origin` nor the scene gives a
+        position.
     anywhere
         Whether the sensor may stand outside the scene or inside an object, or pass through walls.
+    seed
+        Seed of the sensor's errors.
+    metres_per_unit
+        Factor by which the coordinates of the mesh are multiplied.
     """
 
     sensor: str = "vlp16"
@@ -62,7 +76,7 @@ class Scanning(Job):
         return (self.errors,)
 
     def scan_of(self, mesh: Path) -> tuple[ScanJob, np.random.Generator]:
-        """Return the scan of a mesh file, and the random generator of the errors."""
+        """Return the prepared scan of a mesh file, and the random generator of its errors."""
         named = self._named()  # reports unknown names before a large mesh is read
         surface = read_surface(mesh, self.metres_per_unit)
         warn_of_implausible_extent(mesh, surface.bounds())
@@ -70,6 +84,10 @@ class Scanning(Job):
         return job, generator(self.seed, "scan", mesh.stem)
 
     def check(self, surface: Mesh, described: Sequence[float] | None) -> None:
+        """Raise InputError if the sensor has no valid position in a mesh.
+
+        `described` is the position x, y, z, in m, in the scene's description, if there is one.
+        """
         self._job(self._named(), surface, described).check()
 
     def _job(
@@ -98,7 +116,10 @@ class Scanning(Job):
 
 @JOBS.register("scan")
 class Scan(Scanning):
+    """Scan a mesh with the virtual sensor."""
+
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
+        """Scan the file `mesh`, write a table of the returns to `table`, and return facts."""
         job, rng = self.scan_of(mesh)
         progress = Progress("frame")
         if job.rays > _RAYS_IN_MEMORY:
@@ -116,7 +137,10 @@ class _Described(Model):
 
 
 def described_origin(mesh: Path) -> list[float] | None:
-    """Return the sensor's position (3,), m, in the description beside a mesh, or None."""
+    """Return the position x, y, z of the sensor, in m, from the description beside a mesh.
+
+    If there is no description, or it has no position, return None.
+    """
     origin = (read_description(mesh) or {}).get("origin")
     position = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
     return None if position is None else list(position)

@@ -20,6 +20,16 @@ CODE = (*MESH_FILES, "puckbench.datasets.base")
 
 @JOBS.register("scene")
 class WriteScene(Job):
+    """Write a scene of a scene set as a mesh, a cloud or a table of a sensor's returns.
+
+    Parameters
+    ----------
+    loader, options, seed
+        Name of the loader that reads or generates the scene, its options, and its seed.
+    name
+        Name of the scene.
+    """
+
     loader: str
     name: str
     options: dict[str, Any] = Field({})
@@ -29,6 +39,7 @@ class WriteScene(Job):
         return (self.loader,)
 
     def run(self, scene: Path) -> dict[str, Any]:
+        """Write the file `scene` with a description beside it, and return the description."""
         loaded = open_scene_set(self.loader, self.options, self.seed).load(self.name)
         about = description(loaded)
         if loaded.mesh is not None:
@@ -47,6 +58,7 @@ class WriteScene(Job):
 
 
 def description(scene: Scene) -> dict[str, Any]:
+    """Return the description of a scene as JSON values, such as name, group and bounding box."""
     box = scene.mesh.bounds() if scene.box is None and scene.mesh else scene.box
     return {
         **scene.about,

@@ -15,7 +15,15 @@ _CAPTURES = "puckbench.datasets.captured_rooms:read_capture"
 
 
 def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:
-    """Read a mesh file or captured room (.json) in metres."""
+    """Return the mesh in a mesh file or in a captured room (``.json``), in metres.
+
+    Parameters
+    ----------
+    path
+        The file.
+    metres_per_unit
+        Factor by which the coordinates of the file are multiplied.
+    """
     is_capture = path.suffix == ".json"
     mesh: Mesh | None = imported(_CAPTURES)(path).mesh if is_capture else read_mesh(path)
     if mesh is None:
@@ -24,7 +32,10 @@ def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:
 
 
 def read_truth(path: Path) -> Mesh | PointCloud:
-    """Read a true surface: a mesh, or a cloud (such as a PLY file without faces)."""
+    """Return a true surface, which is a mesh or a cloud as the format of the file tells.
+
+    A PLY file without faces is a cloud.
+    """
     suffix = plain_suffix(path)
     if suffix in SUFFIXES and not (suffix == ".ply" and has_faces(path)):
         return read_cloud(path)

@@ -18,12 +18,20 @@ if TYPE_CHECKING:
 CODE = TABLES
 
 _DIGITS = 6
-"""Significant digits of a table's numbers; no measurement has more."""
+"""Number of significant digits to which a table's numbers are rounded."""
 
 
 @JOBS.register("table")
 class Table(Job):
-    """Make a registered table; `options` are arguments of the table's function."""
+    """Make a registered table from other tables.
+
+    Parameters
+    ----------
+    table
+        Name of the table, or place (``file.py:function``) of the user's own.
+    options
+        Keyword arguments of the function that makes the table, besides its inputs.
+    """
 
     table: str
     options: dict[str, Any] = Field({})
@@ -34,7 +42,17 @@ class Table(Job):
     def run(
         self, out: tuple[Path, ...], columns: Path | None = None, **inputs: Path
     ) -> dict[str, Any]:
-        """Write the table (.csv, .parquet, .tex) and descriptions of its columns."""
+        """Write the table, and return the number of rows and the files.
+
+        Parameters
+        ----------
+        out
+            Files to write, in the formats of their suffixes (``.csv``, ``.parquet``, ``.tex``).
+        columns
+            If set, file to which a table with the meanings of the columns is written.
+        inputs
+            Files of the tables that the function reads, by the names of its parameters.
+        """
         from pointkit.tables import read_table
         from puckbench.jobs.table_files import write_result
 

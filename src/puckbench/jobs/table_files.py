@@ -10,6 +10,17 @@ if TYPE_CHECKING:
 
 
 def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> dict[str, Any]:
+    """Write a table to several files, and return the number of rows as ``rows``.
+
+    Parameters
+    ----------
+    table
+        The table.
+    columns
+        If set, file to which a table with the meanings of the columns is written.
+    paths
+        Files to write, in the formats of their suffixes (``.csv``, ``.parquet``, ``.tex``).
+    """
     from pointkit.tables import write_table
     from puckbench.report.column_dictionary import column_dictionary
     from puckbench.report.latex import latex_table

@@ -31,18 +31,27 @@ CODE = (
 
 @JOBS.register("train")
 class Train(Job):
-    """Train a codec's network.
+    """Train the neural network of a learned codec.
 
     Parameters
     ----------
+    codec, changes
+        Name of the codec, and its entry in the configuration.
+    options
+        Settings of the training, such as ``steps`` and ``seed``.
     start
-        Initial weights: name of shipped weights, or a file.
-    every, validate_every
-        Steps between checkpoints; steps between validations (0: validate only at the end).
+        Initial weights: name of shipped weights, or a file; by default random.
+    every
+        Number of steps between two checkpoints.
+    validate_every
+        Number of steps between two validations; 0 validates only at the end.
     peak
-        PSNR peak; by default from the validation's clouds.
+        Peak of the validation's PSNRs, in the unit of the clouds; by default from the descriptions
+        of the validation's clouds.
     code
-        Fingerprint of the code; if set, checkpoints of other code are discarded, otherwise refused.
+        Fingerprint of the code. If it is set, a checkpoint that was made with other code is
+        deleted, and the training starts anew. Otherwise, a checkpoint of another training raises an
+        error.
     """
 
     codec: str
@@ -60,7 +69,17 @@ class Train(Job):
     def run(
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
     ) -> dict[str, Any]:
-        """Train, resuming from a checkpoint beside `weights`; write weights and a model card."""
+        """Train the network, write its weights, and return the model card.
+
+        If there is a checkpoint beside `weights`, the training continues from it.
+
+        Parameters
+        ----------
+        clouds, validate
+            Files of prepared clouds for the training and for the validation.
+        weights
+            File to write. The model card (JSON) and the losses (CSV) are written beside it.
+        """
         require_networks()
         from pcc_networks.training.loop import train
         from puckbench.jobs.training_log import TrainingLog
@@ -97,7 +116,7 @@ class Train(Job):
         return card
 
     def _check_entry(self) -> None:
-        """Raise InputError if the codec's options are not valid, or its device is not here."""
+        """Raise InputError if an option of the codec is invalid, or its device is missing."""
         device: Any = getattr(open_codec(self.codec, self.changes).options, "device", "cpu")
         from pcc_networks.weights_file import why_not
 

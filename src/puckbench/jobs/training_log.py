@@ -17,6 +17,18 @@ _SECONDS_BETWEEN_LINES = 20.0
 
 
 class TrainingLog:
+    """Records the losses of a training in a CSV file, and prints the progress.
+
+    Parameters
+    ----------
+    trainer
+        The trainer, which keeps the rows of earlier steps in its checkpoints.
+    path
+        CSV file to write.
+    every
+        Number of steps between two writings of the file.
+    """
+
     def __init__(self, trainer: BaseTrainer[Any, Any], path: Path, every: int) -> None:
         self.trainer, self.path, self.every = trainer, path, every
         self._start = time.perf_counter() - self.seconds
@@ -24,10 +36,12 @@ class TrainingLog:
 
     @property
     def seconds(self) -> float:
+        """Duration of the training up to the last recorded step, in s."""
         rows = self.trainer.curve
         return rows[-1]["seconds"] if rows else 0.0
 
     def note(self, step: int, loss: Any) -> None:
+        """Record the loss of a step; now and then, write the file and print a line."""
         seconds = round(time.perf_counter() - self._start, 1)
         row = {"step": step, **self.trainer.row(loss), "seconds": seconds}
         self.trainer.curve.append(row)
@@ -41,6 +55,7 @@ class TrainingLog:
             self._tell()
 
     def write(self) -> None:
+        """Write the rows of all steps to the CSV file."""
         rows, text = self.trainer.curve, io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         if rows:

@@ -14,16 +14,29 @@ Measures = dict[str, float]
 
 
 def peak_of(clouds: Sequence[PointCloud]) -> float | None:
-    """Return the peak of PSNRs in the clouds' descriptions, or None if they differ."""
+    """Return the PSNR peak in the descriptions of clouds, or None if it is not the same in all."""
     (first, *others) = {cloud.peak for cloud in clouds}
     return None if others else first
 
 
 def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
-    """Return metrics of each rate (``rates``), averaged over the clouds, and their `faults`.
+    """Encode and decode clouds at all rates of a codec, and measure the decoded clouds.
 
-    ``bpp`` is bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the two
-    directions' mean squared distances; ``d1_psnr`` is in dB.
+    Parameters
+    ----------
+    codec
+        The codec with the trained weights.
+    clouds
+        Prepared clouds.
+    peak
+        PSNR peak, in the unit of the clouds; None computes no PSNR.
+
+    Returns
+    -------
+    dict[str, Any]
+        ``rates``: for each rate, means over the clouds of ``bpp`` (bits per encoded point),
+        ``d1_mse`` (the larger of the two directions' mean squared distances), ``cd_point`` (their
+        mean) and ``d1_psnr`` (dB). ``faults``: the messages of `faults`.
     """
     codec.load()
     rates = {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
@@ -48,7 +61,11 @@ def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
 
 
 def faults(rates: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return messages about successive rates whose bits do not grow or distortion does not fall."""
+    """Return messages about rates that are no better than the rate before.
+
+    There is a message if the bits do not grow from one rate to the next, or the distortion does not
+    fall.
+    """
     wrong = []
     for (low, before), (high, after) in pairwise(rates.items()):
         if after["bpp"] <= before["bpp"]:

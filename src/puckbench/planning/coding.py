@@ -33,18 +33,35 @@ def _peak(settings: DataSetConfig) -> float | None:
 
 
 class CodingJobs:
+    """Plans the jobs that encode and decode clouds, and that measure the decoded clouds.
+
+    Parameters
+    ----------
+    clouds
+        The planned jobs that make the clouds.
+    """
+
     def __init__(self, clouds: CloudJobs) -> None:
         self.clouds, self.plan = clouds, clouds.plan
         self.timing = self.plan.config.timing
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
-        """Return the files of ``metrics`` or ``recovery`` rows, of a codec or of all codecs."""
+        """Return the files with rows of results, relative to the results folder.
+
+        Parameters
+        ----------
+        kind
+            ``metrics`` for measurements of decoded clouds, ``recovery`` for decoded primitives.
+        codec
+            Name of the codec; by default, the files of all codecs are returned.
+        """
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
         return tuple(
             f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
         )
 
     def artefacts(self) -> list[str]:
+        """Return the files with streams and results, relative to the results folder."""
         coded = [f"coded/{'/'.join(curve)}.zip" for curve in self.plan.curves]
         return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
@@ -57,11 +74,12 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
-        """Return an upper bound of a curve job's estimated time, in minutes."""
+        """Return the time, in minutes, to request for coding a cloud at all rates of a codec."""
         rates = max((len(self.plan.rates(codec, frame)) for frame in self.plan.frames), default=0)
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
     def encode(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
+        """Plan the job that encodes a cloud at all planned rates of a codec."""
         rates = self.plan.curve_rates(dataset, cloud, codec)
         record = EncodeCurve(
             codec=codec, changes=self._entry(dataset, codec, rates), **timed(self.plan)
@@ -69,15 +87,18 @@ class CodingJobs:
         return codec_job(self.plan, record, codec)
 
     def decode(self, dataset: str, codec: str, rate: str) -> PlannedJob:
+        """Plan the job that decodes one rate of a curve to a cloud file."""
         record = Decode(codec=codec, changes=self._entry(dataset, codec, (rate,)), rate=rate)
         return codec_job(self.plan, record, codec)
 
     def decode_shown(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
+        """Plan the job that decodes a cloud at the rates that the report shows."""
         rates = shown_rates(self.plan, dataset, cloud, codec)
         changes = self._entry(dataset, codec, rates)
         return codec_job(self.plan, DecodeShown(codec=codec, changes=changes, rates=rates), codec)
 
     def evaluate(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
+        """Plan the job that decodes a cloud at all rates, and measures the decoded clouds."""
         rates = self.plan.curve_rates(dataset, cloud, codec)
         settings = self.clouds.dataset(dataset).settings
         record = EvaluateCurve(
@@ -93,17 +114,25 @@ class CodingJobs:
         return codec_job(self.plan, record, codec, *modules, also=self.truth_kinds(dataset))
 
     def recovery(self, dataset: str, codec: str) -> PlannedJob:
+        """Plan the job that compares decoded geometric primitives with a scene's labels."""
         changes = self._entry(dataset, codec, self.plan.rates(codec, self._frame(dataset)))
         record = RecoveryCurve(dataset=dataset, codec=codec, changes=changes)
         return codec_job(self.plan, record, codec)
 
     def scan_error(self, dataset: str) -> PlannedJob:
+        """Plan the job that compares a scan with the true surface, before any coding."""
         return planned(Evaluate(dataset=dataset), also=self.truth_kinds(dataset))
 
     def cloud(self, dataset: str, cloud: str) -> dict[str, str]:
+        """Return the files of a prepared cloud and what lies beside it, as in `described`."""
         return self.described({"cloud": f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"})
 
     def described(self, files: Mapping[str, str]) -> dict[str, str]:
+        """Return files by input name, with the files that a job reads beside them.
+
+        For an input ``cloud``, these are its description, as ``cloud_about``, and the sensor's
+        returns, if any, as ``cloud_returns``.
+        """
         beside = {}
         for name, path in ((name, Path(file)) for name, file in files.items()):
             if path.suffix == ".ply":
@@ -118,7 +147,11 @@ class CodingJobs:
         return frozenset(folder / name for name in self.clouds.prepared(has_returns=True))
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Return the files of a cloud's true surface and true points, if available."""
+        """Return the files with the truth about a cloud, by input name; empty without truth.
+
+        ``truth`` is the true surface, in the scene's file. ``clean``, for a scan, or ``visible``,
+        otherwise, is a cloud with the true position of each point.
+        """
         data = self.clouds.dataset(dataset)
         if not data.has_truth:
             return {}
@@ -129,9 +162,11 @@ class CodingJobs:
         return {"truth": self.clouds.scene_file(dataset, cloud), **points}
 
     def truth_kinds(self, dataset: str) -> str:
+        """Return the input names that `truth` has for the clouds of a data set, in one line."""
         return " ".join(self.truth(dataset, self.clouds.dataset(dataset).clouds[0]))
 
     def labels(self, dataset: str, cloud: str) -> dict[str, str]:
+        """Return the files with the labelled true points of a cloud, and with its scene."""
         return {
             "points": self.clouds.true_points(dataset, cloud),
             "scene": self.clouds.scene_file(dataset, cloud),
@@ -139,15 +174,21 @@ class CodingJobs:
 
     @property
     def threads_environment(self) -> dict[str, str]:
+        """Environment variables that limit the threads of a timed job."""
         return thread_environment(self.timing.threads)
 
     def cores(self, cores: int | None) -> int:
-        """Return the number of cores that a timed job reserves: all if no other job may run."""
+        """Return the number of cores that a timed job reserves.
+
+        `cores` is the number of cores of the run. With the setting ``timing: exclusive``, a job
+        reserves all of them, so that no other job runs at the same time.
+        """
         threads = self.timing.threads
         return max(threads, cores or 0) if self.timing.exclusive else threads
 
     @cache  # noqa: B019
     def memory_mb(self, codec: str) -> int:
+        """Return the estimated memory (MB) of a job with this codec, for the largest clouds."""
         views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
         changes = self.plan.config.codec(codec)
         pictures = views**2 * _BYTES_PER_PIXEL // 1_000_000
@@ -169,7 +210,21 @@ class CodingJobs:
 
 
 def codec_job(plan: Plan, record: Job, codec: str, *modules: str, also: object = "") -> PlannedJob:
-    """Plan a job that uses a codec, whose code and weights affect the result."""
+    """Plan a job that uses a codec, so that it runs again if the codec's code or weights change.
+
+    Parameters
+    ----------
+    plan
+        The plan of the run.
+    record
+        The job with its settings.
+    codec
+        Name of the codec in the configuration.
+    modules
+        Names of further modules whose code the job uses.
+    also
+        Other data on which the results depend, such as digests of input files.
+    """
     module, weights = module_of(plan.codecs[codec]["class"]), plan.weights_digest(codec)
     is_timed = "repeats" in type(record).model_fields
     threads = plan.config.timing.threads if is_timed else ""
@@ -177,5 +232,5 @@ def codec_job(plan: Plan, record: Job, codec: str, *modules: str, also: object =
 
 
 def timed(plan: Plan) -> dict[str, Any]:
-    """Return the settings of a job with timed calls."""
+    """Return settings of `TimedJob`: the number of repetitions, and whether jobs run alone."""
     return {"repeats": plan.config.timing.repeats, "alone": plan.config.timing.exclusive}

@@ -39,14 +39,14 @@ def _checked_stand_in(cls: type[Model], values: Options) -> Options:
 
 Distinct = AfterValidator(_different)
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
-"""Name of an entry (data set, codec, ...); part of file names."""
+"""Name of an entry, such as a data set or codec, which becomes a part of file names."""
 RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)?$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
-"""``dataset/cloud``."""
+"""Names of a data set and of one of its clouds, as ``dataset/cloud``."""
 Seed = Annotated[int, Field(ge=0)]
 Position = tuple[float, float, float]
 Places = Annotated[tuple[str, ...], Distinct]
-"""Plug-ins: names, ``module:Name`` or ``path/to/file.py:Name``."""
+"""Plug-ins, each as a registered name, ``module:Name`` or ``path/to/file.py:Name``."""
 
 
 class SceneSource(Model):
@@ -115,9 +115,11 @@ class Sensing(Model):
 
     @property
     def is_scan(self) -> bool:
+        """Whether the clouds are scans by the virtual sensor."""
         return self.make == "scan"
 
     def scan_settings(self, scene: str, seed: int) -> Options:
+        """Return the settings of the job that scans a scene (`puckbench.jobs.scan.Scanning`)."""
         origin = self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
         kept = {key: getattr(self, key) for key in _OF_SCANS}
         return {**kept, "origin": origin, "seed": seed}
@@ -197,6 +199,7 @@ class DataSetConfig(Sensing):
 
     @property
     def is_metric(self) -> bool:
+        """Whether the clouds stay in metres; otherwise, they are scaled to a cube."""
         return self.size == METRIC
 
 
@@ -237,7 +240,10 @@ class DriveConfig(Sensing):
     )
 
     def of_scene(self, scene: str) -> DriveConfig:
-        """Return the settings of the drive through a scene, with its trajectory in the sweep."""
+        """Return the settings of the drive through one scene.
+
+        If the scene has an entry in `trajectories`, this entry replaces the sweep's trajectory.
+        """
         if scene not in self.trajectories:
             return self
         sweep = {"preset": self.sweep} if isinstance(self.sweep, str) else self.sweep
@@ -279,6 +285,7 @@ class CodecConfig(Model):
     )
 
     def changes(self) -> Options:
+        """Return the keys that the entry sets, by their names in the configuration file."""
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
@@ -427,6 +434,7 @@ class ExamplesConfig(Model):
     )
 
     def clouds_by_kind(self) -> dict[str, str]:
+        """Return the named example clouds, as ``dataset/cloud`` by kind of example."""
         clouds: dict[str, str] = self.model_dump(exclude_none=True)
         return clouds
 
@@ -544,14 +552,18 @@ class Config(Model):
 
     @property
     def failures_file(self) -> Path:
-        """The file to which a run writes `failed` if jobs fail."""
+        """Path of the file to which a run writes the key ``failed`` if jobs fail."""
         return Path(self.results) / "failed.yaml"
 
     def codec(self, name: str) -> Options:
+        """Return the keys that the entry of a codec sets; empty for a codec without changes."""
         return (self.codecs[name] or CodecConfig()).changes()
 
     def places(self) -> Iterator[str]:
-        """Yield the names of code (``module:Name``, ``file.py:Name``) in the configuration."""
+        """Yield the places of code that the configuration names.
+
+        A place is ``module:Name`` or ``file.py:Name``, such as the user's codec or figure.
+        """
         yield from filter(is_place, self._plugins())
 
     def _plugins(self) -> Iterator[str | None]:
@@ -567,31 +579,40 @@ class Config(Model):
             yield from (model.errors for model in self.sensor_study.models.values() if model)
 
     def as_json(self) -> Options:
+        """Return the configuration with all defaults, as values that JSON can store."""
         values = self.model_dump(mode="json", by_alias=True, exclude_none=True)
         return {**values, "codecs": {name: self.codec(name) for name in self.codecs}}
 
 
 def checked(config: Mapping[str, Any]) -> Config:
-    """Check a configuration, after replacing data by stand-ins if requested.
+    """Check the keys and values of a configuration, and return it as a `Config`.
 
-    `puckbench.planning.plan` checks names of loaders, codecs, rates and clouds. Raises InputError
-    with the key, its value and the allowed values.
+    If ``stand_in`` is true, generated data first replace data from files (`with_stand_ins`).
+    Whether named loaders, codecs, rates and clouds exist is checked later, by
+    `puckbench.planning.plan.Plan`.
+
+    Raises
+    ------
+    InputError
+        A key is unknown or a value is not allowed. The message tells the key, its value and the
+        allowed values.
     """
     return checked_model(Config, with_stand_ins(config))
 
 
 def trusted(config: Mapping[str, Any]) -> Config:
-    """Check the user's configuration, and trust the code that it names."""
+    """Check a configuration as `checked` does, and permit the import of the code that it names."""
     configuration = checked(config)
     trust(configuration.places())
     return configuration
 
 
 def with_stand_ins(config: Mapping[str, Any]) -> Options:
-    """Replace data from files by generated data if `stand_in` is true.
+    """Return a copy of a configuration that uses generated data if its ``stand_in`` is true.
 
-    The `stand_in` of a scene set replaces the set; the `stand_in` of a data set or of the figures
-    replaces some keys. Results go to another folder.
+    The entry ``stand_in`` of a scene set then replaces the whole set. The entry ``stand_in`` of a
+    data set, or of the figures, replaces only the keys that it contains. The results folder gets
+    the suffix ``_stand_in``. If ``stand_in`` is not true, the copy has the same values.
     """
     changed: Options = copy.deepcopy(dict(config))
     for key in ("stand_in", "strict"):
@@ -618,14 +639,22 @@ def _mappings(values: Any) -> list[Options]:
 
 
 def read_config(path: Path) -> Options:
-    """Read a YAML or JSON file without checking its keys."""
+    """Return the content of a YAML or JSON file, without checking its keys.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not a mapping of keys to values.
+    """
     return _read(path, alike=True)
 
 
 def check_config_files(paths: Iterable[str | Path]) -> None:
-    """Raise InputError if a file that Snakemake has read is invalid.
+    """Raise InputError if a configuration file, which Snakemake has read already, is not valid.
 
-    Files without keys of puckbench are ignored: they belong to a workflow that imports this one.
+    A file is valid if it is YAML or JSON, and YAML 1.1 and 1.2 read all its values alike.
+    A file without any key of puckbench is ignored, since it belongs to a workflow that imports
+    puckbench's.
     """
     for path in map(Path, paths):
         if set(Config.model_fields) & set(_read(path, alike=False)):

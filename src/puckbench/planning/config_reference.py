@@ -22,6 +22,7 @@ _TABLE = re.compile(r"(<!-- keys: (\w+) -->\n).*?(<!-- end of keys -->)", re.DOT
 
 
 def schema() -> str:
+    """Return the JSON schema of the configuration, as the text of its file."""
     content = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **config.Config.model_json_schema(by_alias=True),
@@ -30,6 +31,7 @@ def schema() -> str:
 
 
 def key_table(model: type[BaseModel]) -> str:
+    """Return a Markdown table of the keys of a model, with their defaults and meanings."""
     rows = [
         f"| `{field.alias or name}` | {_default(field)} | {field.description} |"
         for name, field in model.model_fields.items()
@@ -38,6 +40,8 @@ def key_table(model: type[BaseModel]) -> str:
 
 
 def with_tables(text: str) -> str:
+    """Return a Markdown text in which the tables of keys are replaced by current ones."""
+
     def table(match: re.Match[str]) -> str:
         return f"{match[1]}{key_table(getattr(config, match[2]))}{match[3]}"
 
@@ -45,6 +49,7 @@ def with_tables(text: str) -> str:
 
 
 def documented(text: str) -> set[str]:
+    """Return the names of the models whose keys a Markdown text lists."""
     return {match[2] for match in _TABLE.finditer(text)}
 
 
@@ -66,6 +71,7 @@ def _yaml(value: Any) -> str:
 
 
 def main(root: Path) -> None:
+    """Write the schema and the tables of keys to the files of the repository in folder `root`."""
     readme = root / "config" / "README.md"
     readme.write_text(with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")
     file = root / "workflow" / "schemas" / "config.schema.json"

@@ -25,15 +25,30 @@ from virtual_lidar import open_error_model, open_sweep
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
 _CODING_S, _TASK_S = 0.25, 0.06
-"""Estimated times (s) to code a turn at a rate, and to measure the tasks on it."""
+"""Estimated times (s) to code a turn at one rate, and to measure the tasks on a turn.
+
+A turn is the points of one revolution of the sensor.
+"""
 
 
 @dataclass(frozen=True)
 class DrivePlan:
-    """Drives of one entry of the configuration.
+    """The drives of one entry under ``drives`` in the configuration.
 
-    `scans` maps names of virtual drives to scene and seed; `clouds` maps names of recorded drives
-    to clouds; `rates` maps codecs to rates.
+    A drive is a sequence of turns of a moving sensor; a turn is one revolution.
+
+    Parameters
+    ----------
+    name, settings
+        Name of the entry, and the entry itself.
+    scenes
+        The scene set of the entry.
+    scans
+        For each drive of the virtual sensor, the name of its scene and the seed of the errors.
+    clouds
+        For each recorded drive, the names of its clouds in the order of time, one for each turn.
+    rates
+        For each codec, the names of the rates at which the turns are encoded.
     """
 
     name: str
@@ -45,11 +60,18 @@ class DrivePlan:
 
     @property
     def drives(self) -> tuple[str, ...]:
+        """Names of the drives."""
         return tuple(self.scans or self.clouds)
 
 
 class DriveJobs:
-    """Jobs for the drives of a plan; raises InputError if an entry is invalid."""
+    """Plans the jobs that make drives, encode their turns, and measure a robot's tasks on them.
+
+    Raises
+    ------
+    InputError
+        An entry under ``drives`` in the configuration is invalid.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -58,14 +80,17 @@ class DriveJobs:
 
     @property
     def virtual(self) -> list[str]:
+        """Names of the entries whose drives are scanned by the virtual sensor."""
         return [name for name, entry in self.entries.items() if entry.settings.is_scan]
 
     @property
     def real(self) -> list[str]:
+        """Names of the entries whose drives are recorded clouds."""
         return [name for name in self.entries if name not in self.virtual]
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
+        """The coded drives, as triples (entry, drive, codec)."""
         failed = self.plan.has_failed
         return tuple(
             (name, drive, codec)
@@ -78,16 +103,24 @@ class DriveJobs:
 
     @cached_property
     def rows(self) -> tuple[str, ...]:
-        """Files of result rows; undecoded drives come first."""
+        """Files with rows of results, relative to the results folder.
+
+        The first are those of the undecoded drives, the others those of `curves`.
+        """
         drives = [(n, drive, UNDECODED) for n, e in self.entries.items() for drive in e.drives]
         undecoded = [row for row in drives if not self.plan.has_failed("drive_tasks", *row)]
         return tuple(f"drive_tasks/{'/'.join(each)}.parquet" for each in (*undecoded, *self.curves))
 
     def artefacts(self) -> list[str]:
+        """Return the files with the streams of drives, relative to the results folder."""
         return [f"coded_drives/{'/'.join(curve)}.zip" for curve in self.curves]
 
     def source(self, name: str, drive: str) -> dict[str, str | list[str]]:
-        """Return the scene file of a virtual drive, the scene's description, and other files."""
+        """Return the paths of the files from which a virtual drive is scanned, by input name.
+
+        ``scene`` is the mesh, ``about`` its description, and ``files`` are the user's files that
+        define the sensor, its motion or its errors.
+        """
         entry = self.entries[name]
         scene = entry.scans[drive][0]
         file = f"{self.plan.results}/scenes/{entry.scenes.name}/{scene}"
@@ -95,13 +128,20 @@ class DriveJobs:
         return {"scene": f"{file}.ply", "about": f"{file}.json", "files": others}
 
     def files(self, name: str, drive: str) -> dict[str, list[str]]:
-        """Return the files of a drive's clouds and poses."""
+        """Return the paths of the files from which a recorded drive is made, by input name.
+
+        ``clouds`` are the files of its clouds, and ``poses`` those of the sensor's poses.
+        """
         entry = self.entries[name]
         files = (file for cloud in entry.clouds[drive] for file in entry.scenes.files(cloud))
         poses = map(str, files_of_poses(entry.settings.poses)) if entry.settings.poses else ()
         return {"clouds": list(dict.fromkeys(files)), "poses": list(poses)}
 
     def drive(self, name: str, drive: str) -> PlannedJob:
+        """Plan the job that writes a drive, i.e. its turns and the sensor's poses.
+
+        `name` is the entry in the configuration, and `drive` one of its drives.
+        """
         entry = self.entries[name]
         if drive in entry.scans:
             scene, seed = entry.scans[drive]
@@ -125,11 +165,20 @@ class DriveJobs:
         return planned(record_of_clouds, *readers, also=digest)
 
     def encode(self, name: str, codec: str) -> PlannedJob:
+        """Plan the job that encodes all turns of a drive.
+
+        `name` is the drive's entry in the configuration; the job is the same for all its drives.
+        """
         changes = self._changes(name, codec)
         record = EncodeDrive(codec=codec, changes=changes, **timed(self.plan))
         return codec_job(self.plan, record, codec)
 
     def measure(self, name: str, codec: str) -> PlannedJob:
+        """Plan the job that decodes a drive, and measures a robot's tasks on the decoded turns.
+
+        `name` is the drive's entry in the configuration. With the codec ``undecoded``, the tasks
+        are measured on the original drive.
+        """
         tasks = self.plan.drives[name].tasks
         modules = map(TASKS.module_of, tasks)
         if codec == UNDECODED:
@@ -144,7 +193,10 @@ class DriveJobs:
         return codec_job(self.plan, record, codec, *modules)
 
     def minutes(self, name: str) -> int:
-        """Return an upper bound of the estimated time of a drive's job, in minutes."""
+        """Return the time, in minutes, to request for a job that encodes or measures a drive.
+
+        `name` is the drive's entry in the configuration.
+        """
         rates = max(map(len, self.entries[name].rates.values()), default=1)
         return 10 + int(5 * rates)
 
@@ -225,9 +277,24 @@ def _check_sweep(value: DriveConfig) -> None:
 
 
 def consecutive(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Group clouds into drives, in which names differ only in a number with equal steps.
+    """Group names of clouds into drives, i.e. sequences of consecutive turns.
 
-    Raises InputError if a drive has a gap or a single cloud, or a name ends in no number.
+    Parameters
+    ----------
+    names
+        Names of clouds, such as ``park_0001``. Clouds with the same text before the last
+        underscore belong to one drive.
+
+    Returns
+    -------
+    dict[str, tuple[str, ...]]
+        For each drive, named by this text, its clouds ordered by their numbers.
+
+    Raises
+    ------
+    InputError
+        A name does not end in an underscore and a number, a drive has only one cloud, or the
+        numbers of a drive do not have equal steps.
     """
     drives: dict[str, list[str]] = {}
     for name in names:

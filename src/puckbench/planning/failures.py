@@ -12,7 +12,7 @@ from puckbench.jobs.fork_server import EXIT_STATUS
 from puckbench.metrics.table_registry import UNDECODED
 
 PREFIX = "puckbench: "
-"""Beginning of the last line in the log of a failed job."""
+"""Start of the last line in the log of a failed job, before the reason."""
 INTERRUPTED = "interrupted"
 _MAX_LINES = 10
 _NOUNS = {
@@ -30,16 +30,27 @@ _OF_CURVES = {
     **dict.fromkeys(("coded", "metrics", "decoded", "recovery"), "cloud"),
     **dict.fromkeys(("coded_drives", "drive_tasks"), "drive"),
 }
-"""Kinds of jobs for one data set, cloud and codec, and what the cloud is."""
+"""Kinds of jobs for one data set, cloud and codec, with the word for the cloud in messages."""
 _LAST = ("report", "reference")
-"""Jobs without which a run is not complete."""
+"""Jobs that no run can leave out, even if they fail."""
 _TAIL_BYTES = 1 << 16
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
 _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
 
 
 class Failure(NamedTuple):
-    """A failed job, named by its log's place in the folder of logs, without the suffix."""
+    """A job that failed, and why.
+
+    Parameters
+    ----------
+    job
+        Name of the job, which is the path of its log in the folder of logs, without the suffix;
+        such as ``coded/DATASET/CLOUD/CODEC``.
+    reason
+        The reason in one line, from the end of the log.
+    log
+        Path of the log.
+    """
 
     job: str
     reason: str
@@ -47,6 +58,7 @@ class Failure(NamedTuple):
 
     @property
     def codec(self) -> str:
+        """Name of the codec that the job ran; empty if it ran none."""
         kind, *names = self.job.split("/")
         return names[2] if kind in _OF_CURVES and len(names) > 2 else ""
 
@@ -55,7 +67,10 @@ class Failure(NamedTuple):
 
 
 def described(job: str) -> str:
-    """Return a job's name in words, such as ``codec draco, cloud rooms/office_1``."""
+    """Return what a job was for, in words such as ``codec draco, cloud rooms/office_1``.
+
+    `job` is its name, such as ``coded/rooms/office_1/draco``.
+    """
     kind, *names = job.split("/")
     if kind in _OF_CURVES and len(names) > 2:
         dataset, cloud, codec, *part = names
@@ -66,12 +81,21 @@ def described(job: str) -> str:
 
 
 def failed_jobs(logs: Path, since: float) -> list[Failure]:
-    """Return the failed jobs whose logs were written since a time stamp (s)."""
+    """Return the failed jobs of a run.
+
+    Parameters
+    ----------
+    logs
+        Folder of the jobs' logs.
+    since
+        Time stamp of the run's start, in s. Logs that were last changed before it are ignored.
+    """
     new = [log for log in sorted(logs.rglob("*.log")) if log.stat().st_mtime >= since]
     return [failure for log in new if (failure := failure_of(log, logs))]
 
 
 def failure_of(log: Path, logs: Path) -> Failure | None:
+    """Return the failure of the job with a log in the folder `logs`, or None if it succeeded."""
     reason = _reason(log)
     if reason is None:
         return None
@@ -83,9 +107,22 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
 
 
 def write_failures(path: Path, failures: list[Failure], before: Mapping[str, str]) -> Path | None:
-    """Write a configuration file that excludes the failed jobs, and those that `before` excluded.
+    """Write a configuration file with which the next run leaves out the failed jobs.
 
-    Without a further job that a run can leave out, write no file and return None.
+    Parameters
+    ----------
+    path
+        File to write (YAML).
+    failures
+        The failed jobs of this run.
+    before
+        Jobs that this run left out already, with the reasons. They stay excluded.
+
+    Returns
+    -------
+    Path | None
+        The path of the file. If no further job failed that a run can leave out, no file is written,
+        and None is returned.
     """
     reasons = {
         failure.job: f"{failure.reason}; log: {failure.log}"
@@ -99,12 +136,19 @@ def write_failures(path: Path, failures: list[Failure], before: Mapping[str, str
 
 
 def failure_key(failure: Failure) -> tuple[str, str]:
-    """Return what failures have in common that are told once: codec, or job, and reason."""
+    """Return the key by which failures are grouped, so that each group is printed once.
+
+    The key is the codec, or the job if it has no codec, and the reason.
+    """
     return failure.codec or failure.job, failure.reason
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line with one log for each codec and reason, up to a maximum number."""
+    """Yield lines to print about failures, one for each group of `failure_key`.
+
+    A line names one of the group's jobs with its log, and counts the others. There are at most ten
+    such lines.
+    """
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         groups.setdefault(failure_key(failure), []).append(failure)

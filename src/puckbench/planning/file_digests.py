@@ -1,4 +1,4 @@
-"""Digests of input files, by which jobs notice other content whatever the files' times."""
+"""Digests of input files, by which jobs notice changed content even if the time is unchanged."""
 
 from __future__ import annotations
 
@@ -26,10 +26,18 @@ class _Remembered(Model):
 
 
 def file_digests(paths: Iterable[Path], memory: Path) -> dict[Path, str]:
-    """Return a digest of the content of each file or folder.
+    """Return a digest of the content of each file or folder, as text by path.
 
-    Of a file over 1 GiB, the digest is of its size, time of modification and 64 parts. Digests are
-    remembered in the file `memory` until a file's size, times or inode change.
+    For a file over 1 GiB, the digest covers only the size, the time of modification and 64 evenly
+    spaced parts.
+
+    Parameters
+    ----------
+    paths
+        Files, and folders of which all files count.
+    memory
+        JSON file that stores the digests between runs. A file is read again if its size, times or
+        inode changed.
     """
     files = {path: list(_files(path)) for path in dict.fromkeys(paths)}
     states = {file: _state(file) for inner in files.values() for file in inner}
@@ -53,7 +61,7 @@ def _files(path: Path) -> Iterator[Path]:
 
 
 def _state(file: Path) -> _State:
-    """Return numbers that change with a file's content; none if there is no regular file."""
+    """Return size, times and inode of a file, or an empty tuple if it is no regular file."""
     with suppress(OSError):
         stat = file.stat()
         if S_ISREG(stat.st_mode):

@@ -1,13 +1,14 @@
 """Fingerprints of code: a job runs again when the code that makes its output changes.
 
-The code of a job is what its module and its plug-ins name in their constant ``CODE``
-(`puckbench.core.code`), and pointkit. Comments, docstrings and help texts do not count. With a file
-of Python, the YAML file beside it that has its name counts, too, and with a package's folder the
-YAML files in it.
+The code of a job is the module that defines it, what this module and the job's plug-ins name in
+their constant ``CODE`` (`puckbench.core.code`), and the package pointkit. Comments, docstrings and
+help texts do not count. A YAML file counts with the Python file of the same name beside it, and
+with the package in whose folder it lies.
 
-The code of a user's file is all that lies beside it, in its package or in its folder and the
-folders in it, the modules that it has imported from elsewhere, but for installed packages, and all
-engines. The code of a module of another installed package is that package, and all engines.
+The code of a user's file is the Python files of its package or, outside a package, of its folder
+and the folders directly in it. The modules that the file has imported count too, except those of
+installed packages. The code of a module of another installed package is that whole package. In both
+cases, all packages of this repository that puckbench builds on (`ENGINES`) count as well.
 """
 
 from __future__ import annotations
@@ -33,23 +34,25 @@ from puckbench.metrics.table_registry import TABLES
 from virtual_lidar.errors import ERROR_MODELS
 
 ALWAYS = ("pointkit.*",)
-"""Code of all jobs."""
+"""Packages that count as code of every job."""
 _PLUGINS: dict[str, Registry[Any]] = {
     "puckbench.figures": FIGURES,
     "puckbench.metrics.tables": TABLES,
     "virtual_lidar.errors": ERROR_MODELS,
 }
-"""Rooms with plug-ins, which count only where a job names them."""
+"""Packages of puckbench with plug-ins, whose modules count only where a job names them."""
 _READERS = {"cloud_files.meshes": meshes.READERS}
-"""Rooms with readers of formats, which count only where a job reads such files."""
+"""Packages with readers of file formats, which count only where a job reads such files."""
 
 
 @cache
 def code_version(*names: str) -> str:
-    """Return the fingerprint (16 hexadecimal digits) of code.
+    """Return a fingerprint of code, as 16 hexadecimal digits that change when the code changes.
 
-    A name is that of a module, a room or a package (`puckbench.core.code`), or the path of a user's
-    file.
+    Parameters
+    ----------
+    names
+        Names of modules or packages, as in `puckbench.core.code`, or paths of the user's files.
     """
     files = sorted((_short(file), file) for file in covered(*names))
     lines = "\n".join(f"{name} {_code_digest(file)}" for name, file in files)
@@ -58,7 +61,7 @@ def code_version(*names: str) -> str:
 
 @cache
 def covered(*names: str) -> frozenset[Path]:
-    """Return the files of Python and YAML of the code that has these names."""
+    """Return the paths of all Python and YAML files that `code_version` of these names reads."""
     files: set[Path] = set()
     seen: set[str] = set()
     queue = [*ALWAYS, *names]
@@ -73,7 +76,7 @@ def covered(*names: str) -> frozenset[Path]:
 
 
 def _files_and_names(name: str) -> tuple[set[Path], tuple[str, ...]]:
-    """Return the files of a name, and the names that its ``CODE`` adds."""
+    """Return the files of one name, and the further names whose code counts with it."""
     engines = tuple(f"{engine}.*" for engine in ENGINES)
     if name.endswith(".py"):
         return _files_of_user(Path(name)), engines
@@ -102,7 +105,7 @@ def _ours() -> dict[str, Path]:
 
 
 def _data_below(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
-    """Yield the YAML files that have the name of a Python file beside them."""
+    """Yield the YAML files beside which there is a Python file of the same name."""
     return (file for file in folder.glob(f"{pattern}.yaml") if file.with_suffix(".py").is_file())
 
 
@@ -114,7 +117,7 @@ def _plugins_in(room: str) -> set[str]:
 
 
 def _files_of_user(file: Path) -> set[Path]:
-    """Return a user's file, the files beside it, and those of the modules that it has imported."""
+    """Return the files that count as the code of a user's file."""
     folder = package_folder(file)
     beside = {*package_files(folder), *file.parent.glob("*/*.py"), *_data_below(file.parent, "*")}
     queue, modules = [_imported(file)], dict[str, ModuleType]()
@@ -129,7 +132,7 @@ def _files_of_user(file: Path) -> set[Path]:
 
 
 def _imported(file: Path) -> ModuleType:
-    """Return the module of a user's file, which its plug-in's registry has imported."""
+    """Return the module that was imported from a user's file, or an empty module."""
     found = (module for module in [*sys.modules.values()] if _file_of(module) == file)
     return next(found, ModuleType(file.stem))
 
@@ -145,7 +148,7 @@ def _is_of_user(file: str | None) -> bool:
 
 
 def _short(file: Path) -> str:
-    """Return a file's path from the folder that contains its package; without one, its name."""
+    """Return a file's path relative to the folder that contains the file's package."""
     folder = package_folder(file)
     top = folder.parent if (folder / "__init__.py").exists() else folder
     return file.relative_to(top).as_posix()
@@ -162,10 +165,8 @@ def _code_digest(file: Path) -> str:
 
 
 def _add_words(value: Any, words: list[str]) -> None:
-    """Append words for code without docstrings, imports for type checkers and help texts.
-
-    This takes a third of the time of `ast.dump`.
-    """
+    """Append words that describe a syntax tree without docstrings, type imports and help texts."""
+    # This takes a third of the time of `ast.dump`.
     if isinstance(value, ast.AST):
         words.append(type(value).__name__)
         is_option = isinstance(value, ast.Call) and getattr(value.func, "id", "") == "Field"
@@ -191,5 +192,5 @@ def _is_text(node: object) -> bool:
 
 
 def _is_for_types(node: object) -> bool:
-    """Return whether a statement is ``if TYPE_CHECKING``, whose ``else`` is what runs."""
+    """Return whether a statement is ``if TYPE_CHECKING``, so that only its ``else`` runs."""
     return isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"

@@ -12,11 +12,15 @@ _WORKFLOW = Path(__file__).parents[1] / "workflow"
 """Folder of the workflow; in a repository, a link to it."""
 
 CALLER_GOES_ON = "PUCKBENCH_CALLER_GOES_ON"
-"""Environment variable that is set if the caller of Snakemake prints the summary and, after
-failures, runs the rest."""
+"""Environment variable that is set if the process that starts Snakemake goes on after it.
+
+This process then prints the summary and, after failures, starts Snakemake again for what can still
+be made.
+"""
 
 
 def snakefile() -> Path:
+    """Return the path of the workflow's ``Snakefile``; raise InputError if it is missing."""
     if (file := _WORKFLOW.resolve() / "Snakefile").is_file():
         return file
     raise InputError("the workflow is not in this installation of puckbench; install its wheel")
@@ -25,6 +29,19 @@ def snakefile() -> Path:
 def snakemake_command(
     config: Path, cores: int | None, *more: str, over: Path | None = None
 ) -> list[str]:
+    """Return the command that runs the workflow, as a list of words.
+
+    Parameters
+    ----------
+    config
+        Configuration file.
+    cores
+        Maximum number of cores; None uses all.
+    more
+        Further arguments of Snakemake.
+    over
+        Second configuration file, whose values replace those of the first.
+    """
     words = [sys.executable, "-m", "snakemake", *more]
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]
@@ -32,14 +49,24 @@ def snakemake_command(
 
 
 def command_for_the_rest(words: Sequence[str], files: Iterable[Path], start: Path | None) -> str:
-    """Return the command of a run of Snakemake, with other configuration files.
+    """Return the command by which a user can make what is left after failures.
+
+    It is the command of the present run, with other configuration files.
 
     Parameters
     ----------
     words
-        The arguments of the run.
+        Arguments of Snakemake in the present run.
     files
-        Configuration files; paths below `start` are shown relative to it.
+        Configuration files of the new command.
+    start
+        Folder in which the user started the present run. Paths below it are written relative to it;
+        with None, all paths are absolute.
+
+    Returns
+    -------
+    str
+        One line, quoted for a shell.
     """
     end = words.index("--") if "--" in words else len(words)
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)

@@ -37,14 +37,30 @@ from virtual_lidar import open_error_model
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Tables with a row for each cloud, or for each cloud and codec."""
 _GATHERED = ("metrics", "clouds", "drives", "scan_errors", "recovery")
-"""Gathered tables of results, which tables and figures may read."""
+"""Tables that join the results of jobs, which other tables and figures may read."""
 _OF_CURVES = {"metrics", "recovery"}
 """Tables with rows for coded clouds only."""
 Inputs = dict[str, str]
-"""Files of inputs by name."""
+"""Path of each input of a table or figure, by the input's name."""
 
 
 class OutputJobs:
+    """Plans the jobs that make tables, figures, the report and the file of reference results.
+
+    Parameters
+    ----------
+    plan
+        The plan of the run.
+    coding, drives, study
+        Planned jobs of the codecs, the drives and the sensor study (None without a study), whose
+        results tables and figures show.
+
+    Raises
+    ------
+    InputError
+        A table or figure of the user reads a table that does not exist, or a style is invalid.
+    """
+
     def __init__(
         self, plan: Plan, coding: CodingJobs, drives: DriveJobs, study: StudyJobs | None
     ) -> None:
@@ -58,7 +74,7 @@ class OutputJobs:
             self.table(name)
 
     def _check_inputs(self) -> None:
-        """Raise InputError if a table or figure of the user has an input that does not exist."""
+        """Raise InputError if a user's table or figure reads a table that does not exist."""
         examples = (f"example_{kind}" for kind in type(self.config.figures.examples).model_fields)
         of_studies = (name for study in STUDIES.names() for name in STUDIES.get(study).input_names)
         known = [*dict.fromkeys([*TABLES.names(), *of_studies, *examples])]
@@ -74,6 +90,7 @@ class OutputJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
+        """Jobs that make the tables of result rows and of the plan's own rows, by table name."""
         plan, rows = self.plan, dict[str, tuple[str, ...]]()
         rows["clouds"] = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
         rows["metrics"] = self.coding.rows("metrics")
@@ -93,7 +110,10 @@ class OutputJobs:
 
     @cached_property
     def left_out_rows(self) -> tuple[dict[str, str], ...]:
-        """What the run leaves out, with reasons, and the tables and figures that need it."""
+        """Rows of the table ``left_out``, with the tables and figures that lack an input.
+
+        Each row has the columns of `Plan.left_out_rows`.
+        """
         return (*self.plan.left_out_rows(), *self._without_inputs())
 
     def _without_inputs(self) -> Iterator[dict[str, str]]:
@@ -113,6 +133,7 @@ class OutputJobs:
 
     @cached_property
     def study_tables(self) -> dict[str, Inputs]:
+        """Tables of the sensor study that a run makes, with the files of their inputs."""
         inputs = self._study_inputs()
         return {
             name: {needed: inputs[needed] for needed in entry.inputs}
@@ -122,7 +143,10 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Tables, except the sensor study's, with available inputs and met needs."""
+        """Tables of codecs' results that a run makes, with the files of their inputs.
+
+        A table is made if all inputs that it requires are made, and the plan meets its needs.
+        """
         there = {"metrics", "clouds", "scan_errors", "drives"} & self.gathered.keys()
         there |= self.study_tables.keys()
         return {
@@ -137,9 +161,11 @@ class OutputJobs:
 
     @cached_property
     def tables(self) -> dict[str, Inputs]:
+        """All tables that a run computes from other tables, with the files of their inputs."""
         return {**self.study_tables, **self.result_tables}
 
     def table(self, name: str) -> PlannedJob:
+        """Plan the job that makes a table, given by its registered name."""
         record = Table(table=TABLES.place_of(name), options=self.table_options(name))
         models = map(open_error_model, table_entry(name).error_models)
         modules, parameters = code_of_models(models)
@@ -147,7 +173,11 @@ class OutputJobs:
         return planned(record, TABLES.module_of(name), *modules, also=f"{parameters} {inputs}")
 
     def table_options(self, table: str) -> Options:
-        """Return the options of a table's function that its needs or the configuration set."""
+        """Return keyword arguments for the function that makes a table, besides its inputs.
+
+        Their values come from the needs of the table (`met_needs`) and from the configuration's
+        ``bd_rate``.
+        """
         entry = table_entry(table)
         options = {name: value for need in entry.needs for name, value in self._met[need].items()}
         taken = signature(entry.make).parameters
@@ -163,6 +193,7 @@ class OutputJobs:
 
     @property
     def anchor(self) -> str:
+        """Name of the codec against which Bjontegaard deltas compare; empty without codecs."""
         anchor = self.plan.anchor
         if anchor not in (*self.plan.codecs, ""):
             codecs = ", ".join(self.plan.codecs)
@@ -173,16 +204,19 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
-        """Figures that a run draws, and the files of their inputs: each picture once.
+        """Figures that a run draws, with the files of their inputs.
 
-        Of two figures with the same picture, this is the one that is `instead_of` the other.
+        If one of two such figures replaces the other (`instead_of`), the other is not drawn.
         """
         others = {entry.instead_of for entry in figure_entries().values()}
         return {name: files for name, files in self.drawable.items() if name not in others}
 
     @cached_property
     def drawable(self) -> dict[str, Inputs]:
-        """Figures with available inputs and met needs, and the files of their inputs."""
+        """Figures that can be drawn, with the files of their inputs.
+
+        All inputs of such a figure are made, and the plan meets its needs.
+        """
         inputs = self._cloud_inputs() | self._study_inputs()
         return {
             name: {needed: inputs[needed] for needed in entry.inputs}
@@ -202,6 +236,7 @@ class OutputJobs:
         return tuple({self.plan.datasets[name].frame for name, _ in clouds})
 
     def figure(self, name: str) -> PlannedJob:
+        """Plan the job that draws a figure, given by its registered name."""
         record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
         also = self._codec_styles if self._shows_codecs(name) else ""
         examples = [file for file in self.drawable[name].values() if file.endswith(".ply")]
@@ -216,12 +251,15 @@ class OutputJobs:
 
     @cached_property
     def _codec_styles(self) -> str:
-        """Digest of the codecs' styles and order, which figures of codecs show."""
+        """Digest that changes with the styles or the order of the codecs."""
         looks = [(self._looks(name), codec_rank(name)) for name in self.plan.codecs]
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
-        """Return a figure's style as layers: for data sets, for all figures, for this figure."""
+        """Return the options of a figure's style as layers, each of which overrides earlier ones.
+
+        The layers are those of data sets and codecs, of all figures, and of this figure.
+        """
         options, other = self.config.figures.options, figure_entry(figure).instead_of
         of_other = (options[other],) if other in options else ()
         changes = self.config.figures.style, *of_other, options.get(figure, {})
@@ -249,6 +287,7 @@ class OutputJobs:
 
     @property
     def titles(self) -> FigureStyle:
+        """Style with the titles of data sets and codecs, for text that is printed."""
         return FigureStyle.from_config(*self._style(self.config.figures.style))
 
     def _check_style(self, figure: str) -> None:
@@ -259,18 +298,20 @@ class OutputJobs:
 
     @property
     def first_codec(self) -> str:
-        """The codec that runs first; its results are shown while the run continues."""
+        """Name of the codec that runs first, so that a first look can show its results early."""
         codecs = (codec for codec in self.plan.codecs if self.coding.rows("metrics", codec))
         return next(codecs, "")
 
     @cached_property
     def first_figures(self) -> list[str]:
+        """Names of the figures of the first look."""
         if self.plan.has_failed("first_look"):
             return []
         return [name for name in self.figures if figure_entry(name).is_first_look]
 
     @cached_property
     def first_look(self) -> Gathering:
+        """The job that draws figures of the first codec while the run continues."""
         names = self.coding.rows("metrics", self.first_codec)
         record = FirstLook(names=names, style=self._style(self.config.figures.style))
         modules = map(FIGURES.module_of, self.first_figures)
@@ -280,13 +321,14 @@ class OutputJobs:
 
     @cached_property
     def report_contents(self) -> Contents:
+        """Contents of the report page: tables, figures and examples, with their files."""
         tables = [*self.result_tables, *self.study_tables]
         layers = self._style(self.config.figures.style)
         return planned_contents(self.plan, self.figures, self.gathered, tables, layers)
 
     @cached_property
     def report(self) -> PlannedJob:
-        """Plan the report page, which is built again if titles or captions change."""
+        """The job that builds the report page; it runs again if a title or caption changes."""
         entries: list[FigureEntry | TableEntry] = [*figure_entries().values()]
         entries += table_entries().values()
         texts = "".join(f"{entry.number} {entry.title} {entry.caption}" for entry in entries)
@@ -302,13 +344,14 @@ class OutputJobs:
 
     @property
     def reference_inputs(self) -> Inputs:
+        """Files of the tables that the file of reference results contains, by table name."""
         of_clouds = ("metrics", "clouds", "scan_errors")
         names = of_clouds if "metrics" in self.gathered else ("drives",)
         return {name: self._file(name) for name in names if name in self.gathered}
 
     @cached_property
     def reference(self) -> PlannedJob:
-        """Plan the file of reference results, with which other runs can be compared."""
+        """The job that writes the reference results, with which other runs can be compared."""
         record = Reference(
             contents=self.report_contents.as_json(),
             bd_rate={"anchor": self.anchor, **self._comparison},

@@ -44,12 +44,27 @@ from virtual_lidar import open_error_model, open_sweep
 from virtual_lidar.scenes.calibration import CALIBRATIONS
 
 _MAKING = ("samples", "scans", "clouds")
-"""Kinds of jobs that make a cloud from a scene."""
+"""First parts of the names of the jobs that make a cloud from a scene."""
 _NOWHERE = {"dataset": "", "scene": ""}
 
 
 @dataclass(frozen=True)
 class ScenePlan:
+    """An opened scene set, with the names of the scenes that a run uses.
+
+    Parameters
+    ----------
+    name
+        Name of the scene set in the configuration.
+    loader, options, seed
+        Name of the loader that reads or generates the scenes, its options, and the seed of
+        generated scenes.
+    scenes
+        The opened set, which loads a scene by its name.
+    chosen
+        Names of the scenes that the configuration selects.
+    """
+
     name: str
     loader: str
     seed: int
@@ -59,19 +74,40 @@ class ScenePlan:
 
     @cached_property
     def names(self) -> frozenset[str]:
+        """Names of all scenes of the set, also of those that the run does not use."""
         return frozenset(self.scenes.names())
 
     def files(self, scene: str) -> list[str]:
+        """Return the paths of the files from which a scene is read."""
         return [str(path) for path in self.scenes.files(scene)]
 
     def options_of(self, scene: str) -> dict[str, Any]:
+        """Return the loader's options for one scene, narrowed to this scene if possible."""
         narrowed = self.scenes.options_of(scene)
         return self.options if narrowed is None else narrowed
 
 
 @dataclass(frozen=True)
 class DataSetPlan:
-    """Clouds of a data set; `sources` are the scene and the seed of each cloud."""
+    """The clouds that a run makes for one data set of the configuration.
+
+    Parameters
+    ----------
+    name
+        Name of the data set.
+    scenes
+        Name of the scene set from which the clouds are made.
+    sources
+        For each cloud's name, the name of its scene and the seed with which it is made.
+    points
+        Estimated number of points of a cloud, from which time and memory are estimated.
+    settings
+        The data set's entry in the configuration.
+    has_returns
+        Whether the clouds consist of the returns of a spinning sensor.
+    has_packets
+        Whether these returns come from recorded data packets.
+    """
 
     name: str
     scenes: str
@@ -83,22 +119,29 @@ class DataSetPlan:
 
     @property
     def clouds(self) -> tuple[str, ...]:
+        """Names of the clouds."""
         return tuple(self.sources)
 
     def source_of(self, cloud: str) -> tuple[str, int]:
-        """Return a cloud's scene and seed; for an unusable cloud, values that make its job fail."""
+        """Return the name of a cloud's scene, and the seed with which the cloud is made.
+
+        For an excluded cloud, return the cloud's name and 0: its job then fails with a message.
+        """
         return self.sources.get(cloud, (cloud, 0))
 
     @property
     def used_scenes(self) -> tuple[str, ...]:
+        """Names of the scenes from which clouds are made."""
         return tuple(dict.fromkeys(scene for scene, _ in self.sources.values()))
 
     @property
     def frame(self) -> CoordinateFrame:
+        """Coordinate frame of the clouds: ``metric`` for metres, ``scaled`` for a cube's grid."""
         return "metric" if self.settings.is_metric else "scaled"
 
     @property
     def has_truth(self) -> bool:
+        """Whether decoded clouds are also compared with the true surface or the true points."""
         return self.settings.truth and self.settings.make != "cloud"
 
     @property
@@ -119,7 +162,19 @@ class DataSetPlan:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The sensor study, with the checked names and options of its models."""
+    """The checked sensor study, which measures the sensor's errors on a wall and a floor.
+
+    Parameters
+    ----------
+    settings
+        The entry ``sensor_study`` of the configuration.
+    models
+        For each name in tables and figures, the error model and the changes to its parameters.
+    captures
+        For each recording's name, its path and the options of its measurement.
+    seed
+        Seed of the sensor's errors.
+    """
 
     settings: StudyConfig
     models: dict[str, tuple[str, dict[str, Any]]]
@@ -128,17 +183,33 @@ class StudyPlan:
 
     @property
     def all_distances_m(self) -> tuple[float, ...]:
+        """Distances of the sensor from the wall, in m, with the far one at the end."""
         far_m = self.settings.far_m
         return (*self.settings.distances_m, *([] if far_m is None else [far_m]))
 
     @property
     def shown_m(self) -> tuple[float, ...]:
+        """Distances, in m, of the scans that a figure shows."""
         return tuple(distance for distance in (1.0, 5.0) if distance in self.settings.distances_m)
 
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """Training and validation of weights; clouds are pairs of data set and name."""
+    """The training of a learned codec's weights, and their validation.
+
+    Parameters
+    ----------
+    codec, entry
+        Name of the codec, and its entry in the configuration.
+    clouds, validate
+        Clouds of the training and of the validation, as pairs (data set, cloud).
+    validate_every
+        Number of steps between two validations; 0 validates only at the end.
+    start
+        Path of the file of initial weights; None starts with random weights.
+    settings
+        Settings of the codec's training, with the seed.
+    """
 
     codec: str
     entry: dict[str, Any]
@@ -150,10 +221,23 @@ class TrainingPlan:
 
 
 class Plan:
-    """Scenes, data sets, clouds and codecs from a checked configuration.
+    """What a run makes: the clouds, codecs, trainings and drives of a configuration.
 
-    With `check_scenes`, meshes are read, and unusable ones excluded. Raises InputError for an
-    unknown name.
+    Jobs that failed in the last run (``failed`` in the configuration) are excluded, with all that
+    depends on them.
+
+    Parameters
+    ----------
+    config
+        The checked configuration.
+    check_scenes
+        Whether to read the scenes first, and to exclude those that cannot be used.
+
+    Raises
+    ------
+    InputError
+        The configuration names a loader, scene set, scene, codec or metric that does not exist;
+        nothing is left to run; or the configuration sets ``strict``, and a scene cannot be used.
     """
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
@@ -162,7 +246,7 @@ class Plan:
             name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
         }
         self.left_out: dict[str, dict[str, str]] = {}
-        """Reasons for the exclusion of scenes, by data set and scene."""
+        """For each data set, the names of the excluded scenes, with the reasons."""
         self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
         if config.failed and not config.drives:  # which may use any codec
@@ -195,7 +279,11 @@ class Plan:
         return usable
 
     def left_out_rows(self) -> tuple[dict[str, str], ...]:
-        """Return the files, scenes, codecs and rates that the run excludes, with reasons."""
+        """Return the rows of the table ``left_out``, which lists all that the run excludes.
+
+        Each row has the columns ``dataset`` and ``scene`` (empty if the reason is not a scene's),
+        ``file`` (the file or other item) and ``reason``.
+        """
         named = [
             {"dataset": "", "scene": "", "file": file, "reason": why}
             for file, why in self.config.unused.items()
@@ -240,12 +328,16 @@ class Plan:
                 yield {"dataset": data.name, "scene": "", "file": data.name, "reason": reason}
 
     def has_failed(self, *names: str) -> bool:
-        """Return whether a job failed in the last run; its name is that of its log."""
+        """Return whether a job failed in the last run.
+
+        `names` are the parts of the path of the job's log, such as ``coded``, data set, cloud and
+        codec.
+        """
         return "/".join(names) in self.config.failed
 
     @property
     def examples(self) -> dict[str, str]:
-        """Clouds (``dataset/cloud``) that figures and report show, by kind."""
+        """Example clouds of figures and report: for each kind of example, ``dataset/cloud``."""
         shown = self.config.figures.examples.clouds_by_kind()
         if not self.config.failed:
             return shown
@@ -254,7 +346,7 @@ class Plan:
 
     @property
     def anchor(self) -> str:
-        """The anchor codec for comparisons of rates and distances; by default the first codec."""
+        """Name of the codec against which Bjontegaard deltas compare the other codecs."""
         anchor = self.config.bd_rate.anchor
         if anchor is None or (anchor in self.config.codecs and anchor not in self.codecs):
             return next(iter(self.codecs), "")
@@ -299,7 +391,10 @@ class Plan:
 
     @cached_property
     def extents(self) -> dict[str, dict[str, float]]:
-        """Longest sides in m of the clouds in metres, by data set and cloud."""
+        """Longest side of the bounding box, in m, of each cloud in metres, by data set and cloud.
+
+        A cloud that was not measured before the run is missing.
+        """
         return {
             name: {
                 cloud: extent
@@ -313,7 +408,7 @@ class Plan:
 
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
-        """Rates at which a codec cannot encode a large cloud, by data set, cloud and codec."""
+        """Names of the rates that are too fine for a wide cloud, by (data set, cloud, codec)."""
         rates_by_curve = {
             (dataset, cloud, codec): self._too_fine(codec, extent)
             for dataset, sides in self.extents.items()
@@ -328,7 +423,10 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """Return the rates at which a codec encodes a cloud; none if a job for them failed."""
+        """Return the names of the rates at which a codec encodes a cloud.
+
+        There are none if the encoding or the measurement of this cloud failed in the last run.
+        """
         if any(self.has_failed(kind, dataset, cloud, codec) for kind in ("coded", "metrics")):
             return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
@@ -337,19 +435,25 @@ class Plan:
 
     @property
     def results(self) -> Path:
+        """Path of the results folder."""
         return Path(self.config.results)
 
     @cached_property
     def opened(self) -> dict[str, Codec]:
+        """Codecs of the run by name, with their options and rates, but without loaded weights."""
         return {name: codecs.open_codec(name, self.config.codec(name)) for name in self.codecs}
 
     @cached_property
     def clouds(self) -> tuple[tuple[str, str], ...]:
+        """All clouds of the run, as pairs (data set, cloud)."""
         return tuple((data.name, cloud) for data in self.datasets.values() for cloud in data.clouds)
 
     @cached_property
     def scanned(self) -> tuple[tuple[str, str], ...]:
-        """Scans whose distance to the true surface is measured before encoding."""
+        """Scans whose distance from the true surface is measured before any coding.
+
+        Each is a pair (data set, cloud).
+        """
         datasets = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
         return tuple(
             cloud
@@ -359,7 +463,10 @@ class Plan:
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
-        """Curves (data set, cloud, codec) whose primitives are compared with the scenes' labels."""
+        """Curves whose decoded primitives are compared with the labels of the scenes.
+
+        Each is a triple (data set, cloud, codec), as in `curves`.
+        """
         config, datasets = self.config, self.datasets.values()
         coders = {n for n in self.codecs if codecs.codes_surfaces(n, config.codec(n))}
         labelled = {
@@ -375,6 +482,7 @@ class Plan:
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
+        """Rate-distortion curves of the run, as triples (data set, cloud, codec)."""
         return tuple(
             (dataset, cloud, codec)
             for dataset, cloud in self.clouds
@@ -384,10 +492,15 @@ class Plan:
 
     @cached_property
     def coded(self) -> tuple[DataSetPlan, ...]:
+        """Data sets of which at least one cloud is coded."""
         names = {dataset for dataset, _, _ in self.curves}
         return tuple(data for name, data in self.datasets.items() if name in names)
 
     def codes(self, codec: str, dataset: str) -> bool:
+        """Return whether a run codes the clouds of a data set with a codec.
+
+        It does if the configuration asks for this codec, and the codec can code such clouds.
+        """
         data = self.datasets[dataset]
         return self._is_requested(codec, data) and not self._why_not(codec, data)
 
@@ -407,12 +520,15 @@ class Plan:
 
     @cached_property
     def frames(self) -> tuple[CoordinateFrame, ...]:
+        """Coordinate frames of the run's clouds, each once."""
         return tuple(dict.fromkeys(data.frame for data in self.datasets.values()))
 
     def in_frame(self, frame: CoordinateFrame) -> list[str]:
+        """Return the names of the data sets whose clouds are in a coordinate frame."""
         return [name for name, data in self.datasets.items() if data.frame == frame]
 
     def rates(self, codec: str, frame: CoordinateFrame) -> tuple[str, ...]:
+        """Return the names of a codec's rates for clouds in a coordinate frame."""
         return tuple(self.opened[codec].rates_of(frame))
 
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
@@ -433,7 +549,7 @@ class Plan:
         )
 
     def _lacks_start(self, name: str, value: TrainingConfig) -> bool:
-        """Return whether a training, or the one from which it starts, failed."""
+        """Return whether a training failed, or the training of its initial weights failed."""
         start = self.config.train.get(value.start or "")
         return self.has_failed("weights", name) or bool(
             self.config.failed and start and value.start not in self.trainings
@@ -486,7 +602,10 @@ class Plan:
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
 
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a codec's complete entry, restricted to `rates` (parameters by name)."""
+        """Return a codec's complete entry in the configuration, with only the given rates.
+
+        `rates` maps names of rates to the codec's parameters at them.
+        """
         entry = {key: value for key, value in self.codecs[codec].items() if key != "metric_rates"}
         if all(map(self.opened[codec].is_length, rates)):
             return {**entry, "rates": {}, "metric_rates": rates}
@@ -494,12 +613,24 @@ class Plan:
 
     @cache  # noqa: B019 (one plan lives as long as the process)
     def weights_digest(self, codec: str) -> str:
+        """Return SHA-256 digests of a codec's weights files; empty for a codec without weights."""
         return " ".join(map(sha256, self.weights[codec]))
 
     def checked_scenes(self, where: str, value: Sensing) -> ScenePlan:
-        """Return the scene set of a data set or drive.
+        """Return the scene set from which a data set or drive is made, after checking the entry.
 
-        Raises InputError if the set is missing or unsuited to `value.make`, or a codec is unknown.
+        Parameters
+        ----------
+        where
+            Place of the entry in the configuration (``datasets.NAME``), for error messages.
+        value
+            The entry of the data set or drive.
+
+        Raises
+        ------
+        InputError
+            There is no such scene set, ``make`` does not suit its scenes (meshes are sampled or
+            scanned, clouds are taken as they are), or the entry names an unknown codec.
         """
         scenes = self.scenes.get(value.scenes)
         if scenes is None:
@@ -529,7 +660,7 @@ class Plan:
 
     @cached_property
     def digests(self) -> dict[Path, str]:
-        """Digests of the input files of all jobs."""
+        """Digest of the content of each input file that is known before the run, by path."""
         return file_digests(self._input_files(), self._digests_file)
 
     @property
@@ -537,9 +668,9 @@ class Plan:
         return self.results / ".digests.json"
 
     def digest_of(self, paths: Iterable[str | Path]) -> str:
-        """Return a digest of the contents of input files, in 16 hexadecimal digits.
+        """Return 16 hexadecimal digits that change with the content of any of some input files.
 
-        Without files, return an empty string.
+        The text is empty if `paths` is empty.
         """
         files = [Path(path) for path in paths]
         if unplanned := [file for file in files if file not in self.digests]:
@@ -616,7 +747,20 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
-    """Open a scene set; `seed` is the default seed."""
+    """Open a scene set of the configuration, and select its scenes.
+
+    Parameters
+    ----------
+    name, value
+        Name of the scene set, and its entry.
+    seed
+        Seed of generated scenes if the entry has none.
+
+    Raises
+    ------
+    InputError
+        The loader or its options are invalid, files are missing, or a selected scene is unknown.
+    """
     scene_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, scene_seed)
@@ -633,7 +777,10 @@ def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
 _CAPTURED_POINTS = 1_500_000
 """Assumed number of points of a captured cloud; most rooms of S3DIS have fewer."""
 _RETURNS = 60_000
-"""Assumed number of points of a turn in a recording (HDL-32E; a VLP-16 has a third)."""
+"""Assumed number of points of a turn, i.e. one revolution of the sensor, in a recording.
+
+This is about the number of an HDL-32E; a VLP-16 has a third of it.
+"""
 
 
 def _points(where: str, settings: DataSetConfig) -> int:

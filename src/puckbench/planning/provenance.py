@@ -1,7 +1,8 @@
-"""Provenance of results: the log of each job names the settings and code that made its files.
+"""Provenance of results: which settings and which code made the files of each job.
 
-Snakemake remembers them in the working folder only. The logs lie beside the results, also beside
-results that were copied, moved or replaced.
+Snakemake stores this in the working folder only. A job's log also ends with a digest of its
+settings and code. Logs lie in the results folder, so they stay with results that are copied or
+moved.
 """
 
 from __future__ import annotations
@@ -17,12 +18,16 @@ from puckbench.jobs.cost import read_cost
 from puckbench.planning.planned_job import RECORDS, PlannedJob
 
 OTHERWISE = RECORDS / "made_otherwise"
-"""An input of each job, newer than all results: results that were made otherwise are older."""
+"""File that is an input of every job, and is newer than all results at the start of a run.
+
+Snakemake compares its time only for jobs whose present results were made with other settings or
+code, and so makes these results again.
+"""
 _RESULTS = ("scenes", "clouds", "coded", "metrics", "drives", "residuals", "tables", "figures")
 
 
 def time_of_planning(folder: Path) -> float:
-    """Return the present time (s) by the clock of a folder's file system."""
+    """Return the current time stamp, in s, by the clock of a folder's file system."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder) as probe:
@@ -32,24 +37,37 @@ def time_of_planning(folder: Path) -> float:
 
 
 def write_otherwise(planned_at: float) -> None:
-    """Write the file `OTHERWISE` with a time (s) at which no result of this run had been made."""
+    """Write the file `OTHERWISE`, and set its time of modification.
+
+    Parameters
+    ----------
+    planned_at
+        Time stamp, in s, before the first result of this run was made.
+    """
     # Other content each time, since Snakemake ignores newer times of files with equal content.
     write_bytes(OTHERWISE, repr(planned_at).encode())
     os.utime(OTHERWISE, (planned_at, planned_at))
 
 
 class Provenance:
-    """Keys of the jobs that made the results, by log; see `PlannedJob.key`."""
+    """Tells with which settings and code the present results of a run were made.
+
+    Parameters
+    ----------
+    results
+        The results folder, with the logs of the jobs.
+    """
 
     def __init__(self, results: Path) -> None:
         self._results = results
         self._keys = {str(log): _key(log) for log in (results / "logs").rglob("*.log")}
 
     def is_made_by(self, log: str, job: PlannedJob) -> bool:
+        """Return whether the job with this log ended with the settings and code of `job`."""
         return self._keys.get(log) == job.key
 
     def is_lost(self) -> bool:
-        """Return whether there are results, but no log says how they were made."""
+        """Return whether the folder has results, but no log that tells how they were made."""
         folders = (self._results / name for name in _RESULTS)
         return not any(self._keys.values()) and any(
             path.is_file() for folder in folders for path in folder.rglob("*")
@@ -57,7 +75,7 @@ class Provenance:
 
 
 def _key(log: Path) -> str:
-    """Return the key in a log; empty if an earlier version ran the job, or the job failed."""
+    """Return the job's key in a log, or an empty text if the log has none."""
     with suppress(InputError, OSError):
         if cost := read_cost(log):
             return str(cost.get("key", ""))

@@ -7,7 +7,7 @@ from puckbench.planning.plan import Plan
 from puckbench.report.contents import Contents, Example
 
 FIRST_TABLES = ("summary", "clouds", "left_out", "scan_errors")
-"""Tables that come first in the report of every benchmark."""
+"""Names of the tables that come first in every report."""
 
 
 def planned_contents(
@@ -17,7 +17,21 @@ def planned_contents(
     tables: Collection[str],
     style: Sequence[Mapping[str, Any]],
 ) -> Contents:
-    """Plan the report of a run with these figures, gathered tables and other tables."""
+    """Return what the report of a run shows, with the paths of all files.
+
+    Parameters
+    ----------
+    plan
+        The plan of the run.
+    figures
+        Names of the figures that are drawn.
+    gathered
+        Names of the tables that join the results of many jobs.
+    tables
+        Names of the other tables.
+    style
+        Options of the style of figures, in layers, each of which overrides earlier ones.
+    """
     settings = plan.config.report
     folder = plan.results / "tables"
     first = [name for name in FIRST_TABLES if name in gathered or name in tables]
@@ -53,12 +67,14 @@ def _examples(plan: Plan) -> Iterable[Example]:
 
 
 def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
+    """Return the names of the rates at which the report shows a decoded example cloud."""
     rates = plan.rates(codec, plan.datasets[dataset].frame)
     coded = plan.curve_rates(dataset, cloud, codec)
     return tuple(rate for rate in spread_out(rates, plan.config.report.rates) if rate in coded)
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:
+    """Return at most `count` names, evenly spaced; two or more include the first and the last."""
     if count >= len(names):
         return list(names)
     if count == 1:

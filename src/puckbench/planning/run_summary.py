@@ -30,7 +30,7 @@ _COLUMNS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "bd_rate": ("BD-rate", str),
     "seconds": ("s, at most", "{:.2g}".format),
 }
-"""Heading and format of each column, by key of a row; empty columns are left out."""
+"""Heading and format of each printed column, by key of a row in `summary_rows`."""
 _RATE_COLUMNS = {
     "bpp": "bits per point",
     "file_ratio": "file / stream",
@@ -42,18 +42,18 @@ _RATE_COLUMNS = {
     "encode_s": "encode, s",
     "decode_s": "decode, s",
 }
-"""Headings of columns of the table ``rates``."""
+"""Headings of the printed columns of the table ``rates``."""
 _MAX_RATES = 24
 _MAX_REMARKS = 10
 _NO_TASK = re.compile(
     r"dataset|cloud|codec|rate|points_.*|bytes|bpp|(encode|decode)_.*|turns|seed|length_m|repeats"
     r"|threads|times|timed_alone|gicp_length_m"
 )
-"""Names of columns of drives that are not results of tasks."""
+"""Matches the names of columns of the table ``drives`` that are not results of tasks."""
 _FIRST_TASKS = ("drift_percent", "ate_m", "lost_turns")
 _MAX_TASKS = 5
 _TIMES = {AZIMUTH: ", azimuth times", NONE: ", no times"}
-"""What follows the rate of drives whose codec does not keep the times of firings."""
+"""Text after the rate of a drive whose codec does not keep the times at which lasers fired."""
 REPORT = "report.html"
 _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 
@@ -61,10 +61,22 @@ _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 def closing_lines(
     results: Path, style: FigureStyle, anchor: str, since: float, tables: Collection[str]
 ) -> Iterator[str]:
-    """Yield the lines of the summary, if the run made one of its tables.
+    """Yield the lines that a run prints at its end: results, and where the files are.
 
-    `anchor` is the anchor codec of BD-rates; `since` is the time stamp of the run's start; `tables`
-    are the names of the run's tables.
+    There are none if the run made none of the tables that are summarised.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    style
+        Style with the titles of data sets and codecs.
+    anchor
+        Name of the codec against which BD-rates compare.
+    since
+        Time stamp of the run's start, in s; older tables are not summarised.
+    tables
+        Names of the tables of this run.
     """
     files = {name: results / "tables" / f"{name}.csv" for name in _LINES if name in tables}
     made = [n for n, file in files.items() if file.exists() and file.stat().st_mtime >= since]
@@ -106,10 +118,8 @@ def _drive_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[str
 
 
 def _task_columns(rows: Sequence[Row]) -> list[str]:
-    """Return the columns of tasks' results, at most some, without settings.
-
-    Settings are equal in all rows, and follow the name of a task that is a column, too.
-    """
+    """Return the names of the most important columns with results of tasks, without settings."""
+    # A setting starts with the name of another column, and has the same value in all rows.
     names = [
         name
         for name in rows[0]
@@ -145,11 +155,29 @@ _LINES: dict[str, Callable[[Path, FigureStyle, str], Iterable[str]]] = {
     "drives": _drive_lines,
     "left_out": lambda *_: (),  # the caller prints it
 }
-"""Tables that the summary shows, and the functions that yield its lines."""
+"""Tables that the closing lines show, with the functions that yield these lines."""
 
 
 def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[str, Any]]:
-    """Return a row for each data set and codec: titles, ranges of medians, BD-rate, time."""
+    """Return the summary of a run, as one dictionary for each data set and codec.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    style
+        Style with the titles of data sets and codecs.
+    anchor
+        Name of the codec against which BD-rates compare.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        Titles (``dataset``, ``codec``), the number of ``clouds``, the smallest and the largest
+        median over the rates of ``bpp``, ``d1_rms_m`` and ``d1_psnr``, the PSNR's ``peak`` and its
+        ``unit``, ``lossless`` rates, ``seconds`` to encode and decode at the slowest rate, and the
+        BD-rate as number (``bd_rate_percent``) and text (``bd_rate``).
+    """
     medians = _rows(results / "tables" / "summary.csv")
     deltas = {
         (row["dataset"], row["codec"]): row
@@ -229,7 +257,11 @@ def _range(rows: Sequence[Row], column: str) -> list[float] | None:
 
 
 def aligned(rows: Sequence[Sequence[str]], left: int = 2) -> Iterator[str]:
-    """Yield a line for each row of cells; the first `left` columns are aligned left."""
+    """Yield a line of text for each row of cells, with columns of equal width.
+
+    The first `left` columns are aligned left, the others right. Each column is as wide as its
+    longest cell.
+    """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = [

@@ -5,19 +5,22 @@ from collections.abc import Callable
 from puckbench.planning.workflow import Workflow
 
 _START_S = 0.15
-"""Seconds to start the process of a job."""
+"""Estimated time, in s, to start the process of a job."""
 _OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 6.0}
-"""Seconds per million points, by rule, of jobs that make clouds or measure scans."""
+"""Estimated time, in s per million points, of jobs of these rules on one cloud."""
 _METRICS = {False: 1.0, True: 2.0}
-"""Seconds per million points to measure one rate, without and with the true surface."""
+"""Estimated time, in s per million points, to measure one rate; True: with a true surface."""
 _OTHERS = {"residuals": 2.5, "wall_points": 0.8, "report_page": 10.0, "first_look": 2.0}
-"""Seconds, by rule, of jobs whose time does not depend on the clouds."""
+"""Estimated time, in s, of jobs of these rules, which does not depend on the clouds."""
 _OTHER_S = 1.0
-"""Seconds of any other job, such as a figure or table."""
+"""Estimated time, in s, of any other job, such as a figure or table."""
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
-    """Return a function that maps a rule's name to the mean seconds of its jobs."""
+    """Return a function that estimates how long a job of the workflow takes.
+
+    The function takes the name of the job's rule, and returns the estimated mean time in s.
+    """
     counts = [data.points for data in bench.plan.datasets.values() for _ in data.clouds]
     millions = sum(counts) / 1e6 / max(1, len(counts))
     seconds = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS

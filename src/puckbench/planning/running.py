@@ -17,9 +17,14 @@ _MOST_LEFT_OUT = 50
 
 
 def hold_results(results: Path) -> None:
-    """Lock the results folder until this process ends, and remove temporary files of a killed run.
+    """Lock the results folder until this process ends, so that no other run writes to it.
 
-    Raises InputError if another run holds the lock, or the folder cannot be written.
+    Temporary files that a killed run left are removed.
+
+    Raises
+    ------
+    InputError
+        Another run holds the lock, or the folder cannot be written.
     """
     import fcntl
 
@@ -38,6 +43,7 @@ def hold_results(results: Path) -> None:
 
 
 def check_room(folder: Path) -> None:
+    """Raise InputError if 1 MiB cannot be written to a folder, which is made if it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder) as probe:
@@ -48,7 +54,7 @@ def check_room(folder: Path) -> None:
 
 
 def check_records() -> None:
-    """Raise InputError if Snakemake cannot write its records, and would end with a traceback."""
+    """Raise InputError if Snakemake cannot write to ``.snakemake`` in the working folder."""
     try:
         check_room(Path(".snakemake"))
     except InputError as error:
@@ -57,6 +63,7 @@ def check_records() -> None:
 
 
 def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
+    """Yield a line to print for each row of the table ``left_out``, up to 50 of them."""
     for row in rows[:_MOST_LEFT_OUT]:
         yield f"left out: {row['file']}: {row['reason']}"
     if len(rows) > _MOST_LEFT_OUT:
@@ -64,5 +71,8 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def held_since() -> float:
-    """Return the time (s, by the file system) when this process locked its results, or infinity."""
+    """Return the time stamp, in s, at which this process locked its results folder.
+
+    The time is that of the file system. It is infinity if no folder is locked.
+    """
     return os.fstat(_held[-1]).st_mtime if _held else math.inf

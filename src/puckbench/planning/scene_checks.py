@@ -1,6 +1,7 @@
-"""Checks of scenes before a run: damaged meshes, no position for a sensor, clouds without points.
+"""Checks, before a run, whether scenes can be used.
 
-Results are cached in the results folder until files or settings change.
+A scene cannot be used if its mesh is damaged, if there is no position for the sensor in it, or if
+its cloud has no points. Results are stored in the results folder until files or settings change.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ _UNPRINTABLE = re.compile(r"[\r\n\ud800-\udfff]")
 
 
 def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
+    """Return the job that scans a scene with the sensor settings of a data set."""
     return Scan(**settings.scan_settings(scene, seed))
 
 
@@ -43,9 +45,21 @@ def scene_faults(
     results_file: Path,
     digest_of: Callable[[Iterable[Path]], str],
 ) -> dict[str, str]:
-    """Return the scenes that a data set cannot use, with reasons.
+    """Return the names of the scenes that a data set cannot use, each with the reason.
 
-    `results_file` is the cache, and `digest_of` returns a digest of files.
+    Parameters
+    ----------
+    scenes
+        The opened scene set.
+    names
+        Names of the scenes to check.
+    settings
+        The data set's entry in the configuration.
+    results_file
+        JSON file that stores the results of checks. A scene is read again only if its files or the
+        settings changed, or if it is a cloud that could not be used.
+    digest_of
+        Function that returns a digest of the content of files.
     """
     files_of = {name: files for name in names if (files := scenes.files(name))}
     unnamed = {
@@ -83,7 +97,7 @@ def scene_faults(
 
 
 def path_fault(path: str | Path) -> str | None:
-    """Return why a run cannot use a file of this path, or None."""
+    """Return the reason why a run cannot use a file with this path, or None if it can."""
     if _UNPRINTABLE.search(str(path)):
         return f"{printable(path)}: rename it: its path has a line break, or is not in UTF-8"
     odd = _PATTERN.search(str(path))
@@ -91,32 +105,37 @@ def path_fault(path: str | Path) -> str | None:
 
 
 def refuse_paths(paths: Iterable[str | Path]) -> None:
-    """Raise InputError if a run cannot use a file of one of these paths."""
+    """Raise InputError if a run cannot use a file because of its path; see `path_fault`."""
     for fault in filter(None, map(path_fault, paths)):
         raise InputError(fault)
 
 
 def printable(path: str | Path) -> str:
-    """Return a path with escapes for line breaks and bytes that are not UTF-8."""
+    """Return a path as text in which line breaks, and bytes that are not UTF-8, are escaped."""
     return _UNPRINTABLE.sub(lambda letter: ascii(letter[0])[1:-1], str(path))
 
 
 class SceneCheck(Model):
-    """The result of the check of a scene; `extent_m` is the longest side of its bounding box."""
+    """The stored result of the check of one scene."""
 
     state: str
+    """Digest of the scene's files and of the settings with which it was checked."""
     fault: str | None
+    """Reason why the scene cannot be used; None if it can."""
     points: int | None = None
+    """Number of points of a captured cloud."""
     extent_m: float | None = None
+    """Longest side of the bounding box in m."""
     is_shifted: bool = False
     """Whether the scene is far from the origin, so that its cloud in metres is shifted."""
     attributes: tuple[str, ...] = ()
     """Names of the points' attributes besides coordinates."""
     dropped_points: int = 0
-    """Number of points in the scene's files that the cloud lacks."""
+    """Number of points in the scene's files that were left out of the cloud."""
 
 
 def read_checks(results_file: Path) -> dict[str, SceneCheck]:
+    """Return the stored checks by scene name; empty if the file does not exist."""
     checks = read_object(results_file) if results_file.exists() else {}
     return {
         name: parsed(SceneCheck, check, f"{results_file}: {name}") for name, check in checks.items()

@@ -1,6 +1,7 @@
-"""Jobs of the sensor study, of which another package has those that scan and compare.
+"""Jobs of the sensor study, which measures the errors of sensor models and of real sensors.
 
-A package that measures errors of sensors registers one class, in its module ``study``::
+The jobs that scan walls and compare error models are in another package, such as a plug-in of
+puckbench. It registers one class, in its module ``study``::
 
     @STUDIES.register("sensor_study")
     class MyStudy(StudyJobs): ...
@@ -25,66 +26,75 @@ from puckbench.planning.sensing import files_named
 
 
 class StudyJobs(ABC):
-    """Plans the jobs in ``workflow/rules/sensor.smk`` for a plan with a sensor study.
+    """Base class that plans the jobs of a sensor study, which ``sensor.smk`` then runs.
 
     Parameters
     ----------
     plan
-        The plan.
+        The plan of the run.
     study
-        The plan's sensor study: the checked settings, error models and captures.
+        The sensor study of this plan: checked settings, error models and recordings.
     """
 
     input_names: ClassVar[tuple[str, ...]]
-    """Names of all inputs that a study of this class can have (`inputs`)."""
+    """All names that can be keys of `inputs`."""
 
     def __init__(self, plan: Plan, study: StudyPlan) -> None:
         self.plan, self.study = plan, study
 
     @abstractmethod
     def residuals(self, model: str) -> PlannedJob:
-        """Plan the job that measures the plane residuals of an error model."""
+        """Plan the job that measures the distances of scanned points from the wall and floor.
+
+        `model` is the name of an error model in the study.
+        """
 
     @abstractmethod
     def wall_points(self, model: str) -> PlannedJob:
-        """Plan the job that makes the points of an error model for figures of scans."""
+        """Plan the job that scans walls with an error model, for the figures that show scans."""
 
     @property
     @abstractmethod
     def gathered(self) -> Mapping[str, Gathering]:
-        """Jobs that join files of several error models or captures, by name of their table."""
+        """Jobs that join the files of several error models or recordings, by name of the table."""
 
     @property
     @abstractmethod
     def inputs(self) -> Mapping[str, str]:
-        """Tables of this study, by the names of parameters of tables and figures that read them."""
+        """Names of this study's tables, by the parameter through which functions read them.
+
+        The functions are those of registered tables and figures.
+        """
 
     def capture_residuals(self, capture: str) -> PlannedJob:
-        """Plan the job that measures the plane residuals of a recording, given by its name."""
+        """Plan the job that measures the distances of recorded points from fitted planes.
+
+        `capture` is the name of a recording in the study.
+        """
         record = CaptureResiduals(options=self.study.captures[capture][1])
         files = [file for inputs in self.recording(capture).values() for file in inputs]
         modules = reader_modules(self.recording(capture)["capture"])
         return planned(record, *modules, also=self.plan.digest_of(files))
 
     def recording(self, capture: str) -> dict[str, list[str]]:
-        """Return the input files of a job that reads a capture, as paths by input name.
+        """Return the paths of the files that make up a recording.
 
-        ``capture`` is the recording itself; ``beside`` are the files that its reader needs besides,
-        such as the sensor's description.
+        The key ``capture`` has the recording itself. The key ``beside`` has the other files that
+        the reader needs, such as the description of the sensor.
         """
         path, *beside = map(str, recording_files(Path(self.study.captures[capture][0])))
         return {"capture": [path], "beside": beside}
 
     def capture_files(self) -> tuple[str, ...]:
-        """Return the files of the recordings' residuals, relative to the results folder."""
+        """Return the files with residuals of all recordings, relative to the results folder."""
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
-        """Plan the job that fits an error model to the recordings' residuals."""
+        """Plan the job that fits the parameters of an error model to the recordings' residuals."""
         return planned(Calibrate(), also=self.capture_files())
 
     def model_files(self, model: str) -> list[str]:
-        """Return the paths of the files that the options of an error model name."""
+        """Return the paths of those files that an error model reads, as named in its options."""
         return files_named(self.study.models[model][1].values())
 
 
@@ -92,9 +102,12 @@ STUDIES: Registry[type[StudyJobs]] = Registry("study", "study")
 
 
 def study_jobs(plan: Plan) -> StudyJobs | None:
-    """Return the jobs of a plan's sensor study, or None if it has no study.
+    """Return the object that plans the jobs of a sensor study, or None if `plan` has no study.
 
-    Raises InputError if no installed package has the jobs.
+    Raises
+    ------
+    InputError
+        The plan has a study, but no installed package provides its jobs.
     """
     if plan.study is None:
         return None

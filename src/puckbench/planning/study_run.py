@@ -20,10 +20,29 @@ _NOT_KEPT = (
 def study_configuration(
     reference: ReferenceResults, codecs: Sequence[str], results: str, datasets: Sequence[str] = ()
 ) -> Options:
-    """Return the configuration that runs the user's codecs on the clouds of a reference study.
+    """Return a configuration that runs the user's codecs on the clouds of a reference study.
 
-    Raises InputError if the study lacks a data set, data are missing, a codec cannot encode any
-    cloud, or the study's configuration is invalid or names code.
+    Parameters
+    ----------
+    reference
+        Published results, which contain the study's configuration.
+    codecs
+        Names of codecs, or places of the user's own (``path/to/file.py:Class``).
+    results
+        Folder of the results.
+    datasets
+        Names of the study's data sets to use; by default all.
+
+    Returns
+    -------
+    dict[str, Any]
+        The configuration, as it is written to a file.
+
+    Raises
+    ------
+    InputError
+        The study has no data set of a given name, its data are missing on this machine, a codec
+        cannot encode any of the clouds, or the study's configuration is invalid or names code.
     """
     study = _stored(reference)
     offered: Mapping[str, Options] = study["datasets"]
@@ -61,10 +80,8 @@ def study_configuration(
 
 
 def _stored(reference: ReferenceResults) -> Options:
-    """Return the part of the study's stored configuration that defines clouds and metrics.
-
-    Raises InputError if it names code (``module:Class``): a file of results must not run code.
-    """
+    """Return the part of the study's stored configuration that defines clouds and metrics."""
+    # A file of results must not run code, so a configuration that names code is refused.
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):
         study = checked(kept)

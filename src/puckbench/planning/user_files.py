@@ -35,18 +35,18 @@ CONFIG = "config.yaml"
 """File name of the configuration in the results folder."""
 _CUBE = 1024
 _TURNS = 10
-"""Default number of turns of a recording, evenly spaced."""
+"""Default number of turns (revolutions of the sensor) of recordings, evenly spaced."""
 _POINTS = 100_000
 """Default number of points sampled on a mesh."""
 _BUDGET_S = 480.0
-"""Estimated time (s) of all rates on one core above which a run uses fewer rates."""
+"""If coding all rates on one core is estimated to take more seconds, fewer rates are coded."""
 _FEW_RATES = 4
 """Number of rates that a BD-rate needs."""
 _MEASURING_S = 3.5
-"""Estimated seconds to measure a million decoded points."""
+"""Estimated time, in s, to measure a million decoded points."""
 CODECS = ("draco", "gpcc")
 CODECS_OF_RECORDINGS = ("gpcc", "gpcc_predictive", "puck")
-"""Default codecs for clouds and meshes, and for recordings."""
+"""Default codecs: `CODECS` for clouds and meshes, and these for recordings."""
 _LOADERS: dict[Kind, str] = {
     "clouds": "point_clouds",
     "meshes": "mesh_files",
@@ -74,29 +74,42 @@ _MARK = "# Made by puckbench run"
 
 @dataclass(frozen=True)
 class UserRun:
-    """A run on the user's files.
+    """What ``puckbench run FILE ...`` is asked to do, from which it makes a configuration.
 
     Parameters
     ----------
     paths
-        Files, folders and patterns of clouds, meshes and recordings.
+        Files, folders and patterns (``scans/*.ply``) of clouds, meshes and recordings.
     codecs
-        Names or places (``file.py:Class``) of codecs; the first is the anchor.
+        Names of codecs, or places of the user's own (``file.py:Class``); Bjontegaard deltas compare
+        the others with the first. Empty selects default codecs.
+    results
+        Folder of the results.
     frame
-        Coordinate frame of clouds and meshes; by default metres if all formats are in
-        `cloud_files.clouds.IN_METRES`.
+        Coordinate frame in which clouds and meshes are coded: ``metric`` keeps metres, ``scaled``
+        scales them to a cube. By default, clouds whose formats are all in
+        `cloud_files.clouds.IN_METRES` stay in metres, and others, and meshes, are scaled.
     rates
         Names of rates, or ``("all",)``; by default all, or four if all would take long.
+    metrics
+        Names of further metrics of every decoded cloud, or places of the user's own functions.
+    scan
+        Whether meshes are scanned by the virtual sensor; otherwise, points are sampled on them.
+    errors
+        Name of the error model of these scans.
     points
         Number of points sampled on a mesh that is not scanned, by default 100,000.
     limit
-        Maximum number of scenes of each kind.
+        Maximum number of clouds, meshes or turns (revolutions of the sensor) of each kind of file;
+        by default 10 turns of recordings, and all others.
     strict
-        Whether to raise InputError for an unusable file.
+        Whether to raise InputError for an unusable file, and not to leave it out.
     peak
         PSNR peak, in m, of clouds in metres; by default `puckbench.metrics.default_peak.PEAK_M`.
     timeout_s
-        Seconds after which a job fails.
+        Seconds after which a job fails; by default no limit.
+    options
+        Options of the loaders that read the files, by name.
     """
 
     paths: tuple[str, ...]
@@ -114,11 +127,20 @@ class UserRun:
     timeout_s: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
-    """Notes, by subject, on omitted turns and rates, and on unknown units."""
+    """Notes for the table ``left_out``, by subject: omitted turns or rates, or unknown units."""
     _bags: dict[Path, bool] = field(default_factory=dict, init=False, repr=False)
-    """For each bag: True if it contains clouds, False if it contains data packets."""
+    """Whether each ROS bag contains clouds; otherwise, it contains data packets."""
 
     def configuration(self) -> Options:
+        """Return the configuration of the run, as it is written to a file.
+
+        The files are looked at, and clouds and meshes are checked.
+
+        Raises
+        ------
+        InputError
+            No file can be used, or an option does not fit the files.
+        """
         paths_by_kind = self._sorted_paths()
         self._check_results(paths_by_kind)
         self._check_units(paths_by_kind)
@@ -152,6 +174,7 @@ class UserRun:
     # ---- files
 
     def unused(self) -> dict[str, str]:
+        """Return the given paths at which there is nothing to use, each with the reason."""
         return {text: _why_unused(text) for text, kinds in self._kinds if not kinds}
 
     @cached_property
@@ -402,6 +425,11 @@ def _kind(path: Path) -> Kind | None:
 
 
 def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
+    """Return entries of a configuration for codecs given on the command line.
+
+    A codec is given by its registered name, or by the place of the user's class
+    (``path/to/file.py:Class``). Such a class is named after itself in lower case with underscores.
+    """
     entries = dict(map(_codec, codecs))
     if len(entries) < len(codecs):
         raise InputError(f"--codecs: a codec is named twice: {' '.join(codecs)}")
@@ -409,7 +437,10 @@ def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
 
 
 def check_codecs(plan: Plan, advice: bool = True) -> None:
-    """Raise InputError if a codec cannot encode any cloud of a plan, or cannot run here."""
+    """Raise InputError if a codec cannot encode any cloud of a plan, or cannot run here.
+
+    With `advice`, messages name an option of ``puckbench run`` that may help.
+    """
     for name, opened in plan.opened.items():
         if not any(plan.codes(name, data) for data in plan.datasets):
             raise InputError(f"codec {name}: {_why_not(plan, name, advice)}")
@@ -461,9 +492,10 @@ def _why_not(plan: Plan, codec: str, advice: bool) -> str:
 
 
 def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> None:
-    """Write a configuration and the command that made it, unless the user edited the file.
+    """Write a configuration file, with the command that made it in a comment.
 
-    A digest in the first line detects edits.
+    The first line contains a digest, by which edits are noticed. A file at `path` that the user
+    edited is not replaced; it raises InputError.
     """
     body = f"# {printable(command)}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):

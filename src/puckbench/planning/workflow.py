@@ -19,6 +19,21 @@ from puckbench.planning.training import TrainingJobs
 
 
 class Workflow:
+    """The planned jobs of a run, from which Snakemake's rules take files and settings.
+
+    Parameters
+    ----------
+    config
+        The configuration, not yet checked. The user's code that it names is trusted.
+    check_scenes
+        Whether to read the scenes first, and to exclude those that cannot be used.
+
+    Raises
+    ------
+    InputError
+        The configuration is invalid, or names something that does not exist.
+    """
+
     def __init__(self, config: Mapping[str, Any], check_scenes: bool = False) -> None:
         self.config = trusted(config)
         self.plan = Plan(self.config, check_scenes)
@@ -30,7 +45,14 @@ class Workflow:
         self.outputs = OutputJobs(self.plan, self.coding, self.drives, self.study)
 
     def check_names(self, names: Mapping[str, str]) -> None:
-        """Raise InputError if the plan has no result with these values of wildcards."""
+        """Raise InputError if a result is requested that the configuration does not define.
+
+        Parameters
+        ----------
+        names
+            Values of the wildcards in the path of a requested result, such as ``dataset``,
+            ``cloud``, ``codec`` and ``rate``.
+        """
         if "cloud" in names:
             self._check_cloud(**names)
         elif "drive" in names:
@@ -67,7 +89,13 @@ class Workflow:
 
 
 def run_jobs_with(source: str) -> None:
-    """Set the environment of jobs: this Python, the source folder `source`, and its commit."""
+    """Change environment variables, so that jobs run with this Python and with these sources.
+
+    Parameters
+    ----------
+    source
+        Folder that is put first in ``PYTHONPATH``.
+    """
     for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
         paths = [first, *os.environ.get(name, "").split(os.pathsep)]
         os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))

@@ -31,7 +31,7 @@ _FIRST = (
 )
 """First columns of a table, in this order; further columns follow, sorted by name."""
 SPREAD = {"q25": 0.25, "q75": 0.75}
-"""Quantiles over clouds that accompany each median of the summary."""
+"""Quantiles over clouds in the table ``summary``, by the suffix of their columns."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
 _OF_CLOUDS = ("group", "points", "elongation", "diameter", "scale")
 _OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model")
@@ -46,6 +46,20 @@ _SUMMARY = (
 
 
 def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFrame:
+    """Return rows of results as a table with ordered columns.
+
+    Parameters
+    ----------
+    rows
+        Rows of results: values by name of the column.
+    keys
+        Names of the columns whose values together identify a row.
+
+    Raises
+    ------
+    InputError
+        There are no rows, or two rows have the same values of `keys`.
+    """
     import pandas as pd
 
     table = pd.DataFrame(list(rows))
@@ -88,6 +102,7 @@ def cloud_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
+    """Return the row of a cloud in the table ``clouds``, from the cloud's description (JSON)."""
     about = read_object(file)
     if missing := sorted({*_OF_CLOUDS, "name", "size_m"} - about.keys()):
         raise InputError(f"{file}: not the description of a prepared cloud, without {missing[0]}")
@@ -119,7 +134,7 @@ def codecs(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
 
 
 PLAN_TABLES = {"left_out": left_out, "codecs": codecs}
-"""Functions, by name, that make the tables whose rows are known before the run."""
+"""Tables whose rows are known before the run, with the functions that make them."""
 
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
@@ -167,17 +182,20 @@ ROWS = {
     "recovery": (recovery_rows, RECOVERY_KEYS),
     "drives": (drive_rows, DRIVE_KEYS),
 }
-"""Tables of result rows: the function that reads rows from files, and the key columns."""
+"""Tables that join the results of jobs: the function that reads the rows, and the key columns.
+
+The values of the key columns together identify a row.
+"""
 
 
 @TABLES.register("summary", title="Medians per data set, codec and rate")
 def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     """Medians over the clouds of each data set, codec and rate, and their spread.
 
-    Columns: medians, quartiles of six clouds or more (``_q25``, ``_q75``), and the number of
-    clouds. ``lossless`` clouds have only rounding
-    errors and no PSNR; for medians, their PSNR is the highest. PSNRs have no median if the clouds'
-    peaks (``peak``) differ.
+    Columns: medians, quartiles (``_q25``, ``_q75``) if there are six clouds or more, and the number
+    of clouds. ``lossless`` is the number of clouds that are decoded with rounding errors only. They
+    have no PSNR; for medians, their PSNR counts as the highest. PSNRs have no median if the peaks
+    (``peak``) of the clouds differ.
     """
     import pandas as pd
 

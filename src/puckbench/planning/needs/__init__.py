@@ -1,1 +1,1 @@
-"""Conditions under which a plan can make a table or figure."""
+"""Needs: named conditions that a run must meet for a table or figure to be made."""

@@ -1,3 +1,5 @@
+"""Needs of puckbench's tables and figures: each returns ``{}`` if a plan meets it, or None."""
+
 from __future__ import annotations
 
 from puckbench.metrics.tables.against_octree import OCTREE
@@ -7,48 +9,57 @@ from puckbench.planning.plan import DataSetPlan, Plan
 
 @NEEDS.register("sensor_study")
 def sensor_study(plan: Plan) -> Options | None:
+    """Require that the run has a sensor study."""
     return _if(plan.study is not None)
 
 
 @NEEDS.register("codecs")
 def several_codecs(plan: Plan) -> Options | None:
+    """Require that at least two codecs code clouds."""
     return _if(len({codec for _, _, codec in plan.curves}) > 1)
 
 
 @NEEDS.register("odometry")
 def odometry_on_drives(plan: Plan) -> Options | None:
+    """Require that an odometry task is measured on drives, i.e. sequences of clouds."""
     tasks = {task for drive in plan.drives.values() for task in drive.tasks}
     return _if(bool(tasks & {"odometry", "gicp_odometry"}))
 
 
 @NEEDS.register("attributes")
 def coded_attributes(plan: Plan) -> Options | None:
+    """Require that at least one codec codes attributes besides coordinates."""
     return _if(any(codec.attributes for codec in plan.opened.values()))
 
 
 @NEEDS.register("octree")
 def octree_and_others(plan: Plan) -> Options | None:
+    """Require that G-PCC's octree and another codec have rates for clouds in metres."""
     metric = {name for name, codec in plan.opened.items() if codec.rates_of("metric")}
     return _if(OCTREE in metric and len(metric) > 1)
 
 
 @NEEDS.register("metric")
 def spins_or_recordings(plan: Plan) -> Options | None:
+    """Require that at least one coded data set has a spinning sensor's returns."""
     return _if(any(data.has_returns for data in plan.coded))
 
 
 @NEEDS.register("spins")
 def spins(plan: Plan) -> Options | None:
+    """Require that a coded data set has scans of a spinning virtual sensor, level and still."""
     return _if(bool(_true_spins(plan)))
 
 
 @NEEDS.register("truth")
 def scans_with_truth(plan: Plan) -> Options | None:
+    """Require that at least one coded data set has scans of a known true surface."""
     return _if(any(data.is_scanned_from_truth for data in plan.coded))
 
 
 @NEEDS.register("noises")
 def several_noises(plan: Plan) -> Options | None:
+    """Require that scans of a scene set with several error models are coded."""
     data = _true_spins(plan)
     models = {(each.scenes, each.settings.errors) for each in data}
     return _if(len(models) > len({each.scenes for each in data}))

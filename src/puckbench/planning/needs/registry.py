@@ -1,7 +1,8 @@
-"""Conditions on a plan (needs), which tables and figures refer to by name.
+"""Registry of needs: conditions that a run must meet for a table or figure to be made.
 
-A need is a function of a plan. It returns options for the table functions with this need, or None
-if the plan does not meet it::
+Tables and figures list their needs by name. A need is a function that takes the plan of a run. It
+returns None if the plan does not meet the condition. Otherwise it returns a dictionary with keyword
+arguments for the functions of the tables that have this need, often an empty one::
 
     @NEEDS.register("codecs")
     def several_codecs(plan: Plan) -> Options | None:
@@ -24,9 +25,10 @@ NEEDS: Registry[Need] = Registry("need", "needs")
 
 
 def met_needs(plan: Plan) -> dict[str, Options]:
-    """Return the needs that a plan meets, by name, with their options for table functions.
+    """Return the needs that a plan meets, each with keyword arguments for table functions.
 
-    Names of distances and error models of the plan's sensor study are needs, too.
+    The keys are the needs' names. If the plan has a sensor study, each of its distances and error
+    models also is a need that the plan meets.
     """
     options = {name: NEEDS.get(name)(plan) for name in NEEDS.names()}
     met = {name: value for name, value in options.items() if value is not None}
