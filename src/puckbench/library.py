@@ -46,8 +46,8 @@ def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
     Parameters
     ----------
     name
-        Name of a codec (``puckbench codecs`` lists them), or ``path/to/file.py:Class``. In the second
-        form the file is executed, so `name` must come from a source that you trust.
+        Name of a codec (``puckbench codecs`` lists them), or ``path/to/file.py:Class``. In the
+        second form the file is executed, so `name` must come from a source that you trust.
     changes
         Changes to the codec's defaults, with the keys of a codec's entry in a configuration:
         ``options``, ``rates``, ``metric_rates``, ``class``.
@@ -77,9 +77,10 @@ def turns(
     """Yield the whole turns of a recording as point clouds.
 
     A turn is one revolution of a spinning sensor; incomplete turns are skipped. Each cloud has its
-    points in m, in the sensor's coordinate frame, and the ranges from which they were computed in its
-    attribute ``returns``. A ROS bag may instead contain messages with finished clouds. For such a bag,
-    one cloud per message is yielded, in the message's coordinate frame and without ``returns``.
+    points in m, in the sensor's coordinate frame, and the ranges from which they were computed in
+    its attribute ``returns``. A ROS bag may instead contain messages with finished clouds. For such
+    a bag, one cloud per message is yielded, in the message's coordinate frame and without
+    ``returns``.
 
     Parameters
     ----------
@@ -156,8 +157,8 @@ def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int 
     cloud
         A cloud, or an array of points (n, 3), in m.
     size
-        Number of grid positions along a side of the cube to which the cloud is scaled. 0 keeps metres;
-        ``"grid"`` keeps the integer grid of a voxelised cloud.
+        Number of grid positions along a side of the cube to which the cloud is scaled. 0 keeps
+        metres; ``"grid"`` keeps the integer grid of a voxelised cloud.
     neighbours
         Number of nearest neighbours from which each normal is estimated.
 
@@ -208,14 +209,14 @@ def compare(
     repeats
         How many times each encoding and each decoding is timed; the median is returned.
     peak
-        Peak of MPEG's PSNRs, in the unit of the coordinates. By default, it is the cloud's
-        ``size - 1``; without a size and a peak, these PSNRs are omitted.
+        Peak of MPEG's PSNRs, in the unit of the coordinates. By default, it is the cloud's ``size -
+        1``; without a size and a peak, these PSNRs are omitted.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each codec and rate, with the columns of a run's ``metrics.csv``: size of the stream,
-        bits per point, times, and errors of the decoded cloud.
+        A row for each codec and rate, with the columns of a run's ``metrics.csv``: size of the
+        stream, bits per point, times, and errors of the decoded cloud.
 
     Raises
     ------

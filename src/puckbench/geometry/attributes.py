@@ -64,8 +64,8 @@ def check_attributes(attributes: Attributes, points: int) -> None:
     Raises
     ------
     InputError
-        An attribute has another number of values than there are points, or a reflectance is not a whole
-        number from 0 to 65535.
+        An attribute has another number of values than there are points, or a reflectance is not a
+        whole number from 0 to 65535.
     """
     for name, values in attributes.items():
         if len(values) != points:
@@ -92,8 +92,8 @@ def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
     Returns
     -------
     list
-        Names of the cloud's other attributes: ``colours``, ``reflectivity`` (of returns), and names of
-        fields.
+        Names of the cloud's other attributes: ``colours``, ``reflectivity`` (of returns), and names
+        of fields.
     """
     field = reflectance_field(cloud)
     held = {name: attribute for attribute, name in ((COLOUR, "colours"), (REFLECTANCE, field))}
@@ -112,8 +112,8 @@ def cloud_with(points: Floats, attributes: Attributes) -> PointCloud:
     points
         Coordinates (n, 3).
     attributes
-        Values by name of the attribute. `COLOUR` becomes the cloud's ``colours`` (n, 3); every other
-        attribute becomes a field (n,).
+        Values by name of the attribute. `COLOUR` becomes the cloud's ``colours`` (n, 3); every
+        other attribute becomes a field (n,).
     """
     fields = {name: values for name, values in attributes.items() if name != COLOUR}
     return PointCloud(points, colours=attributes.get(COLOUR), fields=fields)

@@ -41,12 +41,12 @@ class Match(NamedTuple):
 def match_points(original: Floats, decoded: Floats, reach: float | None = None) -> Match:
     """Find the original point from which each decoded point takes its attributes.
 
-    Points are matched by index if both clouds have equally many points, and if in each pair of equal
-    index the points lie within `reach` and about as near to each other as to any other decoded point.
-    Otherwise they are matched by position. First, each original point is assigned to the nearest
-    decoded position. Then, the k decoded points at a position are matched to the k nearest of the
-    original points assigned to it. Decoded points that are left over are matched to the nearest
-    original point within `reach`.
+    Points are matched by index if both clouds have equally many points, and if in each pair of
+    equal index the points lie within `reach` and about as near to each other as to any other
+    decoded point. Otherwise they are matched by position. First, each original point is assigned to
+    the nearest decoded position. Then, the k decoded points at a position are matched to the k
+    nearest of the original points assigned to it. Decoded points that are left over are matched to
+    the nearest original point within `reach`.
 
     Parameters
     ----------
@@ -90,12 +90,15 @@ def match_points(original: Floats, decoded: Floats, reach: float | None = None) 
 
 
 def farthest(points: Floats, decoded: Floats) -> float:
-    """Return the largest distance of any of `points` (n, 3) from the nearest of `decoded` (m, 3)."""
+    """Return the largest distance of `points` (n, 3) from the nearest of `decoded` (m, 3)."""
     return float(_distances(points, decoded).max())
 
 
 def share_beyond(points: Floats, others: Floats, distance: float) -> float:
-    """Return the share, from 0 to 1, of `points` (n, 3) farther than `distance` from all `others` (m, 3)."""
+    """Return the share of `points` (n, 3) that are farther than `distance` from all `others`.
+
+    The share is from 0 to 1; `others` has the shape (m, 3).
+    """
     return float(np.mean(_distances(points, others) > distance))
 
 

@@ -40,7 +40,8 @@ class Neighbours:
         The neighbours of query i are the points ``index[starts[i]:starts[i + 1]]``, nearest first;
         (m + 1,).
     exact
-        Number of neighbours at exactly the smallest distance, (m,). They are the first ones of a query.
+        Number of neighbours at exactly the smallest distance, (m,). They are the first ones of a
+        query.
     index
         Indices of the neighbours of all queries, one query after another.
     """

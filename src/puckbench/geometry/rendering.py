@@ -35,7 +35,7 @@ class View:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def axes(self) -> tuple[Floats, Floats, Floats]:
-        """Return three unit vectors (3,): to the right, up, and forward, as the camera sees them."""
+        """Return three unit vectors (3,) of the camera: to the right, up, and forward."""
         forward = _unit(self.target - self.eye)
         right = np.cross(forward, np.asarray(self.up, dtype=np.float64))
         if np.linalg.norm(right) < 1e-9:
@@ -56,8 +56,9 @@ class View:
         Returns
         -------
         numpy.ndarray
-            Column, row and depth of each point, (n, 3). Columns and rows are in pixels from the upper left
-            corner; depths are distances in front of the camera, in the unit of the points.
+            Column, row and depth of each point, (n, 3). Columns and rows are in pixels from the
+            upper left corner; depths are distances in front of the camera, in the unit of the
+            points.
         """
         right, up, forward = self.axes()
         local = (points - self.eye) @ np.stack([right, up, forward], axis=1)
@@ -90,7 +91,8 @@ def render_cloud(
     radius
         Radius of the discs in pixels.
     shade
-        Whether to apply eye-dome lighting, which darkens pixels that lie behind neighbouring pixels.
+        Whether to apply eye-dome lighting, which darkens pixels that lie behind neighbouring
+        pixels.
 
     Returns
     -------

@@ -7,7 +7,9 @@ from pointkit.geometry.mesh import Mesh
 
 
 def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:
-    """Draw random points on a mesh, uniformly by area (Osada et al. 2002, equation 1; thesis, 6.1.1).
+    """Draw random points on a mesh, uniformly by area.
+
+    The method is that of Osada et al. 2002, equation 1 (thesis, section 6.1.1).
 
     Parameters
     ----------

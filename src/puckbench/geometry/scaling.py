@@ -40,8 +40,8 @@ class Scaling(NamedTuple):
 def origin_shift(points: Floats) -> Floats:
     """Return the shift, (3,), in whole metres, that brings `points` (n, 3) near the origin.
 
-    The shift is to be subtracted from the points. It is 0 along an axis if a point lies within `FAR_M`
-    of 0, or if there are points on both sides of 0.
+    The shift is to be subtracted from the points. It is 0 along an axis if a point lies within
+    `FAR_M` of 0, or if there are points on both sides of 0.
     """
     low, high = bounds(points)
     nearest = np.where(low > 0, low, np.where(high < 0, high, 0.0))
@@ -49,9 +49,10 @@ def origin_shift(points: Floats) -> Floats:
 
 
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
-    """Return the scaling that fits points into the cube [0, size - 1]^3, as in PCC Arena (thesis, 6.1.6).
+    """Return the scaling that fits points into the cube [0, size - 1]^3.
 
-    It subtracts the minimum of each axis, and multiplies all axes by (size - 1) / largest extent.
+    It is that of PCC Arena (thesis, section 6.1.6). It subtracts the minimum of each axis, and
+    multiplies all axes by (size - 1) / largest extent.
 
     Parameters
     ----------
@@ -82,8 +83,8 @@ def grid_scaling(points: Floats, about: Mapping[str, Any]) -> Scaling:
     points
         Voxel centres, (n, 3), in m.
     about
-        The cloud's description. Its entry ``grid`` must contain ``metres``, the side of a voxel, and
-        ``origin``, the centre of voxel (0, 0, 0) in m.
+        The cloud's description. Its entry ``grid`` must contain ``metres``, the side of a voxel,
+        and ``origin``, the centre of voxel (0, 0, 0) in m.
 
     Raises
     ------
