@@ -35,8 +35,8 @@ class NearestTwo(NamedTuple):
     squared
         Squared distances of the queries to their nearest points, (m,).
     rows
-        Indices of the two nearest points if these tie, or twice the index of the nearest point, (m,
-        2).
+        Indices of the two nearest points if these tie, or twice the index of the nearest point,
+        (m, 2).
     ties
         Numbers of points that tie for the nearest, (m,): 1 is no tie, and 3 stands for three or
         more.

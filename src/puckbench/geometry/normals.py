@@ -19,8 +19,8 @@ def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
     Returns
     -------
     numpy.ndarray
-        Unit normals, (n, 3), whose signs are arbitrary. For fewer than three points, they are (0,
-        0, 1).
+        Unit normals, (n, 3), whose signs are arbitrary. For fewer than three points, they are
+        (0, 0, 1).
     """
     import open3d as o3d
 
