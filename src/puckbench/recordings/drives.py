@@ -259,7 +259,7 @@ def _turn_members(drive: Drive) -> Iterator[tuple[str, bytes]]:
 
 
 def read_drive(path: Path) -> Drive:
-    """Read a drive from an archive; raise InputError if the file is not a valid archive of a drive."""
+    """Read a drive from an archive; raise InputError if the file is no valid archive of a drive."""
     members = read_archive(path)
     with naming(path):
         if not {_POSES, _ABOUT} <= members.keys():

@@ -21,7 +21,9 @@ from puck.recordings.rings import fitted_cone
 _FEWEST = 16
 """Smallest number of points to which a laser is fitted."""
 _HEIGHT_PRIOR = 0.002
-"""Weight of the prior that a laser's height is 0; points at a single distance do not determine it.
+"""Weight of the prior that a laser's height is 0.
+
+Points at a single distance do not determine the height.
 """
 _USUAL_HZ, _LARGEST_STEP_RAD, _ROUNDS = 10.0, np.pi / 6, 3
 
@@ -47,7 +49,9 @@ class FittedLasers(NamedTuple):
     residuals_mm: Floats
 
     def about(self) -> dict[str, object]:
-        """Return entries for a table's description: the lasers' parameters, and how well they fit."""
+        """Return entries for a table's description: parameters of the lasers, and how well they
+        fit.
+        """
         sensor, off = self.sensor, np.abs(self.residuals_mm)
         table: dict[str, object] = {
             "laser_elevation_deg": list(sensor.laser_elevation_deg),

@@ -153,7 +153,7 @@ def _read(
 def _messages(
     path: Path, topic: str, numbers: Sequence[int]
 ) -> Iterator[tuple[MessagePoints, int]]:
-    """Yield the points of each message without missing returns, and the number of missing returns."""
+    """Yield the points of each message without missing returns, and how many were missing."""
     for first in range(0, len(numbers), _BATCH):
         batch = numbers[first : first + _BATCH]
         for number, message in zip(batch, read_cloud_messages(path, topic, batch), strict=True):

@@ -115,7 +115,7 @@ def _usable(
     stamps_s: Floats,
     label: str,
 ) -> tuple[bool, list[Floats]] | None:
-    """Return whether all times share one origin, and the times in s; or None if they are unusable."""
+    """Return whether all times share one origin, and the times in s; None if they are unusable."""
     times = [_signed(each.columns[name]) for each in messages]
     for part in times:
         check_finite(f"field {name}", part)

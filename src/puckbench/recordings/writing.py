@@ -115,7 +115,7 @@ def pack_blocks(
 
 
 def pcap_bytes(log: PacketLog) -> bytes:
-    """Return the content of a capture file (pcap) with the packets as UDP datagrams to port 2368."""
+    """Return the content of a capture file (pcap), with the packets as UDP datagrams."""
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     wrapping = _MAC + b"\x08\x00" + _ip_udp_header(PACKET_BYTES)
     size = len(wrapping) + PACKET_BYTES
