@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 _SECONDS_BETWEEN_LINES = 30.0
 """If there is no terminal, the progress is printed as a line at this interval, in s."""
 _OVERDUE_S, _OVERDUE_FACTOR = 60.0, 5.0
-"""A job is reported as overdue after this time, in s, and after this multiple of its expected time.
-"""
+"""A job is overdue after this time, in s, and after this multiple of its expected time."""
 _WITHOUT_OUTPUT = re.compile(r"\bJob (\d+) +completed successfully, but some output files")
 
 

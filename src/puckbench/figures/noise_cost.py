@@ -30,10 +30,12 @@ _MARKERS = "osD^vP"
 _JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}
 _INTERVAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
 _LINE_IN, _AROUND_IN = 0.145, 1.1
-"""Height of a codec's line, and of the figure without these lines, inches."""
+"""Height of a codec's line, and height of the figure without these lines, in inches."""
 
 Line = tuple[str, Floats]
-"""Label of a codec, and interval, mean and interval (3, models) of its bits per return."""
+"""Label of a codec, and its bits per return under each error model, (3, models): lower end of the
+interval, mean, and upper end.
+"""
 
 
 @FIGURES.register(
@@ -101,7 +103,7 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
 def _groups(
     bits: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield title and rows of the data sets of the same scenes."""
+    """Yield the title and the rows of each group of data sets that have the same scenes."""
     scenes = with_scenes(clouds).groupby("dataset")[SCENE].agg(frozenset)
     names = style.ordered_datasets(bits["dataset"])
     for group in dict.fromkeys(scenes[name] for name in names):

@@ -19,7 +19,7 @@ from puckbench.figures.plot_styles import (
 
 COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.16
-"""Widths of a column and of the page in IEEE journals with two columns, inches."""
+"""Widths of a column and of a page of an IEEE journal with two columns, in inches."""
 
 Range = tuple[float, float]
 
@@ -79,9 +79,20 @@ class FigureStyle(Model):
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
-        """Merge mappings of options, nested mappings key by key; later values take precedence.
+        """Merge several sets of options to a style.
 
-        Raises InputError for an unknown key or an invalid value.
+        Nested mappings are merged key by key. If options contradict each other, the last one
+        counts.
+
+        Parameters
+        ----------
+        options
+            Mappings with the options of this class.
+
+        Raises
+        ------
+        InputError
+            A key is unknown or a value is not valid.
         """
         merged: dict[str, Any] = {}
         for key, value in (item for mapping in options for item in mapping.items()):
@@ -90,6 +101,7 @@ class FigureStyle(Model):
         return parsed(cls, merged, "figure style")
 
     def of_codec(self, codec: str) -> PlotStyle:
+        """Return how to draw a codec, with the changes that this style makes."""
         plot_style = codec_style(codec)
         return replace(
             plot_style,
@@ -100,10 +112,15 @@ class FigureStyle(Model):
         )
 
     def title(self, dataset: str) -> str:
+        """Return the title of a data set."""
         return self.dataset_titles.get(dataset, dataset_title(dataset))
 
     def of_datasets(self, datasets: Iterable[str]) -> dict[str, PlotStyle]:
-        """Return a style for each data set, in order; colours follow the option `datasets`."""
+        """Return how to draw each data set, by name, in the order of `ordered_datasets`.
+
+        Colours follow the option `datasets`, so that they do not depend on which data sets are
+        drawn.
+        """
         places = list(dict.fromkeys((*self.datasets, *datasets)))
         return {
             name: dataset_style(places.index(name), self.title(name))
@@ -111,17 +128,22 @@ class FigureStyle(Model):
         }
 
     def ordered_codecs(self, codecs: Iterable[str]) -> list[str]:
+        """Return the names of codecs without repetitions, in the order of legends."""
         return sorted(set(codecs), key=codec_rank)
 
     def ordered_datasets(self, datasets: Iterable[str]) -> list[str]:
-        """Return each data set once, those in the option `datasets` first."""
+        """Return the names of data sets without repetitions; those in the option `datasets` come
+        first.
+        """
         present = list(dict.fromkeys(datasets))
         named = [name for name in self.datasets if name in present]
         return named + [name for name in present if name not in named]
 
     @contextmanager
     def context(self) -> Iterator[None]:
-        """Apply this style, without matplotlibrc, inside the `with` block."""
+        """Apply this style to figures drawn in the `with` block; the user's matplotlibrc has no
+        effect.
+        """
         import matplotlib.style
 
         with matplotlib.style.context(["default", self._parameters()]):

@@ -143,6 +143,6 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
 
 
 def _image(returns: Returns) -> Floats:
-    """Return ranges (lasers, columns), m, of the first turn's first returns; nan without return."""
+    """Return the first returns of the first turn as a range image (lasers, columns), in m."""
     ranges = returns.distances(returns.turns[0])[0][:, list(returns.layout.order)].T
     return np.where(ranges > 0, ranges, np.nan)

@@ -43,7 +43,7 @@ _SOURCES = {
     "accuracy_mm": "acd_ba_plane",
     "completeness_mm": "acd_ab_plane",
 }
-"""Columns of the tables, in metres or in squared grid units."""
+"""Columns of the results, in m or in squared grid units, from which columns in mm are computed."""
 
 
 @FIGURES.register(
