@@ -98,7 +98,7 @@ def panels_abreast(panels: int) -> int:
 
 
 def fitted_limits(values: Floats, default: Range) -> Range:
-    """Return limits of an axis slightly beyond the positive values, or `default` if there are none."""
+    """Return limits slightly beyond the positive values, or `default` if no value is positive."""
     positive = values[np.isfinite(values) & (values > 0)]
     if len(positive) == 0:
         return default
@@ -323,14 +323,14 @@ def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
 
 
 def titled(title: str, rows: pd.DataFrame) -> str:
-    """Return a title followed by the number of clouds in `rows`, and of scenes if these are fewer."""
+    """Return a title followed by the number of clouds in `rows` and, if smaller, of scenes."""
     clouds, scenes = (with_scenes(rows)[name].nunique() for name in ("cloud", SCENE))
     text = f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{clouds}"
     return f"{text})" if scenes == clouds else f"{text} of {scenes} scene{'s' * (scenes > 1)})"
 
 
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
-    """Set the title of a panel, wrapped to the width of the panel; `columns` panels are in a row."""
+    """Set a panel's title, wrapped to the width of a panel; `columns` panels are in a row."""
     figure: Any = axes.figure
     width_in = (float(figure.get_size_inches()[0]) - 0.5) / columns
     axes.set_title(wrapped(text, width_in, style), pad=3)

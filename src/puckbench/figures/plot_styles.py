@@ -35,7 +35,7 @@ OTHER_MODEL_COLOURS = ("#885577", "#557799", "#998877", "#336644")
 
 
 def codec_style(codec: str) -> PlotStyle:
-    """Return the style of a codec by its name; names that are not registered get a derived style."""
+    """Return the style of a codec by its name; an unregistered name gets a derived style."""
     return class_style(codec, _registered(codec))
 
 
@@ -114,7 +114,7 @@ def _style_from_name(codec: str) -> PlotStyle:
 
 
 def error_model_colour(model: str) -> str:
-    """Return the colour of an error model by its name; it is the same in every figure and process."""
+    """Return the colour of an error model by its name, the same in every figure and process."""
     from virtual_lidar.errors import ERROR_MODELS
 
     own = ERROR_MODELS.get(model).colour if model in ERROR_MODELS else ""

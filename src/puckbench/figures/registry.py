@@ -83,7 +83,7 @@ class FigureEntry:
 
     @property
     def sort_key(self) -> list[float]:
-        """Key by which figures are sorted in the order of their numbers, so that 5.2 precedes 5.10."""
+        """Key that sorts figures in the order of their numbers, so that 5.2 precedes 5.10."""
         return [float(part) for part in self.number.split(".")] if self.number else [math.inf]
 
     @property
