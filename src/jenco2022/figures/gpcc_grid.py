@@ -35,7 +35,10 @@ _figure_of_both = partial(_figure, needs=("rounded_and_truncated_gpcc",))
 _ROWS = (BPP, CD_POINT)
 _SCALE = "Scale (small markers: no power of two)"
 _SMALL = 0.55
-"""Relative size of markers at scales that are not powers of two; some shapes cannot be hollow."""
+"""Relative size of markers at scales that are not powers of two.
+
+Such markers are small because some shapes cannot be hollow.
+"""
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
 _SHADED = 0.2
 

@@ -25,7 +25,7 @@ CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 _figure = partial(FIGURES.register, category="Sensor")
 _figure_at_5_m = partial(_figure, needs=(at(5),))
 SAMPLE = 60_000
-"""Maximum number of points drawn per scan; more would hide each other."""
+"""Largest number of points that are drawn of a scan; more points would hide each other."""
 
 _COLUMNS = ("model", "surface", "distance_m", "laser_id", "elevation_deg", "x_m", "y_m", "z_m")
 _LABELS = {

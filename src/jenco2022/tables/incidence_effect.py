@@ -58,8 +58,27 @@ def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFra
 def incidence_bins(
     table: pd.DataFrame, bins: int = BINS, highest_rad: float = LARGEST_RAD
 ) -> pd.DataFrame:
-    """Return mean and standard deviation of residuals by model, in equal bins of the incidence
-    angle from 0 to `highest_rad`; raise InputError without rows.
+    """Return mean and standard deviation of residuals in bins of the angle of incidence.
+
+    Parameters
+    ----------
+    table
+        Residuals, with the columns ``model``, ``incidence_rad`` and ``residual_m``.
+    bins
+        Number of bins of equal width.
+    highest_rad
+        Upper end of the last bin, in rad; the first bin begins at 0.
+
+    Returns
+    -------
+    DataFrame
+        A row for each error model and bin that has residuals: ``low_rad`` and ``high_rad``, the
+        ends of the bin, ``count``, ``mean_m`` and ``std_m``.
+
+    Raises
+    ------
+    InputError
+        The table has no rows.
     """
     if table.empty:
         raise InputError("incidence bins need at least one residual")

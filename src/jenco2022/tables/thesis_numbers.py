@@ -47,9 +47,19 @@ def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def distance_to_normal(sample: Floats, mean: float, std: float) -> float:
-    """Return the earth mover's distance between a sample (n,) and a normal distribution.
+    """Return the earth mover's distance of a sample from a normal distribution.
 
-    Raises InputError for an empty sample.
+    Parameters
+    ----------
+    sample
+        Values, (n,).
+    mean, std
+        Mean and standard deviation of the normal distribution, in the unit of the sample.
+
+    Raises
+    ------
+    InputError
+        The sample is empty.
     """
     from scipy.special import ndtri
 

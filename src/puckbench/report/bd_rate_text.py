@@ -42,7 +42,7 @@ def has_delta(row: _Row | None) -> bool:
 
 
 def delta_note(row: _Row | None) -> str:
-    """Return what qualifies a BD-rate: range, number of scenes and verdict, or why there is none."""
+    """Return the range, number of scenes and verdict of a BD-rate, or why there is none."""
     if row is None:
         return "not measured"
     if not has_delta(row):

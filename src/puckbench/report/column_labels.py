@@ -142,8 +142,7 @@ _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     (f"hausdorff_{_KIND}_m", "Hausdorff distance, {}", "m", None),
     (f"hausdorff_sq_{_KIND}", "Squared Hausdorff distance, {}", SQUARED, None),
 )
-"""Labels of columns: pattern of names; words, in which `_WORDS` replace ``{}``; unit; group of
-columns.
+"""Patterns of column names; words, in which `_WORDS` replace ``{}``; unit; and group of columns.
 
 If the group is None, a prefix in `_REFERENCES` determines the group.
 """

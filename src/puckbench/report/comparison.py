@@ -24,8 +24,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results of a run and of a reference study on the same clouds, as `compare_with_reference`
-    finds them.
+    """Results of a run and of a reference study on the same clouds.
 
     Parameters
     ----------

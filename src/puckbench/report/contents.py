@@ -75,7 +75,7 @@ class Contents(Model):
         return parsed(cls, value, "contents of the report")
 
     def under(self, folder: Path) -> Contents:
-        """Return these contents with all paths below `folder`, which contains a copy of the files."""
+        """Return these contents with all paths below `folder`, which has a copy of the files."""
 
         def moved(files: Mapping[str, str]) -> dict[str, str]:
             return {name: str(folder / file) for name, file in files.items()}

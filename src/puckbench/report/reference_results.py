@@ -128,7 +128,7 @@ class ReferenceResults:
         return str(self.about.get("not_timed", ""))
 
     def table(self, name: str) -> pd.DataFrame | None:
-        """Return the table ``clouds`` or ``scan_errors`` of the study, or None if it has no rows."""
+        """Return the study's table ``clouds`` or ``scan_errors``, or None if it has no rows."""
         import pandas as pd
 
         rows = self.about.get(name)
@@ -192,7 +192,7 @@ def _read(path: Path) -> ReferenceResults:
 
 
 def check_results(metrics: pd.DataFrame) -> None:
-    """Raise InputError if a table of results lacks columns, or if their values have the wrong type."""
+    """Raise InputError if a table of results lacks columns, or has columns of the wrong type."""
     from pointkit.tables import check_columns
 
     used = [name for name in map(str, metrics) if name in _NUMBERS or name.endswith(_ENDINGS)]
