@@ -125,7 +125,7 @@ def _has_enough_rooms(table: pd.DataFrame | None, dataset: str) -> bool:
 
 
 def _correlation(rows: pd.DataFrame) -> float:
-    """Return the rank correlation of elongation and Chamfer distance: its median over rates, or 0."""
+    """Return the median over rates of the rank correlation of elongation and CD, or 0."""
     correlations = [
         float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")

@@ -102,7 +102,7 @@ class Evidence:
         return medians.assign(number=medians["rate"].map(places))
 
     def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
-        """Return how many clouds of these data sets were coded by the codecs in all of these roles."""
+        """Return how many clouds of these data sets the codecs in all of these roles coded."""
         if self.metrics is None:
             return 0
         rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]

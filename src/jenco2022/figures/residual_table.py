@@ -39,7 +39,7 @@ def check_residuals(table: pd.DataFrame, *columns: str) -> None:
 
 
 def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
-    """Return the residuals of surfaces nearer than `FAR_M`, of one surface or, by default, of all."""
+    """Return the residuals nearer than `FAR_M`, of one surface or, by default, of all."""
     rows = table["distance_m"] < FAR_M
     if surface is not None:
         rows &= table["surface"] == surface
@@ -102,7 +102,7 @@ def binned_moments(x: Floats, y: Floats, width: float) -> tuple[Floats, Floats, 
 
 
 def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: float) -> None:
-    """Draw the distribution of residuals as a violin with mean and extremes, at the position `at`."""
+    """Draw the distribution of residuals as a violin at the position `at` of the axis."""
     bodies = axes.violin([violin_shape(residuals)], [at], widths=width, showmeans=True)
     parts: dict[str, Any] = dict(bodies)
     for body in parts.pop("bodies"):

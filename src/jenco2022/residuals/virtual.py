@@ -96,8 +96,8 @@ def residual_table(
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
     """Return the plane residuals of a single scan.
 
-    A point belongs to the surface that its nominal ray hits. The thesis cropped surfaces instead,
-    which would remove noisy points.
+    A point belongs to the surface that its nominal ray hits. Surfaces are not cropped from the
+    cloud, because cropping would remove noisy points.
 
     Parameters
     ----------

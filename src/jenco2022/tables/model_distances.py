@@ -77,7 +77,7 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances, in m, between single replicates and all residuals."""
+    """Return the 95 % quantile of the distances, in m, of single replicates from all residuals."""
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()
     if len(parts) < 2:
