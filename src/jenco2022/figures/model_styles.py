@@ -91,6 +91,7 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
 
 
 def counted(title: str, returns: int) -> str:
+    """Return a title followed by the number of returns."""
     return f"{title} (n = {returns:,})"
 
 

@@ -28,7 +28,8 @@ def model_distances(compared: pd.DataFrame) -> pd.DataFrame:
     """Earth mover's distance of each error model's wall residuals from those of real sensors.
 
     Distances are in metres. A sensor that follows the model exceeds the distance ``chance_m`` with
-    5 % probability. There are no intervals: walls and lasers of one device do not sample devices.
+    5 % probability. There are no intervals, because walls and lasers of one device are not a sample
+    of devices.
 
     Parameters
     ----------

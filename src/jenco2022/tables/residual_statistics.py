@@ -30,10 +30,10 @@ _CONFIDENCE = 0.95
 def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     """Statistics of the plane residuals (thesis procedure 1), in metres.
 
-    One row per error model ("real" for captures), surface, distance from the wall, and laser; "all"
-    combines surfaces, lasers, or distances below 30 m. ``mean_half_m`` and ``std_half_m``, half
-    widths of 95 % intervals, come from repeated ``scans``, since returns of one scan share a plane
-    and the lasers' biases.
+    There is a row for each error model ("real" for captures), surface, distance from the wall, and
+    laser. The value "all" combines surfaces, lasers, or distances below 30 m. ``mean_half_m`` and
+    ``std_half_m`` are half widths of 95 % intervals. They come from repeated ``scans``, because the
+    returns of one scan share a plane and the lasers' biases.
     """
     import pandas as pd
 

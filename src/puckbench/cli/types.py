@@ -141,11 +141,13 @@ def turns(text: str | None) -> tuple[int, int] | None:
 
 
 def add_unit(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the option ``--metres-per-unit``; `what` is the word for the file in the help text."""
     text = f"unit of the {what} (0.001: millimetres; default: 1)"
     parser.add_argument("--metres-per-unit", type=positive, default=1.0, help=text)
 
 
 def add_cloud_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how clouds are read from files."""
     add = parser.add_argument
     add("--drop-invalid", action="store_true", help="leave out points that are not finite")
     add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")

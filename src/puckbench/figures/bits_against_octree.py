@@ -56,10 +56,10 @@ _SINGLE: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.5}
 def draw_bits_against_octree(
     metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Bits of each codec in percent of the bits of G-PCC's octree coder (``gpcc``, without
-    knowledge of the sensor) at equal D1 RMS error. Lines: medians over clouds, where rates of both
-    codecs reach the error; shaded: quartiles; with fewer than six clouds, thin lines for each
-    cloud. n: clouds.
+    """Bits of each codec, in percent of the bits of G-PCC's octree coder at equal D1 RMS error. The
+    octree coder (``gpcc``) does not know the sensor. Lines are medians over n clouds, at errors
+    that rates of both codecs reach. Shaded areas are quartiles; with fewer than six clouds,
+    there is a thin line for each cloud instead.
 
     Of data sets that differ only in the error model, only the first is shown. For lossless coding,
     see the table ``against_octree``.

@@ -46,15 +46,16 @@ interval, mean, and upper end.
     frame="metric",
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits per return of the same rays under several error models, for the data sets with the most
-    error models and, among these, the most scenes; panels for each set of scenes. Markers: means
-    over n scenes; grey lines join the error models; black lines: 95 % intervals of the means of six
-    scenes or more. Bits without loss or on a 1 mm grid, and at a D1 RMS error of 5 mm, if a codec
-    reaches it.
+    """Bits per return that codecs need for the same rays under several error models of the sensor.
+    There are panels for each set of scenes: bits without loss or on a grid of 1 mm, and bits at
+    a D1 RMS error of 5 mm, if a codec reaches this error. Markers are means over n scenes, and
+    grey lines join the error models of a codec. Black lines are 95 % intervals of the means of
+    six scenes or more. Only data sets with the most error models are shown and, among these,
+    those with the most scenes.
 
-    First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
-    codecs that keep ranges exactly. It excludes the mean error of each laser in each turn, which a
-    codec can learn.
+    The first line is the entropy of the model's noise at the sensor's range resolution. It is a
+    lower bound for codecs that keep ranges exactly. It excludes the mean error of each laser in
+    each turn (revolution of the sensor), which a codec can learn.
     """
     from matplotlib.figure import Figure
 

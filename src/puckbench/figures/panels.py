@@ -89,6 +89,7 @@ def panel_grid(
 
 
 def figure_width(columns: int, style: FigureStyle) -> float:
+    """Return the width of a figure in inches: that of `style`, or one or two columns of text."""
     return style.width_in or (COLUMN_WIDTH_IN if columns == 1 else PAGE_WIDTH_IN)
 
 
@@ -230,14 +231,17 @@ def line_handle(label: str, **line: Any) -> Line2D:
 
 
 def unranked_handle() -> Line2D:
+    """Return a legend entry for lines of times that cannot be ranked."""
     return line_handle(f"not ranked: not timed alone {MIN_REPEATS} times", **UNRANKED_LINE)
 
 
 def scan_handle() -> Line2D:
+    """Return a legend entry for the line of a scan before coding."""
     return line_handle("the scan itself", **SCAN_LINE)
 
 
 def lossless_tick_handle() -> Line2D:
+    """Return a legend entry for ticks of lossless streams."""
     tick: dict[str, Any] = {"linestyle": "", "marker": "|", "markeredgewidth": _TICK_WIDTH}
     return line_handle("bits of lossless streams", **tick)
 

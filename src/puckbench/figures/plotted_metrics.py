@@ -30,6 +30,7 @@ class PlottedMetric:
 
     @property
     def is_time(self) -> bool:
+        """Whether the column contains times."""
         return self.unit == "s"
 
     @property

@@ -1,6 +1,7 @@
-"""Closest points on a triangle mesh.
+"""Search for the closest points on a triangle mesh.
 
-The triangle is searched in single precision; the point on it is computed in double precision.
+The closest triangle is searched in single precision; the point on this triangle is computed in
+double precision.
 """
 
 from __future__ import annotations

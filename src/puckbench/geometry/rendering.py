@@ -117,7 +117,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return each pixel's brightness, from 1 down to 0.35 for pixels far behind neighbours."""
+    """Return the brightness of each pixel, which falls from 1 to 0.35 for pixels behind neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

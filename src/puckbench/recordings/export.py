@@ -1,4 +1,4 @@
-"""Export of scans and recordings to other tools' formats, by file suffix."""
+"""Export of scans and recordings to the formats of other tools, chosen by the file's suffix."""
 
 from __future__ import annotations
 

@@ -94,6 +94,7 @@ class Contents(Model):
         )
 
     def as_json(self) -> dict[str, Any]:
+        """Return the contents as a JSON object, which `from_json` reads."""
         return self.model_dump(mode="json")
 
     def files(self) -> list[str]:

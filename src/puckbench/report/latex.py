@@ -1,4 +1,4 @@
-"""Tables of results in LaTeX."""
+"""Conversion of tables of results to LaTeX."""
 
 from __future__ import annotations
 

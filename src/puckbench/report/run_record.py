@@ -59,9 +59,11 @@ class RunRecord(Model):
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> RunRecord:
+        """Return a record from a JSON object, as `as_json` writes it."""
         return parsed(cls, value, "record")
 
     def as_json(self) -> dict[str, Any]:
+        """Return the record as a JSON object."""
         moments = {
             name: moment.isoformat(timespec="seconds") if moment else None
             for name, moment in (("began", self.began), ("ended", self.ended))
