@@ -70,16 +70,16 @@ _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def medians_of_thesis() -> pd.DataFrame:
-    """Return the medians over clouds of thesis figure 6.5, read to about 5 %, as rows of results.
+    """Return the medians over clouds in thesis figure 6.5, which were read off to about 5 %.
 
     Returns
     -------
     DataFrame
-        A row for each data set, codec and rate ("r1" is the coarsest), with the columns
-        ``dataset`` and ``codec`` (roles, such as "rooms" and "gpcc_as_run"), ``cloud`` (always
-        "median"), ``rate``, ``bpp`` (bits per input point; only for the first and the last rate),
-        ``cd_plane`` (Chamfer distance, point to plane) and ``hausdorff_sq_plane`` (squared
-        Hausdorff distance), both in squared units of the cube [0, 1023].
+        A row for each data set, codec and rate ("r1" is the coarsest), with the columns ``dataset``
+        and ``codec`` (roles, such as "rooms" and "gpcc_as_run"), ``cloud`` (always "median"),
+        ``rate``, ``bpp`` (bits per input point; only for the first and the last rate), ``cd_plane``
+        (Chamfer distance, point to plane) and ``hausdorff_sq_plane`` (squared Hausdorff distance),
+        both in squared units of the cube [0, 1023].
     """
     import pandas as pd
 

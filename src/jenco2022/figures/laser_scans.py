@@ -56,7 +56,10 @@ def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_at_5_m("fig_5_4", title="Wall at 5 m, by laser", number="5.4")
 def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall at 5 m, seen from the front (thesis figure 5.4). Points are drawn as in figure 5.2."""
+    """The wall at 5 m, seen from the front (thesis figure 5.4).
+
+    Points are drawn as in figure 5.2.
+    """
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "x_m", "z_m", True, style)
 
 

@@ -34,13 +34,15 @@ def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFra
     """Range error and distance from the surface by error model and angle of incidence.
 
     At incidence theta, a range error e moves a point e cos(theta) off the surface (section 5.6).
-    Standard deviations of this distance are predicted, measured from the true surface (scans at 1
-    and 5 m), and measured from the fitted plane (all distances below 30 m).
+    The standard deviation of this distance is given three times: predicted, measured from the true
+    surface (scans at 1 and 5 m), and measured from the fitted plane (all distances below 30 m).
 
     Parameters
     ----------
     scans
-        Table of `wall_points`.
+        Points of virtual scans, as `wall_points` returns them.
+    residuals
+        Plane residuals of virtual scans and captures.
     """
     near = scans[(scans["distance_m"] < FAR_M) & scans["surface"].isin(("wall", "floor"))]
     distance = np.where(near["surface"] == "wall", near["y_m"], near["z_m"])

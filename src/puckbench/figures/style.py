@@ -33,11 +33,18 @@ class FigureStyle(Model):
     Parameters
     ----------
     font_size
-        Size of axis labels, points; tick labels are one point smaller.
+        Size of axis labels, in points; tick labels are one point smaller.
     width_in
-        Width of figures, inches; by default one or two columns, depending on the figure.
+        Width of figures, in inches; by default, one or two columns of text, depending on the
+        figure.
+    dpi
+        Resolution of pictures, in pixels per inch.
     line_width, marker_size
         Sizes in points.
+    colours, markers, lines
+        Changes to how codecs and error models are drawn, by name, as values of matplotlib.
+    codec_titles, dataset_titles
+        Titles in place of the default ones, by name.
     datasets
         Data sets whose panels come first, in this order.
     axis_ranges

@@ -117,7 +117,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return the brightness of each pixel, which falls from 1 to 0.35 for pixels behind neighbours."""
+    """Return the brightness of each pixel: 1, or down to 0.35 for pixels behind neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)
