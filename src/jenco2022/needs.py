@@ -93,16 +93,25 @@ def codec_role(codec: Codec) -> str:
 
 
 def codec_roles(plan: Plan) -> dict[str, str]:
-    """Return the names of the run's codecs that represent codecs of the thesis, by the latter's
-    names.
+    """Return the names of the run's codecs that represent codecs of the thesis.
+
+    Returns
+    -------
+    dict
+        Names by role, i.e. by the name of the thesis's codec.
     """
     return _first({name: codec_role(codec) for name, codec in plan.opened.items()})
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return the names of codecs that replace codecs of the thesis, by the latter's names.
+    """Return the names of the run's codecs that stand in for codecs of the thesis.
 
-    A codec replaces the published codec that it modifies (`based_on`).
+    A codec stands in for the published codec that it modifies (`based_on`).
+
+    Returns
+    -------
+    dict
+        Names by role, i.e. by the name of the thesis's codec.
     """
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
@@ -156,10 +165,10 @@ def gpcc_scales_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("thesis_medians")
 def thesis_medians_options(plan: Plan) -> Options | None:
-    """Return the options of the table ``thesis_medians``: data sets and codecs that represent the
-    thesis's.
+    """Return the options of the table ``thesis_medians``, or None if the run cannot fill it.
 
-    The result is None without such data sets, or if no codec has a rate of the thesis.
+    The options are the data sets and codecs that represent those of the thesis. The result is None
+    without such data sets, or if no codec has a rate of the thesis.
     """
     datasets, codecs = dataset_roles(plan), codec_roles(plan)
     has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
@@ -168,7 +177,5 @@ def thesis_medians_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("rounded_and_truncated_gpcc")
 def rounded_and_truncated_gpcc(plan: Plan) -> Options | None:
-    """Return no options if the run has G-PCC with rounded and with truncated coordinates, else
-    None.
-    """
+    """Return empty options if the run has G-PCC with rounded and truncated coordinates, else None."""
     return {} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else None

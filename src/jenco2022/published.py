@@ -46,8 +46,7 @@ MODEL_STDS_M = {"none": 2.7e-7, "hdl64e": 0.0652, "vlp16": 0.0186, "vlp16_diverg
 """
 
 MODEL_DISTANCES_M = {"none": 0.0108, "hdl64e": 0.0399, "vlp16": 0.0044, "vlp16_divergence": 0.0050}
-"""Earth mover's distances, in m, of the residuals of error models from the real ones (Figure 5.18).
-"""
+"""Earth mover's distances, in m, of error models' residuals from the real ones (Figure 5.18)."""
 
 FAR_STDS_M = {"vlp16": 0.0163, "vlp16_divergence": 0.0171}
 """Standard deviations, in m, of the residuals of error models at 30 m (Figure 5.19)."""

@@ -63,9 +63,7 @@ class ResidualStudy(StudyJobs):
 
     @property
     def inputs(self) -> dict[str, str]:
-        """Names of the study's tables, by the name of the figure's or table's input that they
-        supply.
-        """
+        """Names of the study's tables, by the name of the input that they supply."""
         names = ["residuals", *(["scans"] if self.study.shown_m else [])]
         can_compare = not self.plan.has_failed("tables", "compared_residuals")
         of_captures = _OF_CAPTURES if self.study.captures and can_compare else {}

@@ -111,7 +111,7 @@ class Evidence:
         return len(set.intersection(*coded))
 
     def has_enough_clouds(self, datasets: Iterable[str], *codecs: str) -> bool:
-        """Return whether the codecs in these roles coded at least `MIN_CLOUDS` clouds of the data
+        """Return whether the codecs in these roles coded enough clouds (`MIN_CLOUDS`) of the data
         sets.
         """
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS

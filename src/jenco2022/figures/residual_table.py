@@ -25,10 +25,10 @@ _VIRTUAL = ("vlp16_divergence", "vlp16")
 
 
 def check_residuals(table: pd.DataFrame, *columns: str) -> None:
-    """Raise InputError if a table of residuals has no rows, lacks a column, or has a number not
-    finite.
+    """Raise InputError if a table of residuals cannot be drawn.
 
-    `columns` are names of further columns that must contain finite numbers.
+    This is so if it has no rows, lacks a column, or has a number that is not finite. `columns` are
+    names of further columns that must contain finite numbers.
     """
     require_rows(table, ("model", "surface", "distance_m", "residual_m", *columns), "residual")
     for name in ("distance_m", "residual_m", *columns):

@@ -20,8 +20,7 @@ CODE = (
 COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
 """Error models that are compared; the thesis chose `vlp16_divergence` (section 5.5.3)."""
 _MAX_ROWS = 20_000
-"""Largest number of rows of a recording. For each row, every error model is simulated twenty times.
-"""
+"""Largest number of rows of a recording; for each, every error model is simulated twenty times."""
 _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
 
 

@@ -195,7 +195,10 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def subsampled(table: pd.DataFrame, max_rows: int, name: str) -> pd.DataFrame:
-    """Return at most `max_rows` random rows in their original order; `name` determines the choice."""
+    """Return at most `max_rows` random rows in their original order.
+
+    The choice depends only on the length of the table and on `name`.
+    """
     if len(table) <= max_rows:
         return table
     return table.sample(max_rows, random_state=generator(0, "joined", name)).sort_index()

@@ -62,6 +62,4 @@ _NAMES = {
     "study": "puckbench.report.reference_results:shipped_studies",
     "table": "puckbench.metrics.table_registry:TABLES",
 }
-"""Where the names that an argument can take are found, as ``module:object``, by the argument's
-name.
-"""
+"""Sources (``module:object``) of the names that an argument can take, by the argument's name."""

@@ -121,8 +121,9 @@ def integer(low: int) -> Any:
 
 
 def turns(text: str | None) -> tuple[int, int] | None:
-    """Parse the option ``--turns``, such as ``7`` or ``7-9``; a turn is one revolution of the
-    sensor.
+    """Parse the option ``--turns``, such as ``7`` or ``7-9``.
+
+    A turn is one revolution of the sensor.
 
     Returns
     -------

@@ -11,8 +11,14 @@ from puckbench.codecs.registry import codec_class, is_codec
 
 @dataclass(frozen=True)
 class PlotStyle:
-    """How figures draw a codec or a data set: title in legends, colour, marker and line of
-    matplotlib.
+    """How figures draw a codec or a data set.
+
+    Parameters
+    ----------
+    title
+        Title in legends.
+    colour, marker, line
+        Colour, marker and line style, as values of matplotlib.
     """
 
     title: str

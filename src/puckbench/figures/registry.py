@@ -96,9 +96,7 @@ FIGURES: Registry[FigureEntry] = Registry("figure", "figures", make=FigureEntry)
 
 
 def figure_entry(name: str) -> FigureEntry:
-    """Return a figure by its name or ``path/to/file.py:function``; raise InputError if it is
-    unknown.
-    """
+    """Return a figure by its name or ``path/to/file.py:function``; unknown ones raise InputError."""
     return FIGURES.get(name)
 
 

@@ -28,7 +28,7 @@ from puckbench.core.archives import read_archive, write_archive
 
 KEPT, AZIMUTH, NONE = "kept", "azimuth", "none"
 """Values of the column ``times``, which says where the times of a decoded turn's points come from:
-from the stream, from the azimuths of the points, or from nowhere.
+the codec kept them, they were computed from the azimuths of the points, or there are none.
 """
 UNDECODED_POSES = "KISS-ICP on the undecoded turns"
 """Value of the column ``poses`` for drives without true poses. KISS-ICP then estimated the

@@ -49,9 +49,7 @@ class FittedLasers(NamedTuple):
     residuals_mm: Floats
 
     def about(self) -> dict[str, object]:
-        """Return entries for a table's description: parameters of the lasers, and how well they
-        fit.
-        """
+        """Return the lasers' parameters, and how well they fit, as entries for a description."""
         sensor, off = self.sensor, np.abs(self.residuals_mm)
         table: dict[str, object] = {
             "laser_elevation_deg": list(sensor.laser_elevation_deg),

@@ -63,8 +63,7 @@ def time_field(columns: Columns) -> str | None:
 def seconds_of_messages(
     messages: Sequence[MessagePoints], unit: TimeUnit | None, label: str
 ) -> tuple[list[Floats], bool]:
-    """Return the times at which the points of messages were measured, relative to the first
-    message.
+    """Return when the points of messages were measured, relative to the first message.
 
     Times of points are counted from the time stamp of their message. If they increase from message
     to message, they are counted from the earliest point of the first message instead. If the
@@ -144,11 +143,10 @@ def _usable(
 
 
 def _is_absolute(times: Sequence[NDArray[Any]], unit: TimeUnit) -> bool:
-    """Return whether the times of all messages count from one origin, not from each message's
-    start.
+    """Return whether the times of all messages count from one origin.
 
     They do if they are dates, if they are larger than the duration of a turn, or if they increase
-    from message to message.
+    from message to message. Otherwise, they count from the beginning of each message.
     """
     if is_since_1970(times[0], unit):
         return True

@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 
 
 def study_findings(reference: ReferenceResults) -> Findings:
-    """Return the findings of a study, as `puckbench.report.findings.findings` computes them for a
-    run.
-    """
+    """Return the findings of a study, computed in the same way as those of a run."""
     return findings(reference.metrics, _comparisons(reference), reference.style)
 
 

@@ -25,9 +25,7 @@ TEMPLATES = ("page.html", "table.html")
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return the text of a template with the values filled in; all values except markup are
-    escaped.
-    """
+    """Return the text of a template with values filled in, which are escaped unless markup."""
     return _environment().get_template(template).render(values)
 
 
