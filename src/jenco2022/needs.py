@@ -177,5 +177,8 @@ def thesis_medians_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("rounded_and_truncated_gpcc")
 def rounded_and_truncated_gpcc(plan: Plan) -> Options | None:
-    """Return empty options if the run has G-PCC with rounded and truncated coordinates, else None."""
+    """Return empty options if the run has both kinds of G-PCC, otherwise None.
+
+    One of them rounds coordinates, the other one truncates them.
+    """
     return {} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else None

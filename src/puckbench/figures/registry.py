@@ -96,7 +96,10 @@ FIGURES: Registry[FigureEntry] = Registry("figure", "figures", make=FigureEntry)
 
 
 def figure_entry(name: str) -> FigureEntry:
-    """Return a figure by its name or ``path/to/file.py:function``; unknown ones raise InputError."""
+    """Return a figure by its name or ``path/to/file.py:function``.
+
+    Raises InputError if there is no such figure.
+    """
     return FIGURES.get(name)
 
 

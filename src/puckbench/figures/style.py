@@ -139,14 +139,20 @@ class FigureStyle(Model):
         return sorted(set(codecs), key=codec_rank)
 
     def ordered_datasets(self, datasets: Iterable[str]) -> list[str]:
-        """Return the names of data sets without repetitions, those in the option `datasets` first."""
+        """Return the names of data sets in the order of panels.
+
+        Names are not repeated, and those in the option `datasets` come first.
+        """
         present = list(dict.fromkeys(datasets))
         named = [name for name in self.datasets if name in present]
         return named + [name for name in present if name not in named]
 
     @contextmanager
     def context(self) -> Iterator[None]:
-        """Apply this style, without the user's matplotlibrc, to figures drawn in the `with` block."""
+        """Apply this style to figures drawn in the `with` block.
+
+        The user's matplotlibrc has no effect there.
+        """
         import matplotlib.style
 
         with matplotlib.style.context(["default", self._parameters()]):
