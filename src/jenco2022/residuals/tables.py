@@ -197,7 +197,7 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
 def subsampled(table: pd.DataFrame, max_rows: int, name: str) -> pd.DataFrame:
     """Return at most `max_rows` random rows in their original order.
 
-    The choice depends only on the length of the table and on `name`.
+    The choice is reproducible, because `name` determines the seed.
     """
     if len(table) <= max_rows:
         return table

@@ -194,7 +194,7 @@ def points_per_cloud(most: int, clouds: int, most_mb: float) -> int:
 def subsample_points(points: Floats, most: int, *names: str) -> Floats:
     """Return a random sample of at most `most` points (n, 3).
 
-    The sample depends only on the number of points and on `names`, which determine the seed.
+    The sample is reproducible, because `names` determine the seed.
     """
     if len(points) <= most:
         return points
