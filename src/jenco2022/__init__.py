@@ -1,9 +1,12 @@
-"""Jenco's thesis of 2022 beside a run of puckbench: claims with tests, published numbers, figures.
+"""Claims, published numbers and figures of Jenco's thesis of 2022, for comparison with a run.
 
-The package consists of plug-ins, which puckbench finds by their entry point. In Python, `CLAIMS`
-are the claims; each has a `test` of an `Evidence`, the tables of a run. `verdict` and
-`results_text` put what a test found into words. `medians_of_thesis` returns the published medians
-as a table, `thesis_evidence` as the evidence of the thesis's own results.
+The package consists of plug-ins of puckbench, which finds them by their entry point. The Python
+interface has these parts:
+
+`CLAIMS` are the claims of the thesis. The function `test` of a claim takes an `Evidence`, which
+holds tables of a run, and returns a `Part` for each part of the claim. `verdict` and `results_text`
+turn these results into words. `medians_of_thesis` returns the published medians as a table, and
+`thesis_evidence` returns the thesis's own results as an `Evidence`.
 """
 
 from typing import TYPE_CHECKING

@@ -15,14 +15,14 @@ from puckbench.planning.plan import open_scenes
 from puckbench.planning.workflow import Workflow
 
 _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5")
-"""Configuration that makes chapter 5 without downloads, and its results folder."""
+"""Configuration that makes chapter 5 without downloads, and its folder of results."""
 _LOADERS = ("capod", "s3dis", "stanford2d3d")
 """Loaders of the thesis's data sets."""
 _OF_CAPTURES = frozenset(f"fig_5_{number}" for number in (*range(2, 16), 18, 20))
 """Figures that show captures of a real VLP-16 in the thesis."""
 UNPUBLISHED = "its captures of a real VLP-16, in chapter 5, are unpublished"
 _REPEATED = {"2.1": "fig_6_1", "2.2": "fig_6_2"}
-"""Figures that show the same as a later figure."""
+"""Figures that show the same as a later figure, and the name of the later figure."""
 _WITHOUT_DATA = {
     "4.1": "photograph of the sensor",
     "4.2": "drawing of the lasers, whose elevations Table 4.2 lists",
@@ -33,11 +33,21 @@ _WITHOUT_DATA = {
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or table of the thesis.
+    """A figure or table of the thesis, with the state of its reproduction.
 
-    `state` is done, stand-in (made of other data than the thesis's), missing, impossible,
-    unplanned or no data. `note` is the file, the command that makes the file, or the reason.
-    `stand_ins` names the data that replace the thesis's.
+    Parameters
+    ----------
+    title
+        Title with the number, such as "Figure 5.10".
+    name
+        Name of puckbench's figure or table, or empty.
+    state
+        "done", "stand-in" (made of other data than the thesis's), "missing", "impossible",
+        "unplanned" or "no data".
+    note
+        The file, the command that makes the file, or the reason why there is none.
+    stand_ins
+        Names of the data that replace those of the thesis, or empty.
     """
 
     title: str
@@ -47,13 +57,24 @@ class Item:
     stand_ins: str = ""
 
     def line(self) -> str:
+        """Return state, note and stand-ins as one line of text."""
         remark = f"  # of {self.stand_ins}" if self.stand_ins else ""
         return f"{self.state:10}  {self.note}{remark}"
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A configuration file, `changes` to the configuration, and options of Snakemake."""
+    """The thesis's figures and tables that a configuration makes.
+
+    Parameters
+    ----------
+    path
+        Configuration file.
+    changes
+        Changes to the configuration.
+    cores
+        Number of cores in the printed commands.
+    """
 
     path: Path
     changes: Mapping[str, Any]
@@ -61,13 +82,14 @@ class Reproduction:
 
     @cached_property
     def config(self) -> Config:
+        """The configuration with the changes."""
         if not self.path.is_file():
             raise InputError(f"{self.path}: no such file (run this in puckbench's folder)")
         return trusted({**read_config(self.path), **self.changes})
 
     @cached_property
     def absent(self) -> dict[str, str]:
-        """Error messages of scene sets whose data cannot be read, by name."""
+        """Error messages of the scene sets whose data cannot be read, by name of the scene set."""
         faults = {}
         for name, value in self.config.scenes.items():
             try:
@@ -78,16 +100,17 @@ class Reproduction:
 
     @property
     def results(self) -> Path:
+        """Folder of the results."""
         return Path(self.config.results)
 
     def command(self, *targets: str) -> list[str]:
-        """Return the Snakemake command for `targets`, which precede options of several values."""
+        """Return the words of the Snakemake command that makes the files `targets`."""
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
         return [*words, *(["--config", *settings] if settings else [])]
 
     def items(self) -> list[Item]:
-        """Return every figure and table of the thesis with its state."""
+        """Return every figure and table of the thesis, with its state."""
         tables = {f"Table {e.number}": n for n, e in table_entries().items() if e.number}
         figures = {f"Figure {e.number}": n for n, e in figure_entries().items() if e.number}
         repeated = {f"Figure {number}": name for number, name in _REPEATED.items()}
@@ -114,7 +137,7 @@ class Reproduction:
         return Item(title, name, "missing", command, stand_ins)
 
     def _datasets_of(self, name: str) -> list[DataSetConfig]:
-        """Return the data sets that a figure shows; none for tables and figures of the sensor."""
+        """Return the data sets that a figure shows; tables and figures of the sensor show none."""
         inputs = figure_entry(name).inputs if name in FIGURES else ()
         datasets, examples = self.config.datasets, self.config.figures.examples.clouds_by_kind()
         kinds = [each.removeprefix("example_") for each in inputs]

@@ -1,4 +1,6 @@
-"""Which data sets and codecs of a run represent those of the thesis, and tables that need them."""
+"""Which data sets and codecs of a run represent those of the thesis, and options of tables that use
+them.
+"""
 
 from __future__ import annotations
 
@@ -42,11 +44,17 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 
 
 def dataset_roles(plan: Plan) -> dict[str, str]:
-    """Return the role of each data set: the thesis's data set that it represents.
+    """Return which of the thesis's data sets the data sets of a run represent.
 
-    A virtual scan has the role of the clean scans if its error model is ``none``, else of the noisy
-    ones. A recorded cloud has the role of the rooms, a sampled mesh that of the sampled rooms if
-    the plan also scans the mesh, else of the objects. Clouds in metres have no role.
+    A virtual scan represents the clean scans if its error model is ``none``; otherwise, it
+    represents the noisy scans. A recorded cloud represents the rooms. A sampled mesh represents the
+    sampled rooms if the run also scans the mesh; otherwise, it represents the objects. Clouds in
+    metres represent none.
+
+    Returns
+    -------
+    dict
+        Roles (names of the thesis's data sets) by name of the run's data set.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {
@@ -71,7 +79,7 @@ def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
 
 
 def codec_role(codec: Codec) -> str:
-    """Return the role of a codec: the thesis's codec that it represents, or an empty string.
+    """Return which of the thesis's codecs a codec represents, or an empty text.
 
     G-PCC's plain octree represents `GPCC_AS_RUN` if it truncates coordinates, otherwise `GPCC`.
     """
@@ -85,13 +93,25 @@ def codec_role(codec: Codec) -> str:
 
 
 def codec_roles(plan: Plan) -> dict[str, str]:
+    """Return the names of the run's codecs that represent codecs of the thesis.
+
+    Returns
+    -------
+    dict
+        Names by role, i.e. by the name of the thesis's codec.
+    """
     return _first({name: codec_role(codec) for name, codec in plan.opened.items()})
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return, by role, the codecs of the plan that stand in for the thesis's codecs.
+    """Return the names of the run's codecs that stand in for codecs of the thesis.
 
     A codec stands in for the published codec that it modifies (`based_on`).
+
+    Returns
+    -------
+    dict
+        Names by role, i.e. by the name of the thesis's codec.
     """
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
@@ -106,7 +126,14 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Return the grid's scale by codec and rate, for G-PCC codecs of data sets with a role."""
+    """Return the scale of the grid for each rate of the run's G-PCC codecs.
+
+    Returns
+    -------
+    dict
+        Scales by codec and rate. Codecs are left out if they code no data set that represents one
+        of the thesis's.
+    """
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
         for name, codec in plan.opened.items()
@@ -118,7 +145,10 @@ def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
 
 @NEEDS.register("claims")
 def claims_options(plan: Plan) -> Options | None:
-    """Return the roles of data sets and codecs; None if there are no roles and no sensor study."""
+    """Return the options of the table of claims: which data sets and codecs represent the thesis's.
+
+    The result is None if the run has neither such data sets nor a sensor study.
+    """
     datasets = dataset_roles(plan)
     if plan.datasets and not datasets and plan.study is None:
         return None
@@ -127,6 +157,7 @@ def claims_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("gpcc_scales")
 def gpcc_scales_options(plan: Plan) -> Options | None:
+    """Return the options of the table ``gpcc_scales``, or None if no G-PCC codec has scales."""
     scales = grid_scales(plan)
     codecs = {role: name for role, name in codec_roles(plan).items() if role in (GPCC, GPCC_AS_RUN)}
     return {"codecs": codecs, "scales": scales} if scales else None
@@ -134,7 +165,11 @@ def gpcc_scales_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("thesis_medians")
 def thesis_medians_options(plan: Plan) -> Options | None:
-    """Return the roles of data sets and codecs; None without roles or the thesis's rates."""
+    """Return the options of the table ``thesis_medians``, or None if the run cannot fill it.
+
+    The options are the data sets and codecs that represent those of the thesis. The result is None
+    without such data sets, or if no codec has a rate of the thesis.
+    """
     datasets, codecs = dataset_roles(plan), codec_roles(plan)
     has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
     return {"datasets": datasets, "codecs": codecs} if datasets and has_rates else None
@@ -142,4 +177,8 @@ def thesis_medians_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("rounded_and_truncated_gpcc")
 def rounded_and_truncated_gpcc(plan: Plan) -> Options | None:
+    """Return empty options if the run has both kinds of G-PCC, otherwise None.
+
+    One of them rounds coordinates, the other one truncates them.
+    """
     return {} if codec_roles(plan).keys() >= {GPCC, GPCC_AS_RUN} else None

@@ -1,4 +1,4 @@
-"""The claims in puckbench's report: a card for each, with its verdict and measurements."""
+"""The section of puckbench's report that shows each claim with its verdict and measurements."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CODE = ()
 _COLOURS = {"holds": "good", "holds in part": "partly", "does not hold": "bad"}
 _UNTESTED = "not tested"
 _SEPARATOR = re.compile(r"; (?![^(]*\))")
-"""A semicolon outside parentheses."""
+"""Matches a semicolon outside parentheses."""
 _HTML = """\
 <p class="note">Published claims and the verdicts of this run:
 {%- for verdict, count in counts.items() %} {{ count }} × {{ verdict }}
@@ -50,6 +50,7 @@ Table: <a href="{{ link }}">CSV</a>.</p>
 
 @SECTIONS.register("claims", title="Claims", tables=("claims",))
 def claims_section(data: SectionData) -> Markup | None:
+    """Return the claims of the thesis as HTML, or None if no claim was tested."""
     from puckbench.report.page import filled
 
     rows = data.tables["claims"].to_dict("records")
@@ -82,5 +83,5 @@ def _card(row: Mapping[str, str], figures: Mapping[str, str]) -> dict[str, Any]:
 
 
 def measured_parts(text: str) -> list[str]:
-    """Split a claim's measurements (column ``here``), of which each is a result of one test."""
+    """Split the measurements of a claim (column ``here``) into the results of its tests."""
     return [part for part in _SEPARATOR.split(text) if part]

@@ -1,4 +1,4 @@
-"""The sensor study of chapter 5: its jobs, which scan a wall and a floor with each error model."""
+"""The sensor study of chapter 5, whose jobs scan a wall and a floor with each error model."""
 
 from __future__ import annotations
 
@@ -15,20 +15,23 @@ from virtual_lidar import open_error_model
 from virtual_lidar.residual_table import REAL
 
 WALL_POINTS = 40_000
-"""Number of points per surface and distance in figures of scans."""
+"""Number of points of a surface at one distance in figures of scans."""
 _OF_CAPTURES = {
     "compared_residuals": "compared_residuals",
     "compared": "compared_residuals",
     "model_distances": "model_distances",
 }
-"""Tables that compare error models with captures, by the names of inputs."""
+"""Tables that compare error models with captures, by the name of a figure's input."""
 
 
 @STUDIES.register("sensor_study")
 class ResidualStudy(StudyJobs):
+    """The jobs of the sensor study, which a run plans from its configuration."""
+
     input_names = ("residuals", "scans", *_OF_CAPTURES)
 
     def residuals(self, model: str) -> PlannedJob:
+        """Return the job that measures the plane residuals of an error model."""
         settings = self.study.settings
         return self._scan(
             Residuals,
@@ -40,10 +43,12 @@ class ResidualStudy(StudyJobs):
         )
 
     def wall_points(self, model: str) -> PlannedJob:
+        """Return the job that writes points of scans with an error model."""
         return self._scan(WallPoints, model, distances=self.study.shown_m, keep=WALL_POINTS)
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
+        """Jobs that join the files of all error models to tables, by name of the table."""
         models, captures = tuple(self.study.models), self.capture_files()
         residuals = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
         points = tuple(f"wall_points/{model}.parquet" for model in models)
@@ -58,6 +63,7 @@ class ResidualStudy(StudyJobs):
 
     @property
     def inputs(self) -> dict[str, str]:
+        """Names of the study's tables, by the name of the input that they supply."""
         names = ["residuals", *(["scans"] if self.study.shown_m else [])]
         can_compare = not self.plan.has_failed("tables", "compared_residuals")
         of_captures = _OF_CAPTURES if self.study.captures and can_compare else {}

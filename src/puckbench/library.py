@@ -41,15 +41,21 @@ __all__ = [
 
 
 def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
-    """Create a codec by its name, or from a user's class.
+    """Create a codec from its name, or from a class in a user's file.
 
     Parameters
     ----------
     name
-        Name of a codec, or ``path/to/file.py:Class``. The file is run, so the name must come from
-        a trusted source.
+        Name of a codec (``puckbench codecs`` lists them), or ``path/to/file.py:Class``. In the
+        second form the file is executed, so `name` must come from a source that you trust.
     changes
-        A configuration's entry: ``options``, ``rates``, ``metric_rates``, ``class``.
+        Changes to the codec's defaults, with the keys of a codec's entry in a configuration:
+        ``options``, ``rates``, ``metric_rates``, ``class``.
+
+    Returns
+    -------
+    Codec
+        The codec, which can both encode and decode.
 
     Raises
     ------
@@ -68,18 +74,27 @@ def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
 def turns(
     recording: str | Path, stream: str | None = None, topic: str | None = None
 ) -> Iterator[PointCloud]:
-    """Yield each full turn in a recording as a cloud with returns, in m, in the sensor's frame.
+    """Yield the whole turns of a recording as point clouds.
 
-    From a bag of clouds, yield each message as a cloud without returns, in its coordinate frame.
+    A turn is one revolution of a spinning sensor; incomplete turns are skipped. Each cloud has its
+    points in m, in the sensor's coordinate frame, and the ranges from which they were computed in
+    its attribute ``returns``. A ROS bag may instead contain messages with finished clouds. For such
+    a bag, one cloud per message is yielded, in the message's coordinate frame and without
+    ``returns``.
 
     Parameters
     ----------
     recording
         A packet capture, a ROS bag, or a compressed recording (.puck).
     stream
-        Address and port of the sensor, if the capture has several streams.
+        Address and port of the sensor, needed if the capture has packets of several sensors.
     topic
-        Topic of a ROS bag, if several are suitable.
+        Topic of a ROS bag, needed if the bag has several suitable topics.
+
+    Yields
+    ------
+    PointCloud
+        The turns, or the clouds of the messages, in the order of the recording.
 
     Raises
     ------
@@ -106,14 +121,22 @@ def turns(
 def measures(
     original: PointCloud | Floats, decoded: PointCloud | Floats, peak: float | None = None
 ) -> dict[str, float]:
-    """Return metrics of a decoded cloud's geometry, and of attributes and returns of both clouds.
+    """Measure how far a decoded cloud differs from the original cloud.
 
     Parameters
     ----------
     original, decoded
-        Clouds, or points (n, 3), in the same coordinate frame; D2 needs normals in the original.
+        Two clouds, or two arrays of points (n, 3) and (m, 3), in the same coordinate frame. Metrics
+        D2 (point to plane) need normals in `original`.
     peak
-        As in `compare`.
+        Peak of MPEG's PSNRs, in the unit of the coordinates. By default, it is the original's
+        ``size - 1``; without a size and a peak, these PSNRs are omitted.
+
+    Returns
+    -------
+    dict
+        Values by name of the metric. It contains metrics of the geometry; metrics of the attributes
+        that both clouds have; and, if both clouds have ``returns``, errors of the ranges.
     """
     from puckbench.metrics.sensor_metrics import decoded_range_errors
 
@@ -127,14 +150,22 @@ def measures(
 
 
 def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Return a cloud scaled to a cube of whole positions, with a normal for each point.
+    """Scale a cloud to a cube of integer size, and estimate a normal for each point.
 
     Parameters
     ----------
     cloud
-        A cloud, or points (n, 3), in m.
-    size, neighbours
-        As in `puckbench.jobs.prepare.Prepare`.
+        A cloud, or an array of points (n, 3), in m.
+    size
+        Number of grid positions along a side of the cube to which the cloud is scaled. 0 keeps
+        metres; ``"grid"`` keeps the integer grid of a voxelised cloud.
+    neighbours
+        Number of nearest neighbours from which each normal is estimated.
+
+    Returns
+    -------
+    PointCloud
+        The scaled cloud with its normals.
 
     Raises
     ------
@@ -166,20 +197,26 @@ def compare(
     repeats: int = 1,
     peak: float | None = None,
 ) -> pd.DataFrame:
-    """Return a row for each codec and rate, with the columns of a run's ``metrics.csv``.
+    """Encode and decode a cloud with several codecs at all their rates, and measure the results.
 
     Parameters
     ----------
     cloud
-        A cloud returned by `prepare`, with normals for D2. For points that are already scaled, pass
-        ``PointCloud(points, about={"size": 1024})``.
+        A cloud returned by `prepare`, whose normals metrics D2 need. For points that are already
+        scaled, pass ``PointCloud(points, about={"size": 1024})``.
     codecs
         Codecs returned by `open_codec`.
     repeats
-        Number of timed calls; the median is returned.
+        How many times each encoding and each decoding is timed; the median is returned.
     peak
-        Peak of MPEG's PSNRs, by default the cloud's ``size - 1``. Without a peak, PSNRs are
-        omitted.
+        Peak of MPEG's PSNRs, in the unit of the coordinates. By default, it is the cloud's ``size -
+        1``; without a size and a peak, these PSNRs are omitted.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each codec and rate, with the columns of a run's ``metrics.csv``: size of the
+        stream, bits per point, times, and errors of the decoded cloud.
 
     Raises
     ------

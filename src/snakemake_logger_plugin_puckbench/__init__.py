@@ -1,7 +1,8 @@
 """Logger plug-in of Snakemake that shows a progress bar with the remaining time of a run.
 
-``puckbench run`` uses it (``snakemake --logger puckbench``). It also prints an estimate before the
-first job, Snakemake's messages before it, warnings and errors; others are only in Snakemake's log.
+``puckbench run`` uses it (``snakemake --logger puckbench``). Besides the bar, it prints an estimate
+of the time before the first job, the messages that Snakemake logs until then, and all warnings and
+errors. Other messages are only in Snakemake's log.
 
 Snakemake imports this module before the workflow, which may run another copy of `puckbench`.
 Therefore imports from `puckbench` are inside functions.
@@ -26,9 +27,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 _SECONDS_BETWEEN_LINES = 30.0
-"""Where there is no terminal, a line is printed at this interval."""
+"""If there is no terminal, the progress is printed as a line at this interval, in s."""
 _OVERDUE_S, _OVERDUE_FACTOR = 60.0, 5.0
-"""A job is overdue after these seconds, and after this multiple of its expected time."""
+"""A job is overdue after this time, in s, and after this multiple of its expected time."""
 _WITHOUT_OUTPUT = re.compile(r"\bJob (\d+) +completed successfully, but some output files")
 
 
@@ -41,11 +42,11 @@ class _Job:
 
 
 BARS: list[LogHandler] = []
-"""The handlers that Snakemake has made; a workflow tells them what to expect."""
+"""The handlers that Snakemake has created, to which the workflow passes the expected durations."""
 
 
 class LogHandler(LogHandlerBase):
-    """Log handler that counts jobs, by Snakemake's log events, and prints the progress."""
+    """Log handler that counts jobs by Snakemake's log events and prints the progress of the run."""
 
     has_filter: bool = True  # Snakemake's would keep the events of jobs from it
     has_formatter: bool = False
@@ -80,16 +81,17 @@ class LogHandler(LogHandlerBase):
         Parameters
         ----------
         job_s
-            Returns the expected seconds of one job of a rule.
+            Function that takes the name of a rule, and returns the expected duration of one of its
+            jobs, in s.
         cores
-            Number of processor cores of the run.
+            Number of processor cores that the run uses.
         notes
-            Line to print after each job of a rule, by the name of the rule.
+            Lines to print after each job of a rule, by the name of the rule.
         """
         self._job_s, self._cores, self._notes = job_s, cores, notes
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Process a log event of Snakemake, and update the display."""
+        """Process a log event of Snakemake, and update the progress."""
         if not self.writes_to_stream:  # Snakemake writes
             return
         event: Any = getattr(record, "event", None)
@@ -110,7 +112,7 @@ class LogHandler(LogHandlerBase):
             self._print(self.format(record))
 
     def close(self) -> None:
-        """Remove the progress bar, and stop the timer."""
+        """Remove the progress bar, and stop the timer that looks for overdue jobs."""
         self.acquire()
         if self._bar:
             self._bar.stop()
@@ -182,9 +184,10 @@ class LogHandler(LogHandlerBase):
                 self._failures.add(key)
 
     def left_s(self) -> float:
-        """Return the estimated remaining time, s.
+        """Estimate the remaining time of the run, in s.
 
-        Its weight shifts from the expected durations to those of the finished jobs.
+        At first, the estimate follows from the expected durations of the jobs. The more jobs are
+        finished, the more it follows from the time that these took.
         """
         if not self._work or not self._done_work:
             return self._expected_s

@@ -1,1 +1,1 @@
-"""The thesis's claims and their tests (docs/notes/claims.md)."""
+"""The thesis's claims, and the functions that test them (docs/notes/claims.md)."""

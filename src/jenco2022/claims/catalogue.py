@@ -14,23 +14,23 @@ Test = Callable[[Evidence], list[Part]]
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the thesis, and the test that a run's tables are put to.
+    """A claim of the thesis, with the function that tests it.
 
     Parameters
     ----------
     words
         The claim, as a sentence.
     section
-        Section of the thesis that makes it, such as "6.2".
+        Section of the thesis that makes the claim, such as "6.2".
     test
-        Function that returns a result for each part of the claim from an `Evidence`; parts that
-        these tables cannot decide are results without a verdict.
+        Function that takes an `Evidence`, the tables of a run, and returns a result for each part
+        of the claim. Parts that these tables cannot decide have results without a verdict.
     figures
-        Names of puckbench's figures that show the matter.
+        Names of puckbench's figures that show what the claim is about.
     thesis
-        The thesis's own measurements, or empty.
+        What the thesis measured, or empty.
     thesis_figure
-        Numbers of the thesis's figures that show them, or empty.
+        Numbers of the thesis's figures that show this, or empty.
     """
 
     words: str
@@ -53,4 +53,4 @@ def _claim(*, test: str, figures: list[str], **texts: str) -> Claim:
 
 
 CLAIMS = tuple(_claim(**entry) for entry in read_yaml(Path(__file__).with_suffix(".yaml")))
-"""Claims in the order of docs/notes/claims.md, numbered from 1."""
+"""The claims in the order of docs/notes/claims.md, numbered from 1."""

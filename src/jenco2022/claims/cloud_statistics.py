@@ -15,15 +15,22 @@ if TYPE_CHECKING:
 
 MIN_ROOMS = 16
 VISIBLE = 0.5
-"""Rank correlation that explains a quarter of the variance and, with `MIN_ROOMS` rooms, is
-significant at 5 %. Weaker correlations are not visible in a scatter plot."""
+"""Absolute rank correlation from which an effect counts as visible.
+
+It explains a quarter of the variance and, with `MIN_ROOMS` rooms, is significant at 5 %. Weaker
+correlations are not visible in a scatter plot.
+"""
 MORE_DUPLICATES = 0.05
-"""Minimum difference between shares of duplicates; smaller differences cannot double the bits."""
+"""Smallest difference that counts between two shares of duplicate points; smaller differences
+cannot double the bits.
+"""
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
-    """Test claim 12: at Draco's first rate, scans take more than `TWICE` times the bits per point
-    of objects, and have more duplicate points.
+    """Test whether duplicate points shift Draco's curve to more bits on scans than on objects.
+
+    This is claim 12 of the thesis. It holds if, at Draco's first rate, scans take more than `TWICE`
+    times the bits per point that objects take, and have more duplicate points.
     """
     if DRACO not in evidence.codecs:
         return [untested(CODEC_NEEDS[DRACO])]
@@ -49,8 +56,10 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Test claim 13: for each codec, the rank correlation of elongation and Chamfer distance over
-    rooms is below `VISIBLE` in absolute value.
+    """Test whether the elongation of rooms has no effect on the Chamfer distance.
+
+    This is claim 13 of the thesis. It holds for a codec if the rank correlation of elongation and
+    Chamfer distance over rooms is below `VISIBLE` in absolute value.
     """
     table = evidence.metrics
     rooms = [
@@ -74,8 +83,10 @@ def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
 
 
 def scans_have_alike_counts(evidence: Evidence) -> list[Part]:
-    """Test claim 14: scans' point counts have a smaller interquartile range and a larger median
-    than those of recorded rooms.
+    """Test whether scans have more similar numbers of points than recorded rooms have.
+
+    This is claim 14 of the thesis. It holds if the scans' numbers of points have a smaller
+    interquartile range and a larger median.
     """
     table = evidence.clouds
     counts = {} if table is None else dict(iter(table.groupby("dataset")["points"]))
@@ -114,7 +125,7 @@ def _has_enough_rooms(table: pd.DataFrame | None, dataset: str) -> bool:
 
 
 def _correlation(rows: pd.DataFrame) -> float:
-    """Return the median over rates of Spearman's correlation of elongation and CD, or 0."""
+    """Return the median over rates of the rank correlation of elongation and CD, or 0."""
     correlations = [
         float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")

@@ -18,33 +18,33 @@ if TYPE_CHECKING:
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
 MIN_RATES = 4
-"""Minimum number of rates of a curve; each half needs a slope."""
+"""Smallest number of rates of a curve; each half of the curve needs a slope."""
 MIN_COMMON_RATES = 3
-"""Minimum number of rates at which two curves are compared at equal bits."""
+"""Smallest number of rates at which two curves are compared at equal bits."""
 MIN_CLOUDS = 4
-"""Minimum number of clouds of all data sets for a statement; quartiles need four."""
+"""Smallest number of clouds, over all data sets, for a statement; quartiles need four."""
 MIN_CALLS = 5
-"""Minimum number of timed calls per rate and data set, over clouds and repetitions."""
+"""Smallest number of timed calls per rate and data set, over clouds and repetitions."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What claims are tested on: tables of a run, and which parts its data and codecs have.
+    """The tables of a run on which claims are tested, and what its data sets and codecs represent.
 
-    A *role* is the name of one of the thesis's data sets or codecs (`jenco2022.published`), which
-    a data set or codec of the run represents.
+    A *role* is the name of one of the thesis's data sets or codecs (`jenco2022.published`), which a
+    data set or codec of the run represents.
 
     Parameters
     ----------
     metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
-        The run's tables of these names; None where the run lacks one.
+        The run's tables of these names; None for a table that the run lacks.
     datasets
-        Roles of the run's data sets, by name; those without a role are ignored.
+        Roles of the run's data sets, by name; data sets without a role are ignored.
     codecs
         Names of the run's codecs, by role.
     stand_ins
-        Names of codecs that modify one of the thesis's codecs, by the role of that codec. Tests
-        that allow them use these where `codecs` lacks the role.
+        Names of codecs that modify one of the thesis's codecs, by the role of that codec. If
+        `codecs` lacks a role, some tests use these codecs in its place.
     of_medians
         Whether a row of `metrics` is a median over clouds, so that one cloud suffices.
     """
@@ -60,16 +60,16 @@ class Evidence:
     of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
-        """Return this evidence with stand-ins in the roles for which there is no codec."""
+        """Return this evidence with a stand-in, if there is one, in each role that has no codec."""
         return replace(self, codecs={**self.stand_ins, **self.codecs})
 
     def stand_in(self, role: str) -> str:
-        """Return the title of the codec in a role if it is a stand-in, else an empty text."""
+        """Return the title of the codec in a role if it is a stand-in, otherwise an empty text."""
         codec = self.codecs.get(role)
         return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def with_role(self, *roles: str) -> list[str]:
-        """Return the names of the measured data sets that have one of the roles."""
+        """Return the names of the data sets in `metrics` that have one of the roles."""
         return [
             name
             for name, role in self.datasets.items()
@@ -78,13 +78,14 @@ class Evidence:
 
     @cached_property
     def measured_datasets(self) -> set[str]:
+        """Names of the data sets in `metrics`."""
         return set() if self.metrics is None else set(self.metrics["dataset"])
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Medians over the clouds for each data set, codec and rate.
+        """Medians of the results over clouds, with a row for each data set, codec and rate.
 
-        ``codec`` is the codec's role, such as ``gpcc``; ``number`` is the index of the rate.
+        ``codec`` is the codec's role, such as ``gpcc``, and ``number`` is the index of the rate.
         """
         import pandas as pd
 
@@ -101,7 +102,7 @@ class Evidence:
         return medians.assign(number=medians["rate"].map(places))
 
     def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
-        """Return the number of clouds of these data sets that the codecs in all roles coded."""
+        """Return how many clouds of these data sets the codecs in all of these roles coded."""
         if self.metrics is None:
             return 0
         rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]
@@ -110,13 +111,21 @@ class Evidence:
         return len(set.intersection(*coded))
 
     def has_enough_clouds(self, datasets: Iterable[str], *codecs: str) -> bool:
+        """Return whether the codecs in these roles coded enough clouds (`MIN_CLOUDS`) of the data
+        sets.
+        """
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return a codec's number of valid timed calls, the minimum over data sets and rates.
+        """Return how often a codec was timed: the minimum over data sets and rates.
 
-        Calls are valid if repeated `MIN_REPEATS` times or made while no other job ran. Claims
-        compare only times of one codec.
+        Only calls count that were repeated `MIN_REPEATS` times or made while no other job ran.
+        Claims compare only times of one codec.
+
+        Parameters
+        ----------
+        codec
+            Role of the codec.
         """
         if self.metrics is None:
             return 0
@@ -130,16 +139,49 @@ class Evidence:
         return int(valid.groupby([rows["dataset"], rows["rate"]]).sum().min())
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
-        """Return a column's medians over clouds (n,), one for each rate, without missing values."""
+        """Return medians over clouds at each rate.
+
+        Parameters
+        ----------
+        dataset
+            Name of the data set.
+        codec
+            Role of the codec.
+        column
+            Column of the results.
+
+        Returns
+        -------
+        numpy.ndarray
+            A median for each rate, (n,), from the first rate to the last; rates without values are
+            left out.
+        """
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
 
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
-        """Return the ``ratio`` of the medians of two codecs, `tested` to `base`, at equal ``bpp``.
+        """Compare two codecs at equal bits per point.
 
-        Values of `base` are interpolated linearly on log-log axes. The table is empty with fewer
-        than `MIN_RATES` rates of a curve, or `MIN_COMMON_RATES` common rates.
+        Medians over clouds are compared. Values of `base` are interpolated linearly on log-log
+        axes.
+
+        Parameters
+        ----------
+        dataset
+            Name of the data set.
+        tested, base
+            Roles of the two codecs.
+        column
+            Column of the results to compare.
+
+        Returns
+        -------
+        DataFrame
+            For each rate of `tested` within the range of `base`: ``bpp``, its bits per point, and
+            ``ratio``, the value of `tested` divided by that of `base`. The table is empty if a
+            curve has fewer than `MIN_RATES` rates, or if fewer than `MIN_COMMON_RATES` can be
+            compared.
         """
         import pandas as pd
 
@@ -162,10 +204,10 @@ class Evidence:
 
 
 def thesis_evidence() -> Evidence:
-    """Return the medians of thesis figure 6.5 in the form of a run's results.
+    """Return the thesis's own results, the medians of its figure 6.5, as evidence.
 
-    Names of its data sets and codecs are their roles; bits per point are known only for the first
-    and the last rate, and times not at all.
+    The names of data sets and codecs are their roles. Bits per point are known only for the first
+    and the last rate, and times are not known.
     """
     table = medians_of_thesis()
     datasets, codecs = ({name: name for name in table[key]} for key in ("dataset", "codec"))

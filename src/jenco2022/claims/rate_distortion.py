@@ -1,4 +1,4 @@
-"""Claims about rate, distortion and time (thesis section 6.2); CD is the Chamfer distance."""
+"""Claims about rate, distortion and time (thesis section 6.2). CD is the Chamfer distance."""
 
 from __future__ import annotations
 
@@ -38,11 +38,14 @@ CODEC_NEEDS = {
     PCGCV2: "the codec pcgcv2 with its authors' weights",
 }
 TWICE = 2.0
-"""Ratio of squared distances: 3 dB. Halving the grid's step divides squared distances by four."""
+"""Ratio of squared distances that counts as a large change, 3 dB.
+
+Halving the grid's step divides squared distances by four.
+"""
 ONE_DB = 1.26
-"""Ratio of squared distances: 1 dB, the size of a marker in Figure 6.6."""
+"""Ratio of squared distances that counts as equal: 1 dB, the size of a marker in Figure 6.6."""
 MUCH_LESS_AFFECTED = 17 / 11
-"""Factor by which PCGCv2's time grows, from 11 to 17 s, in the thesis's Figure 6.5."""
+"""Factor by which the time of PCGCv2 grows in the thesis's Figure 6.5, from 11 to 17 s."""
 COMPARISON_NEEDS = (
     f"{MIN_RATES} rates of both, {MIN_COMMON_RATES} of them in a common range, "
     f"and {MIN_CLOUDS} clouds"
@@ -54,8 +57,10 @@ TIME_NEEDS = (
 
 
 def improves_and_levels_off(evidence: Evidence) -> list[Part]:
-    """Test claim 6: CD is lower at the last rate than at the first; over the upper half of the
-    rates CD falls by a factor below `TWICE`, except for Draco.
+    """Test whether CD improves with the rate, and levels off for all codecs but Draco.
+
+    This is claim 6 of the thesis. It holds for a codec if CD is lower at the last rate than at the
+    first and, except for Draco, falls by a factor below `TWICE` over the upper half of the rates.
     """
     parts = []
     for codec in (*CLASSICAL, *LEARNED):
@@ -76,15 +81,19 @@ def improves_and_levels_off(evidence: Evidence) -> list[Part]:
 
 
 def learned_match_at_low_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 7: over the lower half of a learned codec's rates, the median ratio of learned to
-    classical CD at equal bits is at most `ONE_DB`.
+    """Test whether learned codecs are as good as classical codecs at low rates.
+
+    This is claim 7 of the thesis. It holds if, over the lower half of a learned codec's rates, the
+    median ratio of learned to classical CD at equal bits is at most `ONE_DB`.
     """
     return _comparisons(evidence, "cd_plane", "matches", _lower_half, lambda ratio: ratio <= ONE_DB)
 
 
 def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 11: at the highest rate within G-PCC's range, a learned codec has a greater CD
-    than G-PCC at equal bits.
+    """Test whether G-PCC is better than learned codecs at high rates.
+
+    This is claim 11 of the thesis. It holds if, at the learned codec's highest rate within G-PCC's
+    range of bits, its CD is greater than that of G-PCC at equal bits.
     """
     return _comparisons(
         evidence, "cd_plane", "loses to", _last, lambda ratio: ratio > 1, (GPCC_AS_RUN, GPCC)
@@ -92,8 +101,11 @@ def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
 
 
 def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
-    """Test claim 8: the median ratio of a learned codec's squared Hausdorff distance to G-PCC's at
-    equal bits is above 1, and greater on scans than on objects.
+    """Test whether learned codecs have greater Hausdorff distances than G-PCC, above all on scans.
+
+    This is claim 8 of the thesis. It holds if the median ratio of a learned codec's squared
+    Hausdorff distance to that of G-PCC at equal bits is above 1, and is greater on scans than on
+    objects.
     """
     evidence = evidence.with_stand_ins()
     column, bases = "hausdorff_sq_plane", (GPCC_AS_RUN, GPCC)
@@ -121,8 +133,11 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
 
 
 def time_grows(evidence: Evidence) -> list[Part]:
-    """Test claim 9: the ratio of times at the last and first rates is at most `MUCH_LESS_AFFECTED`
-    for PCGCv2, greater for other codecs, and greatest for G-PCC.
+    """Test whether times grow with the rate, least for PCGCv2 and most for G-PCC.
+
+    This is claim 9 of the thesis. It holds if the time at the last rate, divided by the time at the
+    first rate, is at most `MUCH_LESS_AFFECTED` for PCGCv2, greater for other codecs, and greatest
+    for G-PCC.
     """
     parts, growths, samples = [], {}, []
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
@@ -151,8 +166,11 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
 
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
-    """Test claim 10: the ratio of largest to smallest median CD of the data sets has a median over
-    rates below `TWICE`.
+    """Test whether CD is similar on all data sets at the same rate.
+
+    This is claim 10 of the thesis. At each rate, the largest median CD of a data set is divided by
+    the smallest. The claim holds for a codec if the median of these ratios over rates is below
+    `TWICE`.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}
@@ -216,10 +234,10 @@ def _comparisons(
     holds: Callable[[float], bool],
     bases: Sequence[str] = CLASSICAL,
 ) -> list[Part]:
-    """Return a part of a claim for each pair of a learned codec and a codec in `bases`.
+    """Return the test result for each pair of a learned codec and a codec in `bases`.
 
-    A part holds if, on every data set, `holds` is true for the `summary` of the ratios (learned
-    codec over base) of `column` at equal bits. `relation` states the comparison in words.
+    A result is positive if, on every data set, `holds` is true for the `summary` of the ratios
+    (learned codec over base) of `column` at equal bits. `relation` states the comparison in words.
     """
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:

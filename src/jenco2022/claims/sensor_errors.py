@@ -17,24 +17,31 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MEAN_ROUNDING_M = 0.005
-"""Rounding error of the mean, which the thesis prints to a centimetre."""
+"""Largest rounding error of the mean, in m; the thesis prints it to a centimetre."""
 STD_ROUNDING_M = 0.0005
-"""Rounding error of the standard deviation, which the thesis prints to a millimetre."""
+"""Largest rounding error of the standard deviation, in m; the thesis prints it to a millimetre."""
 FAR_TOO_WIDE = 2.0
-"""Minimum ratio of simulated to real standard deviation; the thesis states the real sensor's error
-as two standard deviations."""
+"""Ratio of simulated to real standard deviation above which noise is far too wide.
+
+The thesis states the real sensor's error as two standard deviations.
+"""
 ALMOST_NO_DIFFERENCE = 0.0198 / 0.0186 - 1
-"""Relative difference of the thesis's standard deviations with and without divergence."""
+"""Relative difference of the thesis's standard deviations with and without beam divergence."""
 FLAT = BIN_STDS_M[8] / median(BIN_STDS_M)
-"""Limit of ratios of a group's standard deviation to the groups' median; larger ratios are not
-flat. In Figure 5.15, the thesis calls ratios up to 1.13 flat, and this ratio (1.31) an increase."""
+"""Largest ratio of a group's standard deviation to the median of all groups that counts as flat.
+
+In Figure 5.15, the thesis calls ratios up to 1.13 flat, and this ratio (1.31) an increase.
+"""
 MIN_RESIDUALS = 100
 CAPTURES = "captures of a real VLP-16 (sensor_study: captures)"
 STUDY = "the sensor study (sensor_study)"
 
 
 def real_spread(evidence: Evidence) -> list[Part]:
-    """Test claim 1: mean and standard deviation of real residuals round to the thesis's values."""
+    """Test whether plane residuals of a real sensor have the thesis's mean and standard deviation.
+
+    This is claim 1 of the thesis. It holds if the values of captures round to those of the thesis.
+    """
     if not len(_row(evidence, REAL)):
         return [untested(CAPTURES)]
     parts = []
@@ -52,8 +59,11 @@ def real_spread(evidence: Evidence) -> list[Part]:
 
 
 def default_noise_too_wide(evidence: Evidence) -> list[Part]:
-    """Test claim 2: residuals of ``hdl64e`` have over `FAR_TOO_WIDE` times the real standard
-    deviation, and are farther from the real distribution than residuals of ``vlp16``.
+    """Test whether the noise of the error model ``hdl64e`` is far too wide for a VLP-16.
+
+    This is claim 2 of the thesis. It holds if the residuals of ``hdl64e`` have more than
+    `FAR_TOO_WIDE` times the real standard deviation, and are farther from the real distribution
+    than the residuals of ``vlp16``.
     """
     wide, real = _std(evidence, "hdl64e"), _std(evidence, REAL) or REAL_STD_M
     if wide is None:
@@ -74,8 +84,10 @@ def default_noise_too_wide(evidence: Evidence) -> list[Part]:
 
 
 def divergence_is_negligible(evidence: Evidence) -> list[Part]:
-    """Test claim 3: the standard deviations with and without divergence differ by at most the
-    fraction `ALMOST_NO_DIFFERENCE`, or by less than their 95 % intervals.
+    """Test whether beam divergence hardly changes the plane residuals.
+
+    This is claim 3 of the thesis. It holds if the standard deviations with and without divergence
+    differ by at most the fraction `ALMOST_NO_DIFFERENCE`, or by less than their 95 % intervals.
     """
     parts = []
     for distance in ("5", f"{FAR_M:g}"):
@@ -98,9 +110,11 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
-    """Test claim 4: the range error of ``vlp16_incidence`` rises with the angle of incidence, but
-    the distance to the true surface rises by less than the square root of the factor in Figure
-    5.15.
+    """Test whether range noise that grows with the angle of incidence fails to widen the residuals.
+
+    This is claim 4 of the thesis. It holds if the range error of ``vlp16_incidence`` rises with the
+    angle, but the distance to the true surface rises by less than the square root of the factor in
+    Figure 5.15.
     """
     table = evidence.incidence_effect
     rows = None if table is None else table[table["model"] == "vlp16_incidence"]
@@ -124,10 +138,11 @@ def incidence_not_modelled(evidence: Evidence) -> list[Part]:
 
 
 def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
-    """Test claim 5: the standard deviations at all distances, and of all lasers, are within a
-    factor `FLAT` of their median.
+    """Test whether the noise depends neither on the distance nor on the laser.
 
-    In captures, only lasers are compared, since each distance has another plane.
+    This is claim 5 of the thesis. It holds if the standard deviations at all distances, and of all
+    lasers, are within a factor `FLAT` of their median. In captures, only lasers are compared,
+    because each distance has another plane.
     """
     model = "vlp16_divergence"
     parts = [

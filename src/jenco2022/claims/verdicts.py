@@ -15,17 +15,17 @@ class Part:
     Parameters
     ----------
     statement
-        What this part says, such as "Draco improves".
+        What this part of the claim says, such as "Draco improves".
     holds
-        Whether the run confirms it, or None if the run cannot decide.
+        Whether the run confirms the statement, or None if the run cannot decide.
     measured
-        The measurement; where `holds` is None, what the run would need.
+        What was measured, as text. If `holds` is None, it is what the run would need.
     stand_in
-        Title of the codec that was tested in place of the thesis's, or empty.
+        Title of the codec that was tested in place of the thesis's codec, or empty.
     sample
-        Number of clouds, rates or residuals behind the measurement.
+        Number of clouds, rates or residuals behind the measurement, as text.
     of_simulator
-        Whether the data are simulated and the result follows from the simulator's equations.
+        Whether the data are simulated, so that the result follows from the simulator's equations.
     """
 
     statement: str
@@ -37,19 +37,19 @@ class Part:
 
 
 def untested(need: str) -> Part:
-    """Return a part that the run cannot decide, because it lacks what `need` names."""
+    """Return the result for a part that a run cannot decide, because it lacks what `need` names."""
     return Part("", None, need)
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict on a claim by the results of its parts.
+    """Return the verdict on a claim, given the results of its parts.
 
     Returns
     -------
     str
-        "holds" if all parts were tested and hold, "holds in part" if some do, "does not hold" if
-        none does, or "not tested: needs ..." with what the run lacks. A remark follows if all
-        data are simulated, or codecs stand in for the thesis's.
+        "holds" if all parts were tested and hold, "holds in part" if only some do, "does not hold"
+        if no tested part does, or "not tested: needs ..." with what the run lacks. A remark follows
+        if all data are simulated, or if other codecs were tested than the thesis's.
     """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
@@ -71,12 +71,15 @@ def _stand_ins_text(parts: Sequence[Part]) -> str:
 
 
 def needs_text(parts: Sequence[Part]) -> str:
-    """Return what the run would need to test the other parts, separated by semicolons."""
+    """Return what the run would need to test the untested parts, separated by semicolons."""
     return "; ".join(dict.fromkeys(part.measured for part in parts if part.holds is None))
 
 
 def results_text(parts: Sequence[Part]) -> str:
-    """Return each tested part as "statement: yes (measured) [sample]", separated by semicolons."""
+    """Return the results of all tested parts as text.
+
+    A result is "statement: yes (measured) [sample]", or "no"; semicolons separate results.
+    """
     return "; ".join(
         f"{part.statement}: {'yes' if part.holds else 'no'} ({part.measured})"
         f"{f' [{part.sample}]' if part.sample else ''}"

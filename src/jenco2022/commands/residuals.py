@@ -17,7 +17,7 @@ _FOR_SCANS = {
     "runs": 3,
     "refit": False,
 }
-"""Options without effect on a real capture, with their defaults."""
+"""Options that have no effect on a real capture, with their defaults."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

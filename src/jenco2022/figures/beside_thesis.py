@@ -27,8 +27,8 @@ _THESIS: dict[str, Any] = {"linewidth": 4.5, "alpha": 0.35, "solid_capstyle": "r
     category="Findings",
 )
 def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians per compression rate of each codec (rows) in thesis figure 6.5 (wide lines) and in
-    this run (thin lines with markers).
+    """Medians at each compression rate of each codec (rows), in thesis figure 6.5 (wide lines) and
+    in this run (thin lines with markers).
 
     For quartiles and numbers of clouds, see ``fig_6_5``. In the thesis, G-PCC truncates
     coordinates. On other data sets than the thesis's, curves of this run lie higher or lower, but

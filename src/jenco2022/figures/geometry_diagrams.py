@@ -57,6 +57,7 @@ def draw_sweep(style: FigureStyle) -> Figure:
 
 
 def ray_end(angle: float) -> Floats:
+    """Return where a ray ends, (2,), in m: on the wall, on the floor, or in the air after 2.6 m."""
     direction = np.array([np.cos(angle), np.sin(angle)])
     start = np.array([0.0, _SENSOR_HEIGHT_M])
     to_wall = _WALL_M / direction[0] if direction[0] > 1e-9 else np.inf
@@ -113,6 +114,7 @@ def draw_incidence_geometry(style: FigureStyle) -> Figure:
 
 
 def residual_of(error_m: float, incidence_rad: float) -> float:
+    """Return the plane residual that a range error causes at an angle of incidence."""
     return error_m * float(np.cos(incidence_rad))
 
 

@@ -35,7 +35,10 @@ _figure_of_both = partial(_figure, needs=("rounded_and_truncated_gpcc",))
 _ROWS = (BPP, CD_POINT)
 _SCALE = "Scale (small markers: no power of two)"
 _SMALL = 0.55
-"""Relative size of markers at scales that are not powers of two; some shapes cannot be hollow."""
+"""Relative size of markers at scales that are not powers of two.
+
+Such markers are small because some shapes cannot be hollow.
+"""
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
 _SHADED = 0.2
 
@@ -44,8 +47,8 @@ _SHADED = 0.2
 def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits per point and Chamfer distance (point-to-point) against the scale of its grid.
 
-    Medians over n clouds; small markers: scales that are not powers of two. With truncated
-    coordinates, the distance rises from scale 1/2 to 5/8. Not in the thesis.
+    Lines are medians over n clouds. Small markers are scales that are not powers of two. With
+    truncated coordinates, the distance rises from scale 1/2 to 5/8. The thesis lacks this figure.
     """
     require_rows(gpcc_scales, (*_COLUMNS, "bpp", "cd_point"), "scales")
     datasets = style.ordered_datasets(gpcc_scales["dataset"])
@@ -73,9 +76,9 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's Chamfer distance (point-to-point) with truncated coordinates, divided by that with
     rounded coordinates.
 
-    Medians over n clouds, by scale; shaded: quartiles of six clouds or more. Truncation shifts the
-    cloud, except at scales 1/2, 1/4, 1/8 and so on. The thesis truncates coordinates, and lacks
-    this figure.
+    Lines are medians over n clouds, by scale of the grid. Shaded areas are quartiles of six clouds
+    or more. Truncation shifts the cloud, except at scales 1/2, 1/4, 1/8 and so on. The thesis
+    truncates coordinates, and lacks this figure.
     """
     label = "CD with truncated over CD with\nrounded coordinates"
     return _draw_ratio(gpcc_scales, "distortion", label, style)
@@ -86,10 +89,10 @@ def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits with TMC13's default tools, divided by bits with the tools of MPEG's test
     conditions.
 
-    Medians over n clouds, by scale; shaded: quartiles of six clouds or more. The default tools,
-    which the thesis uses, lack contexts of neighbours beyond the parent node, and intra prediction.
-    At scales that are not powers of two, truncated coordinates matter too. The thesis lacks this
-    figure.
+    Lines are medians over n clouds, by scale of the grid. Shaded areas are quartiles of six clouds
+    or more. The default tools, which the thesis uses, lack contexts of neighbours beyond the parent
+    node, and intra prediction. At scales that are not powers of two, truncated coordinates matter
+    too. The thesis lacks this figure.
     """
     label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
     return _draw_ratio(gpcc_scales, "bits", label, style)

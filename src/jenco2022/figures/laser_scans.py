@@ -25,7 +25,7 @@ CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 _figure = partial(FIGURES.register, category="Sensor")
 _figure_at_5_m = partial(_figure, needs=(at(5),))
 SAMPLE = 60_000
-"""Maximum number of points drawn per scan; more would hide each other."""
+"""Largest number of points that are drawn of a scan; more points would hide each other."""
 
 _COLUMNS = ("model", "surface", "distance_m", "laser_id", "elevation_deg", "x_m", "y_m", "z_m")
 _LABELS = {
@@ -42,8 +42,8 @@ _ROOM_VIEW = (40, 110)
 def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """All returns of one sweep 5 m from the wall, seen from behind the sensor (thesis figure 5.2).
 
-    Colour: elevation of the laser. At most 60,000 random points, denser on wall and floor. The
-    virtual room is 5 m wide and 2.6 m high.
+    The colour shows the elevation of the laser. At most 60,000 random points are drawn, denser on
+    wall and floor. The virtual room is 5 m wide and 2.6 m high.
     """
     return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
 
@@ -56,14 +56,17 @@ def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure_at_5_m("fig_5_4", title="Wall at 5 m, by laser", number="5.4")
 def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall at 5 m, seen from the front (thesis figure 5.4). Points as in figure 5.2."""
+    """The wall at 5 m, seen from the front (thesis figure 5.4).
+
+    Points are drawn as in figure 5.2.
+    """
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "x_m", "z_m", True, style)
 
 
 @_figure_at_5_m("fig_5_5", title="Floor at 5 m, by laser", number="5.5")
 def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor in front of the wall at 5 m, from above; the sensor is on the right (thesis figure
-    5.5). Points as in figure 5.2.
+    5.5). Points are drawn as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "x_m", True, style)
 
@@ -72,7 +75,7 @@ def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall at 5 m from the side; depths are stretched (thesis figure 5.6).
 
-    Each laser's points are offset by the laser's bias. Points as in figure 5.2.
+    Each laser's points are offset by the laser's bias. Points are drawn as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "y_m", "z_m", False, style)
 
@@ -86,7 +89,7 @@ def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 @_figure_at_5_m("fig_5_8", title="Floor at 5 m from the side", number="5.8")
 def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor in front of the wall at 5 m from the side; heights are stretched, and the sensor is
-    on the right (thesis figure 5.8). Points as in figure 5.2.
+    on the right (thesis figure 5.8). Points are drawn as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "z_m", False, style)
 
@@ -102,7 +105,7 @@ def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 @_figure_at_5_m("fig_5_16", title="Error models on the wall at 5 m", number="5.16")
 def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall at 5 m by error model, from the side; depths are stretched equally in all panels
-    (thesis figure 5.16). Points as in figure 5.2.
+    (thesis figure 5.16). Points are drawn as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "wall"), style)
 
@@ -110,7 +113,7 @@ def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 @_figure_at_5_m("fig_5_17", title="Error models on the floor at 5 m", number="5.17")
 def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor in front of the wall at 5 m by error model, from the side; heights are stretched
-    equally in all panels (thesis figure 5.17). Points as in figure 5.2.
+    equally in all panels (thesis figure 5.17). Points are drawn as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "floor"), style)
 

@@ -20,6 +20,8 @@ CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 @dataclass(frozen=True)
 class ModelStyle:
+    """How figures draw an error model or the real sensor: title and colour."""
+
     title: str
     colour: str
 
@@ -48,6 +50,7 @@ MODEL_STYLES = {name: _registered(name) for name in _ORDER}
 
 
 def model_style(model: str, style: FigureStyle) -> ModelStyle:
+    """Return how to draw an error model, with the changes that `style` makes to colours."""
     plot_style = MODEL_STYLES.get(model)
     if plot_style is None and model in ERROR_MODELS:
         plot_style = _registered(model)
@@ -57,13 +60,18 @@ def model_style(model: str, style: FigureStyle) -> ModelStyle:
 
 
 def ordered_models(models: Iterable[str]) -> list[str]:
+    """Return the names of models without repetitions, in the order of thesis Figure 5.18."""
     names = list(MODEL_STYLES)
     rank = {name: place for place, name in enumerate(names)}
     return sorted(set(models), key=lambda model: (rank.get(model, len(names)), model))
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """Add a legend of models and, without captures, of the real standard deviation (thesis)."""
+    """Add a legend with an entry for each model.
+
+    Without captures among the models, a further entry explains the dashed line of the thesis's real
+    standard deviation.
+    """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -83,9 +91,11 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
 
 
 def counted(title: str, returns: int) -> str:
+    """Return a title followed by the number of returns."""
     return f"{title} (n = {returns:,})"
 
 
 def source_title(model: str, style: FigureStyle) -> str:
+    """Return the title of the real sensor, or "Virtual (...)" with the title of an error model."""
     title = model_style(model, style).title
     return title if model == REAL else f"Virtual ({title})"

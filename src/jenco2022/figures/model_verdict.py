@@ -36,9 +36,9 @@ def draw_verdict(
 ) -> Figure:
     """Plane residuals of captured walls, and of error models simulated on the same rays.
 
-    Top: densities; n: real residuals. Bottom: earth mover's distance of each model's residuals from
-    the real sensor's, in mm. A sensor that follows the model exceeds the grey
-    bar with probability 5 %.
+    The upper panel shows densities; n is the number of real residuals. The lower panel shows the
+    earth mover's distance of each model's residuals from those of the real sensor, in mm. A sensor
+    that follows the model exceeds the grey bar with a probability of 5 %.
     """
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""The thesis's figures 6.1 to 6.9: the benchmark's figures under the thesis's numbers."""
+"""Figures 6.1 to 6.9 of the thesis: figures of puckbench under the numbers of the thesis."""
 
 from __future__ import annotations
 

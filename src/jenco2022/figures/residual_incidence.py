@@ -43,8 +43,9 @@ _INCIDENCE = "Incidence angle (rad)"
 def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and floors against the angle of incidence (thesis figure 5.15).
 
-    Upper panels: n random returns, at most 30,000. Last panel: mean and standard deviation in bins
-    of the thesis's width; dashed, if there is no capture: values of the thesis's sensor.
+    The upper panels show n random returns, at most 30,000. The last panel shows the mean and
+    standard deviation in bins of the thesis's width. If there is no capture, the dashed line shows
+    the values of the thesis's sensor.
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
@@ -65,9 +66,9 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals against the angle of incidence by error model (thesis figure 5.20).
 
-    Points: a random sample of at most 30,000 returns; a panel's title has their number n. Black
-    lines: one standard deviation around the mean in bins of the thesis's width. As in the thesis,
-    two models are left out as too noisy: the HDL-64E's, and that of Table 5.1 as printed.
+    Points are a random sample of n returns, at most 30,000. Black lines are one standard deviation
+    around the mean, in bins of the thesis's width. As in the thesis, two models are left out as too
+    noisy: the HDL-64E's, and that of Table 5.1 as printed.
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)

@@ -25,7 +25,11 @@ _VIRTUAL = ("vlp16_divergence", "vlp16")
 
 
 def check_residuals(table: pd.DataFrame, *columns: str) -> None:
-    """Raise InputError if the table has no rows or a number is not finite."""
+    """Raise InputError if a table of residuals cannot be drawn.
+
+    This is so if it has no rows, lacks a column, or has a number that is not finite. `columns` are
+    names of further columns that must contain finite numbers.
+    """
     require_rows(table, ("model", "surface", "distance_m", "residual_m", *columns), "residual")
     for name in ("distance_m", "residual_m", *columns):
         if table[name].dtype.kind not in "fiu":
@@ -35,6 +39,7 @@ def check_residuals(table: pd.DataFrame, *columns: str) -> None:
 
 
 def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
+    """Return the residuals nearer than `FAR_M`, of one surface or, by default, of all."""
     rows = table["distance_m"] < FAR_M
     if surface is not None:
         rows &= table["surface"] == surface
@@ -44,6 +49,7 @@ def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
 
 
 def far(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the residuals of surfaces at `FAR_M` or farther."""
     rows = table["distance_m"] >= FAR_M
     if not rows.any():
         raise InputError(f"residual table: no surface at {FAR_M:g} m or farther")
@@ -51,9 +57,10 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return the error models to compare: `REAL`, if the table has it, and a virtual one.
+    """Return the names of the models that a figure compares: the real sensor and a virtual one.
 
-    The virtual one is the first of `_VIRTUAL` in the table, else the table's first.
+    The virtual one is the first of `_VIRTUAL` that the table has; if it has none of them, it is the
+    table's first error model. The real sensor (`REAL`) is left out if the table has no captures.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]
@@ -62,16 +69,30 @@ def compared(table: pd.DataFrame) -> list[str]:
 
 
 def subsample(table: pd.DataFrame, size: int, name: str) -> pd.DataFrame:
-    """Return at most `size` rows, chosen at random with a seed from `name`."""
+    """Return at most `size` rows, chosen at random; `name` determines the seed."""
     return table.iloc[random_rows(len(table), size, generator(0, "figure", name))]
 
 
 def residuals_of(table: pd.DataFrame, model: str) -> Floats:
+    """Return the residuals of a model, (n,), in m."""
     return np.asarray(table.loc[table["model"] == model, "residual_m"], dtype=np.float64)
 
 
 def binned_moments(x: Floats, y: Floats, width: float) -> tuple[Floats, Floats, Floats]:
-    """Return bin centres of x, and means and standard deviations of y, for bins from x = 0."""
+    """Return mean and standard deviation of y in bins of x.
+
+    Parameters
+    ----------
+    x, y
+        Values, (n,); x is not negative.
+    width
+        Width of a bin; the first bin begins at x = 0.
+
+    Returns
+    -------
+    centres, means, stds
+        Arrays with one value for each of k bins, (k,); nan for bins with fewer than two values.
+    """
     bin_of = (x / width).astype(int)
     bins = np.arange(bin_of.max(initial=0) + 1)
     parts = [y[bin_of == index] for index in bins]
@@ -81,6 +102,7 @@ def binned_moments(x: Floats, y: Floats, width: float) -> tuple[Floats, Floats, 
 
 
 def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: float) -> None:
+    """Draw the distribution of residuals as a violin at the position `at` of the axis."""
     bodies = axes.violin([violin_shape(residuals)], [at], widths=width, showmeans=True)
     parts: dict[str, Any] = dict(bodies)
     for body in parts.pop("bodies"):
@@ -90,8 +112,9 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 
 
 def violin_shape(residuals: Floats) -> dict[str, Any]:
-    """Return statistics of residuals (n,) for `Axes.violin`, with a Gaussian kernel of Scott's
-    width.
+    """Return the statistics of residuals (n,) that matplotlib's `Axes.violin` draws.
+
+    The density is estimated with a Gaussian kernel of Scott's width.
     """
     low, high, std = float(residuals.min()), float(residuals.max()), float(residuals.std())
     shape: dict[str, Any] = {
@@ -118,8 +141,9 @@ def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
 
 
 def symmetric_limit(residuals: Floats, min_m: float) -> float:
-    """Return the limit (m) of a symmetric axis: the extreme, rounded up to 5 cm, but at least
-    `min_m`.
+    """Return the limit, in m, of an axis from minus the limit to the limit.
+
+    It is the largest absolute residual, rounded up to 5 cm, but at least `min_m`.
     """
     largest = float(np.abs(residuals).max(initial=0.0))
     if largest <= min_m:
@@ -128,6 +152,7 @@ def symmetric_limit(residuals: Floats, min_m: float) -> float:
 
 
 def moments_text(residuals: Floats) -> str:
+    """Return mean and standard deviation of residuals as text."""
     mean, std = residuals.mean() + 0.0, residuals.std()
     return f"$\\mu$ = {_zero_unsigned(mean)}\n$\\sigma$ = {std:.3f}"
 

@@ -49,9 +49,9 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and of floors nearer than 30 m, in metres (thesis figure 5.10).
 
     A plane residual is the signed distance of a return from the plane fitted to its surface. The
-    virtual sensor's error model has beam divergence, if available. Violins: density, mean and
-    extremes; n: residuals. Dashed, if there is no capture: standard deviation of the thesis's
-    sensor.
+    virtual sensor's error model has beam divergence, if available. Violins show the density, mean
+    and extremes of n residuals. If there is no capture, dashed lines show the standard deviation of
+    the thesis's sensor.
     """
     check_residuals(residuals)
     rows = near(residuals)
@@ -62,18 +62,19 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 
 @_figure("fig_5_11", title="Plane residuals of the wall per distance", number="5.11")
 def draw_wall_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of the wall by its distance from the sensor (thesis figure 5.11).
+    """Plane residuals of the wall by its distance from the sensor, in metres (thesis figure 5.11).
 
-    In metres; violins as in figure 5.10.
+    Violins are drawn as in figure 5.10.
     """
     return _draw_grouped(residuals, "wall", "distance_m", style)
 
 
 @_figure("fig_5_12", title="Plane residuals of the floor per distance", number="5.12")
 def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of the floor by the sensor's distance from the wall (thesis figure 5.12).
+    """Plane residuals of the floor by the sensor's distance from the wall, in metres (thesis figure
+    5.12).
 
-    In metres; violins as in figure 5.10.
+    Violins are drawn as in figure 5.10.
     """
     return _draw_grouped(residuals, "floor", "distance_m", style)
 
@@ -82,7 +83,7 @@ def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the floor by laser, from all distances below 30 m (thesis figure 5.13).
 
-    In metres; violins as in figure 5.10.
+    Residuals are in metres; violins are drawn as in figure 5.10.
     """
     return _draw_grouped(residuals, "floor", "elevation_deg", style)
 
@@ -92,7 +93,7 @@ def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the wall by laser, from all distances below 30 m (thesis figure 5.14,
     whose caption names the floor).
 
-    In metres; violins as in figure 5.10.
+    Residuals are in metres; violins are drawn as in figure 5.10.
     """
     return _draw_grouped(residuals, "wall", "elevation_deg", style)
 
@@ -101,8 +102,8 @@ def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of captures and of every error model, in metres (thesis figure 5.18).
 
-    Walls and floors nearer than 30 m; at most 100,000 random residuals of each model. Below: mean
-    and standard deviation.
+    Surfaces are walls and floors nearer than 30 m. At most 100,000 random residuals of each model
+    are drawn. The numbers below are the mean and standard deviation.
     """
     check_residuals(residuals)
     return _draw_models(near(residuals), _MIN_MODELS_LIMIT_M, style)
@@ -117,7 +118,8 @@ def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_far_divergence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals at 30 m without and with beam divergence, in metres (thesis figure 5.19).
 
-    At most 100,000 random residuals of each model. Below: mean and standard deviation.
+    At most 100,000 random residuals of each model are drawn. The numbers below are the mean and
+    standard deviation.
     """
     check_residuals(residuals)
     rows = far(residuals)

@@ -18,15 +18,23 @@ CODE = (
 )
 
 COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
-"""Compared models; the thesis chose `vlp16_divergence` (section 5.5.3)."""
+"""Error models that are compared; the thesis chose `vlp16_divergence` (section 5.5.3)."""
 _MAX_ROWS = 20_000
-"""Maximum number of rows per recording, each with twenty simulations of every error model."""
+"""Largest number of rows of a recording; for each, every error model is simulated twenty times."""
 _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
 
 
 @JOBS.register("joined_table")
 class JoinedTable(OfNames):
-    """Join tables of one kind; `models` are the tables' values in the column ``model``."""
+    """Join tables of several error models into one.
+
+    Parameters
+    ----------
+    kind
+        Kind of the tables, which determines their columns.
+    models
+        Names of the tables' error models, for the column ``model``.
+    """
 
     kind: Literal["residuals", "scans"]
     models: tuple[str, ...]
@@ -42,7 +50,7 @@ class JoinedTable(OfNames):
 
 @JOBS.register("compared_residuals")
 class ComparedResiduals(OfNames):
-    """Simulate residuals of error models on the rays of recorded walls."""
+    """Simulate error models on the rays of recorded walls, and write all residuals."""
 
     def plugins(self) -> Iterable[str | None]:
         return COMPARED

@@ -13,8 +13,18 @@ CODE = (*SENSOR, "jenco2022.residuals", "virtual_lidar.scenes.*")
 
 
 class WallScanJob(Job):
-    """Base class of jobs that scan a wall and a floor from `distances` (m); `keep` is the maximum
-    number of rows per scan.
+    """Base class of jobs that scan a wall and a floor with a virtual sensor.
+
+    Parameters
+    ----------
+    model, model_options
+        Name of the error model, and changes to its parameters.
+    distances
+        Distances of the sensor from the wall, in m.
+    seed
+        Seed of all random numbers.
+    keep
+        Largest number of rows of a scan, chosen at random; None keeps all rows.
     """
 
     model: str = "vlp16"
@@ -29,7 +39,15 @@ class WallScanJob(Job):
 
 @JOBS.register("residuals")
 class Residuals(WallScanJob):
-    """Measure plane residuals in `runs` scans from each distance; see `Procedure` for `refit`."""
+    """Measure how far the points of virtual scans lie from fitted planes.
+
+    Parameters
+    ----------
+    runs
+        Number of scans from each distance.
+    refit
+        Whether planes are fitted by least squares to the inliers of RANSAC.
+    """
 
     runs: int = Field(3, ge=1)
     refit: bool = False
@@ -52,6 +70,8 @@ class Residuals(WallScanJob):
 
 @JOBS.register("wall_points")
 class WallPoints(WallScanJob):
+    """Write the points of a virtual scan of a wall and a floor from each distance."""
+
     distances: tuple[float, ...] = (1.0, 5.0)
 
     def run(self, table: Path) -> dict[str, Any]:

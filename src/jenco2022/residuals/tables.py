@@ -1,4 +1,4 @@
-"""Tables of several error models and captures: joined, or compared on the rays of real walls."""
+"""Tables of residuals of several error models and captures, joined or compared on the same rays."""
 
 from __future__ import annotations
 
@@ -20,14 +20,28 @@ from virtual_lidar.residual_table import REAL
 WALL_KEYS = ["capture", "distance_m", "run"]
 REPLICATES = 20
 _FRAME_RAD = np.radians(15.0)
-"""Azimuth range of a frame of the thesis's sweep; error models draw a new bias for each frame."""
+"""Azimuth range of a frame of the thesis's sweep, in rad. Error models draw a new bias for each
+frame.
+"""
 
 
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Return the rows of walls in residual tables of captures, for `compared_residuals`.
+    """Join residual tables of captures, and keep the rows of walls, for `compared_residuals`.
 
-    The column ``capture`` is the number of the row's table, from 1, and ``replicate`` is 0. Raises
-    InputError if a table has no wall, or lacks columns that a calibration needs.
+    Parameters
+    ----------
+    tables
+        A table for each capture.
+
+    Returns
+    -------
+    DataFrame
+        Rows of walls. ``capture`` is the number of the row's table, from 1, and ``replicate`` is 0.
+
+    Raises
+    ------
+    InputError
+        A table has no wall, or lacks columns that a calibration needs.
     """
     from virtual_lidar.calibration.observations import PLACE
 
@@ -140,22 +154,28 @@ JOINED = {
         *("range_error_m", "incidence_rad"),
     ),
 }
-"""Columns of joined tables, by kind, that figures and statistics use."""
+"""Columns of joined tables that figures and statistics use, by kind of the table."""
 
 MAX_ROWS = 500_000
-"""Maximum number of random rows kept of each table, since captures can have any length."""
+"""Largest number of rows that are kept of each table, chosen at random; captures have any length.
+"""
 
 
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
-    """Read Parquet tables of several error models into one.
+    """Join Parquet tables of several error models into one table.
 
     Parameters
     ----------
     files
-        Pairs of the name that the column ``model`` gets and a path. Of longer tables, `MAX_ROWS`
-        random rows are read.
+        For each table: the name that the column ``model`` gets, and the path. Of tables that are
+        longer than `MAX_ROWS`, only so many random rows are kept.
     kind
         "residuals" or "scans", which determines the columns (`JOINED`).
+
+    Returns
+    -------
+    DataFrame
+        The rows of all tables, in the columns ``JOINED[kind]``.
 
     Raises
     ------
@@ -175,7 +195,10 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def subsampled(table: pd.DataFrame, max_rows: int, name: str) -> pd.DataFrame:
-    """Return at most `max_rows` random rows in their original order; `name` determines the seed."""
+    """Return at most `max_rows` random rows in their original order.
+
+    The choice is reproducible, because `name` determines the seed.
+    """
     if len(table) <= max_rows:
         return table
     return table.sample(max_rows, random_state=generator(0, "joined", name)).sort_index()

@@ -20,7 +20,7 @@ from virtual_lidar.residual_table import COLUMNS, SURFACES, about_plane, joined
 from virtual_lidar.scenes.calibration import calibration_scene
 
 SWEEP = Sweep(frames_skipped=1)
-"""The 4 s sweep of the thesis's error scans, without its last frame."""
+"""The sweep of 4 s that the thesis used for scans of errors, without its last frame."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,26 @@ def residual_table(
 
 
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    """Return a scan's residuals in firing order, the wall's before the floor's.
+    """Return the plane residuals of a single scan.
 
-    A point belongs to the surface that its nominal ray hits; cropping would remove noisy points.
+    A point belongs to the surface that its nominal ray hits. Surfaces are not cropped from the
+    cloud, because cropping would remove noisy points.
+
+    Parameters
+    ----------
+    procedure
+        Settings of the scan and the fits.
+    distance
+        Distance of the sensor from the wall, in m.
+    run
+        Number of the scan, which changes the random errors.
+    seed
+        Seed of all random numbers.
+
+    Returns
+    -------
+    DataFrame
+        A row for each return, first those of the wall, then those of the floor, in firing order.
     """
     mesh, origin = calibration_scene(distance)
     sensor = load_sensor(procedure.sensor)
@@ -155,17 +172,39 @@ def _frame(
 
 POINT_SURFACES = ("wall", "floor", "surroundings")
 POINT_COLUMNS = JOINED["scans"]
-"""Columns of a table of points. The wall is at y = 0, the floor at z = 0, the sensor at y =
-`distance_m`, z = 1 m; `range_error_m` is measured minus true range. "surroundings" is the rest of
-the room."""
+"""Columns of a table of points.
+
+The wall is at y = 0, the floor at z = 0, and the sensor at y = `distance_m`, z = 1 m.
+`range_error_m` is the measured minus the true range. The surface "surroundings" is the rest of the
+room.
+"""
 
 
 def wall_points(
     procedure: Procedure, distances: Sequence[float], seed: int, run: int = 1
 ) -> pd.DataFrame:
-    """Return the points of one run of Procedure 1 at each distance (m), before cropping.
+    """Return the points of scans of a wall, a floor and the rest of the room.
 
-    The table has the columns `POINT_COLUMNS`. Raises InputError for an unknown distance or model.
+    Parameters
+    ----------
+    procedure
+        Settings of the scans.
+    distances
+        Distances of the sensor from the wall, in m; one scan is made from each.
+    seed
+        Seed of all random numbers.
+    run
+        Number of the scan, which changes the random errors.
+
+    Returns
+    -------
+    DataFrame
+        A row for each point, in the columns `POINT_COLUMNS`.
+
+    Raises
+    ------
+    InputError
+        A distance or the error model is unknown.
     """
     parts = [_scan_points(procedure, distance, run, seed) for distance in distances]
     return pd.concat(parts, ignore_index=True)

@@ -35,6 +35,8 @@ def claims(
 
     Parameters
     ----------
+    metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
+        Tables of the run with these names; None for a table that the run lacks.
     datasets, codecs, stand_ins
         As in `Evidence`.
     """
@@ -78,11 +80,13 @@ def thesis_medians(
 ) -> pd.DataFrame:
     """Medians over clouds by rate, read off thesis figure 6.5, beside the medians of this run.
 
-    Distances are point-to-plane, in squared grid units. The thesis's values are accurate to about
-    5 %; the thesis's G-PCC truncates coordinates.
+    Distances are point-to-plane, in squared grid units. The thesis's values are accurate to about 5
+    %. G-PCC truncates coordinates in the thesis.
 
     Parameters
     ----------
+    metrics
+        Results of the run.
     datasets, codecs
         As in `Evidence`.
     """

@@ -31,8 +31,13 @@ def gpcc_scales(
 
     Parameters
     ----------
+    metrics
+        Results of the run.
     codecs
-        Codecs with the roles `REFERENCE` and `AS_RUN` (truncated coordinates, default tools).
+        Names of the codecs with the roles `REFERENCE` and `AS_RUN` (truncated coordinates, default
+        tools), by role.
+    scales
+        Scale of the grid by codec and rate.
 
     Raises
     ------

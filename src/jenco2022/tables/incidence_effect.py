@@ -34,13 +34,15 @@ def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFra
     """Range error and distance from the surface by error model and angle of incidence.
 
     At incidence theta, a range error e moves a point e cos(theta) off the surface (section 5.6).
-    Standard deviations of this distance are predicted, measured from the true surface (scans at 1
-    and 5 m), and measured from the fitted plane (all distances below 30 m).
+    The standard deviation of this distance is given three times: predicted, measured from the true
+    surface (scans at 1 and 5 m), and measured from the fitted plane (all distances below 30 m).
 
     Parameters
     ----------
     scans
-        Table of `wall_points`.
+        Points of virtual scans, as `wall_points` returns them.
+    residuals
+        Plane residuals of virtual scans and captures.
     """
     near = scans[(scans["distance_m"] < FAR_M) & scans["surface"].isin(("wall", "floor"))]
     distance = np.where(near["surface"] == "wall", near["y_m"], near["z_m"])
@@ -58,8 +60,27 @@ def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFra
 def incidence_bins(
     table: pd.DataFrame, bins: int = BINS, highest_rad: float = LARGEST_RAD
 ) -> pd.DataFrame:
-    """Return mean and standard deviation of residuals by model, in equal bins of the incidence
-    angle from 0 to `highest_rad`; raise InputError without rows.
+    """Return mean and standard deviation of residuals in bins of the angle of incidence.
+
+    Parameters
+    ----------
+    table
+        Residuals, with the columns ``model``, ``incidence_rad`` and ``residual_m``.
+    bins
+        Number of bins of equal width.
+    highest_rad
+        Upper end of the last bin, in rad; the first bin begins at 0.
+
+    Returns
+    -------
+    DataFrame
+        A row for each error model and bin that has residuals: ``low_rad`` and ``high_rad``, the
+        ends of the bin, ``count``, ``mean_m`` and ``std_m``.
+
+    Raises
+    ------
+    InputError
+        The table has no rows.
     """
     if table.empty:
         raise InputError("incidence bins need at least one residual")

@@ -28,7 +28,8 @@ def model_distances(compared: pd.DataFrame) -> pd.DataFrame:
     """Earth mover's distance of each error model's wall residuals from those of real sensors.
 
     Distances are in metres. A sensor that follows the model exceeds the distance ``chance_m`` with
-    5 % probability. There are no intervals: walls and lasers of one device do not sample devices.
+    5 % probability. There are no intervals, because walls and lasers of one device are not a sample
+    of devices.
 
     Parameters
     ----------
@@ -77,9 +78,7 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of distances (m) between each replicate and all residuals (`total`);
-    nan for fewer than two replicates.
-    """
+    """Return the 95 % quantile of the distances, in m, of single replicates from all residuals."""
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()
     if len(parts) < 2:

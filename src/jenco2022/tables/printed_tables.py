@@ -75,7 +75,8 @@ _TITLE_5_1 = "Parameters of the virtual VLP-16 (thesis table 5.1)"
 def table_5_1() -> pd.DataFrame:
     """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 
-    ``here`` has parameters of the error model ``vlp16``, ``as_printed`` those of ``vlp16_table51``.
+    The column ``here`` has parameters of the error model ``vlp16``, and ``as_printed`` has those of
+    ``vlp16_table51``.
     """
     import pandas as pd
 

@@ -17,7 +17,8 @@ CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"
-"""Value of a key in rows that combine all values of this key (for distances, those below `FAR_M`).
+"""Value of a key in rows that combine all values of the key. For distances, these are all distances
+below `FAR_M`.
 """
 
 _PLACE = ("surface", "distance_m")
@@ -29,10 +30,10 @@ _CONFIDENCE = 0.95
 def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     """Statistics of the plane residuals (thesis procedure 1), in metres.
 
-    One row per error model ("real" for captures), surface, distance from the wall, and laser; "all"
-    combines surfaces, lasers, or distances below 30 m. ``mean_half_m`` and ``std_half_m``, half
-    widths of 95 % intervals, come from repeated ``scans``, since returns of one scan share a plane
-    and the lasers' biases.
+    There is a row for each error model ("real" for captures), surface, distance from the wall, and
+    laser. The value "all" combines surfaces, lasers, or distances below 30 m. ``mean_half_m`` and
+    ``std_half_m`` are half widths of 95 % intervals. They come from repeated ``scans``, because the
+    returns of one scan share a plane and the lasers' biases.
     """
     import pandas as pd
 
@@ -82,7 +83,7 @@ def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -> pd.Series[float]:
     """Return each scan's contribution to the variance of the sum of `errors`.
 
-    Deviations are from the mean over scans of the same place; for a single scan, from zero.
+    Deviations are from the mean over scans of the same place or, for a single scan, from zero.
     """
     groups = errors.groupby([scans[name] for name in places])
     repeats, centre = groups.transform("size"), groups.transform("mean")

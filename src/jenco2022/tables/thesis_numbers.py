@@ -24,10 +24,10 @@ DISTANCE = "earth mover's distance to the real residuals, 1 to 5 m"
 def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
     """Numbers of thesis figures 5.18 and 5.19 beside those of this run, in metres.
 
-    ``here_half_m`` is the half width of a 95 % interval. Earth mover's distances are from the real
-    residuals in the thesis; in this run, from a normal distribution with the real residuals' mean
-    and standard deviation. The thesis's standard deviations of ``vlp16`` and ``vlp16_divergence``
-    do not follow from the thesis's parameters (docs/notes/chapter5.md).
+    ``here_half_m`` is the half width of a 95 % interval. In the thesis, earth mover's distances are
+    from the real residuals. In this run, they are from a normal distribution with the real
+    residuals' mean and standard deviation. The thesis's standard deviations of ``vlp16`` and
+    ``vlp16_divergence`` do not follow from the thesis's parameters (docs/notes/chapter5.md).
     """
     import pandas as pd
 
@@ -47,9 +47,19 @@ def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def distance_to_normal(sample: Floats, mean: float, std: float) -> float:
-    """Return the earth mover's distance between a sample (n,) and a normal distribution.
+    """Return the earth mover's distance of a sample from a normal distribution.
 
-    Raises InputError for an empty sample.
+    Parameters
+    ----------
+    sample
+        Values, (n,).
+    mean, std
+        Mean and standard deviation of the normal distribution, in the unit of the sample.
+
+    Raises
+    ------
+    InputError
+        The sample is empty.
     """
     from scipy.special import ndtri
 

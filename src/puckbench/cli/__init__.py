@@ -23,10 +23,19 @@ _DESCRIPTION = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit status.
+    """Run one command of the command line.
 
-    The status is 0 after success, 1 if ``failed`` in the answer is not 0, 2 after a message about
-    invalid input, and 130 after an interrupt (SIGINT, SIGTERM, SIGHUP).
+    Parameters
+    ----------
+    arguments
+        Words of the command line after ``puckbench``; by default, those of this process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 after success, 1 if the command reports failed items (``failed`` in its
+        answer is not 0), 2 if the input is invalid, and 130 after an interrupt (SIGINT, SIGTERM,
+        SIGHUP).
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _show_remarks()
@@ -76,7 +85,7 @@ def _show_remarks() -> None:
 
 
 def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
-    """Return a parser for command-line words and the command's name; import only this command."""
+    """Return a parser for the words of a command line, and the command's name, or None."""
     name, texts = next((word for word in words if not word.startswith("-")), None), help_texts()
     parser = parser_of([name] if name in texts else [])
     if name is not None and name not in texts:
@@ -95,7 +104,16 @@ class _Parser(argparse.ArgumentParser):
 def parser_of(
     names: Container[str], parser_class: type[argparse.ArgumentParser] = _Parser
 ) -> argparse.ArgumentParser:
-    """Return a parser of all commands; only those in `names` have their arguments."""
+    """Return a parser of the command line.
+
+    Parameters
+    ----------
+    names
+        Names of the commands whose arguments the parser knows. It knows other commands only by name
+        and help text, since their modules take time to import.
+    parser_class
+        Class of the parser.
+    """
     parser = parser_class(prog="puckbench", description=_DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(

@@ -9,7 +9,18 @@ _INDENT = "  "
 
 
 def text_of(answer: Mapping[str, Any]) -> str:
-    """Format an answer as text: a line for each value, and each table below its name."""
+    """Format the answer of a command as text for a terminal.
+
+    Parameters
+    ----------
+    answer
+        Values by name. A list of mappings, or a mapping of mappings, is a table.
+
+    Returns
+    -------
+    str
+        A line for each plain value; each table as lines below its name.
+    """
     plain = {name: value for name, value in answer.items() if not _rows(value)}
     width = max(map(len, plain), default=0)
     lines = []
@@ -24,7 +35,10 @@ def text_of(answer: Mapping[str, Any]) -> str:
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
     """Format rows as lines of aligned columns.
 
-    The first row is the heading; the last column is wrapped.
+    Parameters
+    ----------
+    rows
+        Cells of the rows, of which the first is the heading. Text in the last column is wrapped.
     """
     from rich import box
     from rich.console import Console

@@ -22,6 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_time_unit(parser: argparse.ArgumentParser) -> None:
+    """Add the option ``--time-unit``, the unit of a cloud's times."""
     from pointkit.lidar.times import TIME_UNITS
 
     text = "unit of a cloud's times (default: from their values)"

@@ -38,7 +38,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
-    """Write the figure and the deltas; return the answer as text, or as values for ``--json``."""
+    """Compare a run with a study, write the figure and the BD-rates, and return what was found.
+
+    The answer is text or, with ``--json``, a mapping of values.
+    """
     answer = _compared(options)
     return answer if options.json else text(answer)
 
@@ -126,7 +129,10 @@ def _medians(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def text(answer: Mapping[str, Any]) -> str:
-    """Return text for a terminal: the curves of each data set, and the bits of the run's codecs."""
+    """Format the answer of this command as text for a terminal.
+
+    The text lists the curves of each data set, and the BD-rates of the run's codecs.
+    """
     from puckbench.planning.run_summary import aligned
     from puckbench.report.bd_rate_text import delta_text
 

@@ -25,11 +25,6 @@ def run(options: argparse.Namespace) -> str:
 
 
 class _CompletedParser(argparse.ArgumentParser):
-    """A parser that tells the package shtab how the shell completes each argument.
-
-    Arguments of type `Path` are completed by files, arguments for plug-ins by registered names.
-    """
-
     def add_argument(self, *names: Any, **options: Any) -> argparse.Action:
         import shtab
 
@@ -50,7 +45,7 @@ def _names(place: str) -> list[str]:
 
 
 _FILES = {"files", "start", "weights"}
-"""Names of arguments whose values may be files although their type is not `Path`."""
+"""Names of arguments whose values may be files, although their type is not `Path`."""
 
 _CODECS, _ERROR_MODELS = "puckbench.codecs.registry:codecs", "virtual_lidar.errors:ERROR_MODELS"
 _LOADERS = "puckbench.datasets.registry:LOADERS"
@@ -67,4 +62,4 @@ _NAMES = {
     "study": "puckbench.report.reference_results:shipped_studies",
     "table": "puckbench.metrics.table_registry:TABLES",
 }
-"""Source (``module:object``) of the names that an argument can take, by argument."""
+"""Sources (``module:object``) of the names that an argument can take, by the argument's name."""

@@ -19,7 +19,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Decode the streams; count the decoded, refused and failed ones, and list the latter two."""
+    """Decode conformance streams with a G-PCC decoder.
+
+    The answer has the numbers of streams that were decoded, refused and failed, and a row for each
+    refused or failed stream; with ``--json``, a row for every stream.
+    """
     from gpcc.conformance import (
         FOLDER,
         Decode,

@@ -15,7 +15,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """List loaders' options or, with ``--check``, actual and published numbers of clouds."""
+    """List the options of all loaders or, with ``--check``, count the scenes of one loader.
+
+    With ``--check``, the numbers of clouds are listed beside the published ones.
+    """
     if options.check:
         trust([options.check])
         return _checked(options.check, options.options)

@@ -1,4 +1,4 @@
-"""Decoders of G-PCC that are programs, such as TMC13, for tests of conformance."""
+"""Decoders of G-PCC that are separate programs, such as TMC13, for tests of conformance."""
 
 from __future__ import annotations
 
@@ -14,20 +14,30 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 
 SECONDS = 60
-"""Time limit of a program per stream, in s."""
+"""Time after which a program that decodes a stream is stopped, in s."""
 _REFLECTANCES = ("refc", "reflectance")
 
 
 def program_decoder(words: str) -> Decode:
-    """Return a decoder that runs a program; raise InputError if the program does not exist.
-
-    The decoder raises InputError if the program fails, `CrashError` if it crashes.
+    """Return a function that decodes a G-PCC stream by running a program.
 
     Parameters
     ----------
     words
-        Command with ``{stream}`` for the input and ``{points}`` for the output (.ply), or a program
-        with the options of TMC13's ``tmc3``.
+        A command in which ``{stream}`` stands for the input file and ``{points}`` for the output
+        file (.ply), or the path of a program that has the options of TMC13's ``tmc3``.
+
+    Returns
+    -------
+    callable
+        Takes the bytes of a stream, and returns an array with a row for each point: coordinates
+        and, if the stream has them, colours and reflectance. It raises InputError if the program
+        reports an error, and `CrashError` if the program crashes or does not end.
+
+    Raises
+    ------
+    InputError
+        The program does not exist.
     """
     if "{stream}" not in words:
         words = f"{shlex.quote(words)} --mode=1 --compressedStreamPath={{stream}}"

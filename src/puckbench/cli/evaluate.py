@@ -16,9 +16,9 @@ _FOR_STREAMS: dict[str, Any] = {
     "repeats": 1,
     "rate": None,
 }
-"""Options without effect on decoded clouds, with their defaults."""
+"""Options that apply only to coded streams, not to decoded clouds, with their defaults."""
 _UNRELATED_DB = 10.0
-"""CD-PSNR below which two clouds are probably unrelated; every codec exceeds it."""
+"""CD-PSNR, in dB, below which two clouds are probably unrelated; every codec exceeds it."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -23,7 +23,7 @@ _FOR_CLOUDS = {
     "keep_missing": False,
     "bin_columns": None,
 }
-"""Options that scans and recordings refuse, with their defaults."""
+"""Options that apply only to clouds, not to scans and recordings, with their defaults."""
 _SHOWN = (
     *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
     *("size", "size_m", "scale", "offset", "peak", *LEFT_OUT, "neighbours", "diameter"),

@@ -1,8 +1,8 @@
-"""The commands of puckbench, and those that other packages register.
+"""The commands of puckbench, and the commands that other packages add.
 
-A command has two functions: `arguments` declares its arguments, `run` returns its answer.
-Puckbench's commands are modules of this package, imported only when called. A plug-in registers
-`run`::
+A command has two functions: `arguments` declares its arguments, and `run` does the work and returns
+the answer to print. Puckbench's own commands are modules of this package, which are imported only
+when they are called. Another package registers its function `run`::
 
     @COMMANDS.register("claims", arguments=arguments, help="show the verdicts on the claims")
     def run(options: argparse.Namespace) -> Answer: ...
@@ -46,11 +46,25 @@ _HELP = {
     "data": "download the free data sets",
     "completion": "print a shell script that completes commands, options and names",
 }
-"""Commands of this package and their help texts."""
+"""Help texts of this package's commands, by name."""
 
 
 @dataclass(frozen=True)
 class Command:
+    """A command of the command line, as `puckbench.cli.main` runs it.
+
+    Parameters
+    ----------
+    name
+        Name of the command.
+    run
+        Function that takes the parsed options, does the work, and returns the answer to print.
+    arguments
+        Function that adds the command's arguments to a parser.
+    help
+        Help text, one line.
+    """
+
     name: str
     run: Callable[[argparse.Namespace], Answer]
     arguments: Callable[[argparse.ArgumentParser], None]
@@ -58,14 +72,16 @@ class Command:
 
 
 COMMANDS: Registry[Command] = Registry("command", "commands", make=Command)
-"""Commands of other packages; every help text imports their modules."""
+"""Commands of other packages. Printing the list of commands imports their modules."""
 
 
 def help_texts() -> dict[str, str]:
+    """Return the help texts of all commands, by name."""
     return {**_HELP, **{name: COMMANDS.get(name).help for name in COMMANDS.names()}}
 
 
 def command(name: str) -> Command:
+    """Return a command by its name, and import its module."""
     if name not in _HELP:
         return COMMANDS.get(name)
     module = import_module(f"puckbench.cli.{name}")

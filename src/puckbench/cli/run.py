@@ -36,7 +36,7 @@ _CONFIG_OPTIONS = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
     *("peak", "out", "timeout", *_LOADER_OPTIONS),
 )
-"""Options for which a configuration has keys."""
+"""Options that stand for keys of a configuration."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,10 +105,9 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _run_all(path: Path, options: argparse.Namespace, words: list[str]) -> tuple[int, Path | None]:
-    """Run the workflow; while jobs fail, run it again without what failed.
+    """Run the workflow; if jobs fail, run it again without them, so that a report is written.
 
-    Return the status of the first run, and the file of failed jobs if there are any. With `words`
-    for Snakemake, run it once. Raises SystemExit if the last run fails.
+    Returns the status of the first run and, if jobs failed, the file that lists them.
     """
     failed = trusted(read_config(path)).failures_file
     command, written, rest = snakemake_command(path, options.cores, *words), _time_of(failed), None

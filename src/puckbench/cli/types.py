@@ -14,6 +14,7 @@ from pointkit.files import unique_keys
 
 
 def json_object(text: str) -> dict[str, Any]:
+    """Parse an argument that must be a JSON object."""
     try:
         value = json.loads(text, object_pairs_hook=unique_keys)
     except ValueError as error:
@@ -24,7 +25,20 @@ def json_object(text: str) -> dict[str, Any]:
 
 
 def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
-    """Return the file paths in a JSON object `values`; raise InputError if one is not a string."""
+    """Convert a JSON object of file names to paths.
+
+    Parameters
+    ----------
+    values
+        Names of files, by any names.
+    option
+        Option that contained the object, for the error message.
+
+    Raises
+    ------
+    InputError
+        A value is not a string.
+    """
     for name, value in values.items():
         if not isinstance(value, str):
             raise InputError(f"{option}: {name}: '{value}' is not a file name")
@@ -33,7 +47,14 @@ def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
 
 @contextmanager
 def made_of_tables(what: str) -> Iterator[None]:
-    """Raise InputError for other errors in the `with` block, which makes `what` of given tables."""
+    """Raise InputError in place of errors that unsuitable tables cause in the `with` block.
+
+    Parameters
+    ----------
+    what
+        What the block makes from tables that the user gave, such as "figure chamfer_rd"; the error
+        message begins with it.
+    """
     try:
         yield
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -41,7 +62,23 @@ def made_of_tables(what: str) -> Iterator[None]:
 
 
 def metres_per_unit(words: Sequence[str]) -> float | dict[str, float]:
-    """Parse metres per unit: one number for all files, or FILE=NUMBER for each."""
+    """Parse the words of the option ``--metres-per-unit``.
+
+    Parameters
+    ----------
+    words
+        One number for all files, or FILE=NUMBER for each file.
+
+    Returns
+    -------
+    float or dict
+        Metres per unit of all files, or of each file by name.
+
+    Raises
+    ------
+    InputError
+        A word is neither a number nor FILE=NUMBER, or a file is named twice.
+    """
     if len(words) == 1 and not math.isnan(number := _number(words[0])):
         return number
     table: dict[str, float] = {}
@@ -65,6 +102,7 @@ def _number(text: str) -> float:
 
 
 def positive(text: str) -> float:
+    """Parse an argument that must be a number above 0."""
     number = _number(text)
     if not 0 < number < math.inf:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
@@ -72,6 +110,7 @@ def positive(text: str) -> float:
 
 
 def integer(low: int) -> Any:
+    """Return a parser for an argument that must be an integer of at least `low`."""
 
     def convert(text: str) -> int:
         if not text.lstrip("-").isdigit() or int(text) < low:
@@ -82,7 +121,15 @@ def integer(low: int) -> Any:
 
 
 def turns(text: str | None) -> tuple[int, int] | None:
-    """Return the first and the last turn of the option ``--turns``, such as ``7`` or ``7-9``."""
+    """Parse the option ``--turns``, such as ``7`` or ``7-9``.
+
+    A turn is one revolution of the sensor.
+
+    Returns
+    -------
+    tuple or None
+        Numbers of the first and the last turn, or None if the option was not given.
+    """
     if text is None:
         return None
     first, _, last = text.partition("-")
@@ -95,11 +142,13 @@ def turns(text: str | None) -> tuple[int, int] | None:
 
 
 def add_unit(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the option ``--metres-per-unit``; `what` is the word for the file in the help text."""
     text = f"unit of the {what} (0.001: millimetres; default: 1)"
     parser.add_argument("--metres-per-unit", type=positive, default=1.0, help=text)
 
 
 def add_cloud_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how clouds are read from files."""
     add = parser.add_argument
     add("--drop-invalid", action="store_true", help="leave out points that are not finite")
     add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
@@ -111,15 +160,27 @@ def add_cloud_options(parser: argparse.ArgumentParser) -> None:
 
 
 def refuse(options: argparse.Namespace, defaults: Mapping[str, Any], why: str) -> None:
-    """Raise InputError if an option, which would have no effect, differs from its default."""
+    """Raise InputError if the user set an option that has no effect in this case.
+
+    Parameters
+    ----------
+    options
+        The parsed options.
+    defaults
+        Defaults of the options that have no effect, by name.
+    why
+        Reason, which follows the option's name in the error message.
+    """
     for name, default in defaults.items():
         if getattr(options, name) != default:
             raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 
 def selected(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Return the values of the named options, by name."""
     return {name: getattr(options, name) for name in names}
 
 
 def note(line: str) -> None:
+    """Print a remark to standard error."""
     print(f"puckbench: {line}", file=sys.stderr)  # noqa: T201

@@ -42,10 +42,18 @@ _GEOMETRY = "#bdbdbd"
     frame="metric",
 )
 def draw_attributes(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits and PSNR of attributes, medians over n clouds. Top: bits per point of positions (grey)
-    and of the attribute (coloured, with the value), for lossless codecs. Bottom: PSNR of the
-    attribute (of luma, for colours) against the attribute's bits, at lossy rates; ticks at the
-    upper edge: bits of lossless rates.
+    """Bits and PSNR of attributes (reflectances and colours), as medians over n clouds. The upper
+    panels show bits per point of lossless codecs: grey for the positions, coloured and with the
+    value for the attribute. The lower panels show the PSNR of the attribute (for colours, of
+    their luma) against its bits at lossy rates. Ticks at the upper edge mark the bits of
+    lossless rates.
+
+    Parameters
+    ----------
+    metrics
+        Results of a run.
+    style
+        Style of the figure.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch

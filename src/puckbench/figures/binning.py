@@ -17,10 +17,18 @@ _QUARTILES = (0.25, 0.5, 0.75)
 
 
 class Curve(NamedTuple):
-    """The median of x, and the median and quartiles of y, for each bin or rate.
+    """A line of a figure: medians over clouds, with their spread.
 
-    With fewer than `MIN_SCENES` scenes, quartiles are nan, and `singles` (n, 2) contains x and y of
-    each cloud.
+    Parameters
+    ----------
+    x
+        Median of x in each of k bins, or at each of k rates, (k,).
+    y
+        Median of y, (k,).
+    low, high
+        Lower and upper quartile of y, (k,); nan with fewer than `MIN_SCENES` scenes.
+    singles
+        With fewer than `MIN_SCENES` scenes, x and y of every result, (n, 2); otherwise empty.
     """
 
     x: Floats
@@ -31,10 +39,21 @@ class Curve(NamedTuple):
 
 
 def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> Curve:
-    """Return medians of x and y in at most `bins` equally filled bins of x.
+    """Sort pairs of x and y into bins with equally many pairs, and return the medians of the bins.
 
-    The edges are quantiles of x. Pairs that contain nan are ignored. Quartiles of fewer than
-    `MIN_SCENES` values are nan.
+    The edges of the bins are quantiles of x. Pairs that contain nan are ignored.
+
+    Parameters
+    ----------
+    x, y
+        Values, (n,).
+    bins
+        Largest number of bins.
+
+    Returns
+    -------
+    Curve
+        Medians by increasing x, with quartiles of bins that have at least `MIN_SCENES` values.
     """
     import pandas as pd
 
@@ -48,9 +67,20 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> Curve:
 
 
 def medians_against(rows: pd.DataFrame, x: str, y: str) -> Curve:
-    """Return medians of column `y` against `x` for a codec's rows on a data set, by increasing x.
+    """Return medians of one column of results against another column.
 
-    With fewer than `BINS` clouds, medians are per rate, because bins would mix rates.
+    Parameters
+    ----------
+    rows
+        Results of one codec on one data set.
+    x, y
+        Names of the two columns.
+
+    Returns
+    -------
+    Curve
+        Medians by increasing x: in bins with equally many results or, with fewer than `BINS`
+        clouds, at each rate, because bins of few clouds would mix rates.
     """
     frame = rows[[x, y]].set_axis(["x", "y"], axis=1).astype(float)
     if rows["cloud"].nunique() >= BINS:
@@ -61,9 +91,21 @@ def medians_against(rows: pd.DataFrame, x: str, y: str) -> Curve:
 
 
 def medians_per_rate(rows: pd.DataFrame, y: str, rates: Sequence[str]) -> Curve:
-    """Return medians of column `y` for a codec's rows on a data set; x are places in `rates`.
+    """Return the median of a column of results at each rate.
 
-    Medians are nan at rates without values.
+    Parameters
+    ----------
+    rows
+        Results of one codec on one data set.
+    y
+        Name of the column.
+    rates
+        Names of the rates, in the order of the figure.
+
+    Returns
+    -------
+    Curve
+        x are the places 0, 1, ... of the rates in `rates`; y is nan at rates without values.
     """
     import pandas as pd
 
@@ -94,6 +136,6 @@ def _curve(frame: pd.DataFrame, keys: pd.Series[Any]) -> Curve:
 
 
 def ordered_rates(rates: Iterable[str]) -> list[str]:
-    """Return rates sorted by the number in their names: r2 before r10, 0.5mm before 2mm."""
+    """Return the names of rates, sorted by the numbers in them: r2 before r10, 0.5mm before 2mm."""
     numbers = {rate: tuple(map(float, re.findall(r"\d+(?:\.\d+)?", rate))) for rate in rates}
     return sorted(numbers, key=lambda rate: (numbers[rate], rate))

@@ -56,10 +56,10 @@ _SINGLE: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.5}
 def draw_bits_against_octree(
     metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Bits of each codec in percent of the bits of G-PCC's octree coder (``gpcc``, without
-    knowledge of the sensor) at equal D1 RMS error. Lines: medians over clouds, where rates of both
-    codecs reach the error; shaded: quartiles; with fewer than six clouds, thin lines for each
-    cloud. n: clouds.
+    """Bits of each codec, in percent of the bits of G-PCC's octree coder at equal D1 RMS error. The
+    octree coder (``gpcc``) does not know the sensor. Lines are medians over n clouds, at errors
+    that rates of both codecs reach. Shaded areas are quartiles; with fewer than six clouds,
+    there is a thin line for each cloud instead.
 
     Of data sets that differ only in the error model, only the first is shown. For lossless coding,
     see the table ``against_octree``.
@@ -102,8 +102,9 @@ def draw_bits_against_octree(
 
 
 def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
-    """Return the data sets coded by the octree coder and another codec, but only the first of data
-    sets that differ only in the error model.
+    """Return the data sets that the octree coder and another codec coded.
+
+    Of data sets that differ only in the error model, only the first is returned.
     """
     other_rows = metrics[metrics["codec"] != OCTREE]
     datasets = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(other_rows["dataset"])
@@ -121,8 +122,18 @@ def _curves(rows: pd.DataFrame, style: FigureStyle) -> dict[str, Floats]:
 
 
 def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> Floats:
-    """Return a codec's bits in percent of the octree coder's (clouds, errors), at errors from 0.5
-    to 50 mm; nan where a codec does not reach the error.
+    """Compare a codec's bits with those of the octree coder at equal errors.
+
+    Parameters
+    ----------
+    rows, octree
+        Results of the codec and of the octree coder on one data set.
+
+    Returns
+    -------
+    numpy.ndarray
+        Bits of the codec, in percent of the octree coder's, (clouds, errors), at errors from 0.5 to
+        50 mm; nan where one of the two does not reach the error.
     """
     anchors = dict(iter(octree.groupby("cloud")))
     lines = [

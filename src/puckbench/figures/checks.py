@@ -11,7 +11,22 @@ if TYPE_CHECKING:
 
 
 def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Raise InputError if a table has no rows, lacks a column, or has a column without values."""
+    """Check that a table can be drawn.
+
+    Parameters
+    ----------
+    table
+        The table.
+    columns
+        Columns that are drawn.
+    what
+        Name of the table in the error message.
+
+    Raises
+    ------
+    InputError
+        The table has no rows, lacks a column, or has a column without values.
+    """
     missing = [name for name in columns if name not in table.columns]
     if missing:
         raise InputError(f"{what} table: no column {missing[0]!r}")
@@ -23,7 +38,22 @@ def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> No
 
 
 def require_numbers(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Raise InputError if a column contains text, or a negative or infinite number."""
+    """Check that columns of a table contain numbers that can be drawn.
+
+    Parameters
+    ----------
+    table
+        The table.
+    columns
+        Columns that are drawn.
+    what
+        Name of the table in the error message.
+
+    Raises
+    ------
+    InputError
+        A column contains text, or a negative or infinite number.
+    """
     for name in columns:
         if table[name].dtype.kind not in "fiu":
             raise InputError(f"{what} table: column {name!r} has values that are not numbers")

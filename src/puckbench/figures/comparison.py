@@ -41,11 +41,23 @@ def draw_comparison(
     study: str,
     style: FigureStyle,
 ) -> Figure:
-    """Draw quality against bits per point (medians over clouds), with a row of panels for each data
-    set and a column for each of `qualities`.
+    """Draw the quality of a run's codecs and of a study's codecs against bits per point.
 
-    Thin bars: quartiles or, of few clouds, a dot for each; n: clouds. Ticks at the edge: lossless
-    rates, with infinite PSNR or zero error. `study` names the reference in the legend.
+    The figure has a row of panels for each data set, and a column for each quality. Lines are
+    medians over clouds. Thin bars are quartiles; with few scenes, there is a dot for each cloud
+    instead. Ticks at the edge of a panel mark lossless rates, whose PSNR is infinite or whose error
+    is zero.
+
+    Parameters
+    ----------
+    metrics, reference
+        Results of the run, and of the study on the same clouds.
+    qualities
+        Columns of the results to draw, such as ``d1_psnr``.
+    study
+        Name of the study in the legend.
+    style
+        Style of the figure.
     """
     from matplotlib.figure import Figure
 

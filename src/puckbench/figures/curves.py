@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Lines = dict[str, Curve]
-"""Curves of a metric against bits per point, by codec."""
+"""The curve of each codec in a panel, by name of the codec."""
 
 
 def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
-    """Raise InputError unless a table has the columns for a curve on logarithmic axes."""
+    """Raise InputError unless a table of results has the values for curves on logarithmic axes."""
     columns = (BPP.column, metric.column)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")
@@ -51,7 +51,22 @@ def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
 def binned_curves(
     metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> dict[str, Lines]:
-    """Return binned medians of bits per point and metric for each data set and codec."""
+    """Return medians of a metric against bits per point, for each data set and codec.
+
+    Parameters
+    ----------
+    metrics
+        Results of a run.
+    metric
+        The metric to draw.
+    style
+        Style of the figure, which determines the order of data sets and codecs.
+
+    Returns
+    -------
+    dict
+        Curves by data set, then by codec.
+    """
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
         rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, metric.column])
@@ -62,6 +77,7 @@ def binned_curves(
 
 
 def codecs_of(curves: Iterable[Lines], style: FigureStyle) -> list[str]:
+    """Return the names of all codecs that have a curve, in the order of legends."""
     return style.ordered_codecs(codec for lines in curves for codec in lines)
 
 
@@ -73,6 +89,21 @@ def draw_curves(
     style: FigureStyle,
     unranked: Collection[str] = (),
 ) -> None:
+    """Draw the curves of all codecs in one panel, with logarithmic axes.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    lines
+        Curves by codec.
+    x_limits, y_limits
+        Limits of the axes.
+    style
+        Style of the figure.
+    unranked
+        Codecs whose lines are dotted, because their times cannot be ranked.
+    """
     set_log(axes, "x", x_limits)
     set_log(axes, "y", y_limits)
     for codec, curve in lines.items():
@@ -94,12 +125,18 @@ def draw_data_sets(
 
     Parameters
     ----------
+    metrics
+        Results of a run.
+    metric
+        The metric to draw.
+    style
+        Style of the figure.
     bits
         Label of the horizontal axis.
     panel_in
-        Height of a panel, inches.
+        Height of a panel, in inches; by default, it depends on the number of panels.
     scans
-        Value of the metric for uncoded scans by data set, drawn as a dashed line.
+        Value of the metric for the scans before coding, by data set, drawn as a dashed line.
     """
     check_curve_columns(metrics, metric)
     curves = binned_curves(metrics, metric, style)
@@ -128,8 +165,10 @@ def draw_data_sets(
 
 
 def mark_handles(curves: Iterable[Lines]) -> list[Artist]:
-    """Return legend entries for those marks that the curves have: quartiles, single clouds, and
-    lossless streams.
+    """Return legend entries that explain the marks of the given curves.
+
+    Marks are bars of quartiles, dots of single clouds, and ticks of lossless streams. A mark that
+    no curve has gets no entry.
     """
     drawn = [curve for lines in curves for curve in lines.values()]
     has_lossless = any((curve.y == 0).any() for curve in drawn)
@@ -137,7 +176,17 @@ def mark_handles(curves: Iterable[Lines]) -> list[Artist]:
 
 
 def shared_limits(curves: Iterable[Lines], metric: PlottedMetric, style: FigureStyle) -> Range:
-    """Return the limits of a logarithmic axis in all panels, as `log_limits`."""
+    """Return the limits of a logarithmic axis that all panels share.
+
+    Parameters
+    ----------
+    curves
+        Curves by codec, of each panel.
+    metric
+        The metric on the axis; `BPP` for the horizontal axis.
+    style
+        Style of the figure, which may set the range (see `log_limits`).
+    """
     drawn = [curve for lines in curves for curve in lines.values()]
     arrays = [values for curve in drawn for values in (curve.x, curve.singles[:, 0])]
     if metric is not BPP:

@@ -31,14 +31,21 @@ def draw_files(
     style: FigureStyle,
     only: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> None:
-    """Draw a registered figure, or ``path/to/file.py:function``, to .pdf, .png or .svg files.
+    """Draw a figure from files of tables and clouds, and write it to files.
 
     Parameters
     ----------
+    name
+        Name of a registered figure, or ``path/to/file.py:function``.
     inputs
-        CSV or Parquet files of tables, and PLY files of clouds.
+        CSV or Parquet files of tables, and PLY files of clouds, by name of the figure's input.
+    outputs
+        Files to write, with the suffixes .pdf, .png or .svg.
+    style
+        Style of the figure.
     only
-        Values to draw, by column (``codec``, ``dataset``) of tables; if empty, all are drawn.
+        Values to draw, by column of the tables (``codec``, ``dataset``); an empty sequence draws
+        all values.
 
     Raises
     ------
@@ -76,7 +83,22 @@ def _selected(values: dict[str, Any], column: str, chosen: Sequence[str]) -> dic
 
 
 def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
-    """Read a ``DataFrame`` (only rows in `frame`), or a ``PointCloud`` with its returns."""
+    """Read an input of a figure.
+
+    Parameters
+    ----------
+    kind
+        ``DataFrame`` for a table, or ``PointCloud`` for a cloud.
+    path
+        File of the table or cloud.
+    frame
+        Coordinate frame of the figure's clouds; only rows of a table in this frame are read.
+
+    Returns
+    -------
+    pandas.DataFrame or PointCloud
+        The table, or the cloud with its returns.
+    """
     from pointkit.lidar.returns import with_returns
     from pointkit.tables import read_table
     from puckbench.metrics.coordinate_frames import rows_in_frame
@@ -87,7 +109,7 @@ def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
 
 
 def lay_out(figure: Figure) -> None:
-    """Compute the layout once, so that all files of a figure look alike."""
+    """Compute the layout of a figure and fix it, so that all files of the figure look alike."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -95,9 +117,19 @@ def lay_out(figure: Figure) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as .pdf, .png or .svg; call this inside `FigureStyle.context`.
+    """Write a figure to a file; call this inside `FigureStyle.context`.
 
-    Raises InputError for another suffix or if writing fails.
+    Parameters
+    ----------
+    figure
+        The figure, after `lay_out`.
+    path
+        File to write, with the suffix .pdf, .png or .svg.
+
+    Raises
+    ------
+    InputError
+        The suffix is another one, or writing fails.
     """
     from matplotlib import rcParams
     from matplotlib.backends import backend_agg, backend_pdf, backend_svg

@@ -31,10 +31,11 @@ _POINTS: dict[str, Any] = {"linestyle": "", "markerfacecolor": "none", "markered
     "elongation", title="Chamfer distance against the elongation of the cloud", category="Findings"
 )
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Chamfer distance (point-to-plane) at each codec's middle rate, against a cloud's elongation.
+    """Chamfer distance (point-to-plane) at each codec's middle rate, against the elongation of the
+    cloud.
 
-    Markers: n clouds. Elongation: shortest over longest side of the bounding box. Zeros
-    (lossless) are not drawn.
+    The elongation is the shortest side of the bounding box divided by the longest. A marker stands
+    for one of n clouds. Distances of zero (lossless) are not drawn.
     """
     numbers = ("elongation", CD_PLANE.column)
     require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")

@@ -34,8 +34,8 @@ _DARKEST = 0.12
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
     """An object, as input to codecs, in metres.
 
-    Colour: height above the lowest point. Brightness: orientation of the surface. Orthographic
-    projection; the bar shows the scale.
+    The colour shows the height above the lowest point, and the brightness shows the orientation of
+    the surface. The projection is orthographic; the bar shows the scale.
     """
     return _draw({"": _in_metres(example_object)}, style)
 
@@ -44,9 +44,9 @@ def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
     """A raw room, as input to codecs, in metres.
 
-    The upper fifth and the two near walls are left out, to show the inside. Colour: height above
-    the lowest point. Brightness: orientation of the surface. Orthographic projection; the bar shows
-    the scale.
+    The upper fifth and the two near walls are left out, to show the inside. The colour shows the
+    height above the lowest point, and the brightness shows the orientation of the surface. The
+    projection is orthographic; the bar shows the scale.
     """
     return _draw({"": _opened(_in_metres(example_raw))}, style)
 
@@ -60,8 +60,8 @@ def draw_room_versions(
 ) -> Figure:
     """One room (a) raw, (b) scanned without noise and (c) scanned with noise, in metres.
 
-    The upper fifth and the two near walls are left out, to show the inside. Colour: height above
-    the lowest point. White areas in (b) and (c) are hidden from the sensor.
+    The upper fifth and the two near walls are left out, to show the inside. The colour shows the
+    height above the lowest point. White areas in (b) and (c) are hidden from the sensor.
     """
     versions = {
         "(a) Raw": example_raw,

@@ -30,10 +30,12 @@ _MARKERS = "osD^vP"
 _JOINED: dict[str, Any] = {"color": "#bbbbbb", "linewidth": 1.2}
 _INTERVAL: dict[str, Any] = {"color": "#222222", "linewidth": 0.8}
 _LINE_IN, _AROUND_IN = 0.145, 1.1
-"""Height of a codec's line, and of the figure without these lines, inches."""
+"""Height of a codec's line, and height of the figure without these lines, in inches."""
 
 Line = tuple[str, Floats]
-"""Label of a codec, and interval, mean and interval (3, models) of its bits per return."""
+"""Label of a codec, and its bits per return under each error model, (3, models): lower end of the
+interval, mean, and upper end.
+"""
 
 
 @FIGURES.register(
@@ -44,15 +46,16 @@ Line = tuple[str, Floats]
     frame="metric",
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits per return of the same rays under several error models, for the data sets with the most
-    error models and, among these, the most scenes; panels for each set of scenes. Markers: means
-    over n scenes; grey lines join the error models; black lines: 95 % intervals of the means of six
-    scenes or more. Bits without loss or on a 1 mm grid, and at a D1 RMS error of 5 mm, if a codec
-    reaches it.
+    """Bits per return that codecs need for the same rays under several error models of the sensor.
+    There are panels for each set of scenes: bits without loss or on a grid of 1 mm, and bits at
+    a D1 RMS error of 5 mm, if a codec reaches this error. Markers are means over n scenes, and
+    grey lines join the error models of a codec. Black lines are 95 % intervals of the means of
+    six scenes or more. Only data sets with the most error models are shown and, among these,
+    those with the most scenes.
 
-    First line: entropy of the model's noise at the sensor's range resolution, a lower bound for
-    codecs that keep ranges exactly. It excludes the mean error of each laser in each turn, which a
-    codec can learn.
+    The first line is the entropy of the model's noise at the sensor's range resolution. It is a
+    lower bound for codecs that keep ranges exactly. It excludes the mean error of each laser in
+    each turn (revolution of the sensor), which a codec can learn.
     """
     from matplotlib.figure import Figure
 
@@ -101,7 +104,7 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
 def _groups(
     bits: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle
 ) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Yield title and rows of the data sets of the same scenes."""
+    """Yield the title and the rows of each group of data sets that have the same scenes."""
     scenes = with_scenes(clouds).groupby("dataset")[SCENE].agg(frozenset)
     names = style.ordered_datasets(bits["dataset"])
     for group in dict.fromkeys(scenes[name] for name in names):

@@ -44,13 +44,15 @@ _LOST: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 3.0, "li
 
 @FIGURES.register("odometry", title="Odometry after decoding", category="Drives", needs=(ODOMETRY,))
 def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Error of odometry that coding adds, against bits per return, for each odometry and data set:
-    the drift or, if a drive is too short for a drift, the absolute error of positions, minus that
-    of the same drive without coding. The axis is linear below the margin, else logarithmic.
+    """Error that coding adds to odometry, against bits per return, for each method of odometry and
+    data set. It is the drift after decoding minus the drift without coding. For drives that are
+    too short for a drift, it is the difference of absolute position errors. The axis is linear
+    below the margin, and logarithmic above.
 
-    Markers: means over n drives; bars: 95 % intervals (Student's t) for 6 or more drives, else a
-    dot for each drive. A codec is as good as none where the whole bar is below the margin (grey).
-    Dashed: undecoded drives whose points have no times. Crosses: turns were lost.
+    Markers are means over n drives. Bars are 95 % intervals (Student's t) for six or more drives;
+    with fewer, there is a dot for each drive. Odometry is as good as without coding if the whole
+    bar is below the margin (grey). Dashed lines are undecoded drives whose points have no times.
+    Crosses mark drives with lost turns, i.e. revolutions of the sensor.
     """
     from matplotlib.figure import Figure
 

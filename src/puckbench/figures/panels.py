@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 Sharing = Literal["all", "row", "col"]
 SCAN_LINE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
-"""Line style for the value of an uncoded scan."""
+"""Style of the line that shows the value of a scan before coding."""
 UNRANKED_LINE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2, "marker": ""}
 _TICK_WIDTH, _TICK_LENGTH = 1.8, 0.07
 _LEGEND_ROWS, _LEGEND_ROW_IN = 2, 0.15
-"""Legend rows for which figures have space, and height of each further row, inches."""
+"""Number of legend rows for which figures have space, and height of each further row in inches."""
 _MARGIN = 1.4
-"""Factor between the outermost values and fitted limits."""
+"""Ratio of fitted limits to the outermost values."""
 _NO_VALUES: Range = (0.1, 10.0)
 """Limits of a logarithmic axis without values."""
 _LABEL_IN = {"x": 0.22, "y": 0.13}
-"""Length along an axis that a tick label needs, inches."""
+"""Length along an axis that a tick label needs, in inches."""
 _SINGLE: dict[str, Any] = {"marker": "o", "s": 3.5, "linewidths": 0, "alpha": 0.4}
 _BAR: dict[str, Any] = {"alpha": 0.5, "linewidth": 0.9}
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
-"""Maximum number of rates in a row of panels with labels r1, r2, ..., and with labels 1, 2, ..."""
+"""Largest number of rates in a row of panels with labels r1, r2, ..., and with labels 1, 2, ..."""
 
 
 def panel_grid(
@@ -49,6 +49,31 @@ def panel_grid(
     width_in: float | None = None,
     sharex: Sharing = "all",
 ) -> tuple[Figure, list[Axes]]:
+    """Create a figure with panels of equal size.
+
+    Parameters
+    ----------
+    panels
+        Number of panels.
+    columns
+        Number of panels in a row.
+    height_in
+        Height of a panel, in inches.
+    style
+        Style of the figure.
+    sharey, sharex
+        Which panels share the limits of the vertical and the horizontal axis.
+    width_in
+        Width of the figure, in inches, if `style` sets none; by default, one or two columns of
+        text.
+
+    Returns
+    -------
+    figure
+        The figure.
+    panels
+        Its panels, row by row.
+    """
     from matplotlib.figure import Figure
 
     rows = math.ceil(panels / columns)
@@ -64,16 +89,17 @@ def panel_grid(
 
 
 def figure_width(columns: int, style: FigureStyle) -> float:
+    """Return the width of a figure in inches: that of `style`, or one or two columns of text."""
     return style.width_in or (COLUMN_WIDTH_IN if columns == 1 else PAGE_WIDTH_IN)
 
 
 def panels_abreast(panels: int) -> int:
-    """Return the number of panels in a row: two for four panels."""
+    """Return how many panels to draw in a row of a figure with this number of panels."""
     return {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(panels, 4)
 
 
 def fitted_limits(values: Floats, default: Range) -> Range:
-    """Return limits slightly beyond the positive values, or `default` if there are none."""
+    """Return limits slightly beyond the positive values, or `default` if no value is positive."""
     positive = values[np.isfinite(values) & (values > 0)]
     if len(positive) == 0:
         return default
@@ -81,10 +107,17 @@ def fitted_limits(values: Floats, default: Range) -> Range:
 
 
 def log_limits(values: Floats, column: str, style: FigureStyle) -> Range:
-    """Return limits of a logarithmic axis slightly beyond the positive values.
+    """Return the limits of a logarithmic axis.
 
-    If `style` has a range for the table's `column`, return it, widened by whole decades to contain
-    the values.
+    Parameters
+    ----------
+    values
+        Values on the axis, (n,); values that are not positive are ignored.
+    column
+        Column of the results that has the values.
+    style
+        Style of the figure. If it sets a range for `column`, the limits are this range, widened by
+        whole decades to contain the values. Otherwise, they are slightly beyond the values.
     """
     positive = values[np.isfinite(values) & (values > 0)]
     if len(positive) == 0 or column not in style.axis_ranges:
@@ -98,8 +131,20 @@ def log_limits(values: Floats, column: str, style: FigureStyle) -> Range:
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, faint: bool = False) -> None:
-    """Draw a codec's line, dotted if `faint`; on a logarithmic axis, zeros (lossless) become ticks
-    at the lower edge.
+    """Draw the line of a codec.
+
+    On a logarithmic axis, values of zero (lossless streams) become ticks at the lower edge.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    x, y
+        Points of the line, (n,).
+    plot_style
+        Colour, marker and line of the codec.
+    faint
+        Whether to draw a dotted line without markers.
     """
     style: dict[str, Any] = {"color": plot_style.colour, "clip_on": False, "zorder": 3}
     line: dict[str, Any] = {"linestyle": plot_style.line, "marker": plot_style.marker}
@@ -113,7 +158,21 @@ def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, faint: bo
 def draw_edge_ticks(
     axes: Axes, x: Floats, plot_style: PlotStyle, edge: float = 0.0, alpha: float = 1.0
 ) -> None:
-    """Draw ticks for lossless streams at the lower edge (0) or the upper edge (1)."""
+    """Draw ticks for lossless streams at an edge of a panel.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    x
+        Positions of the ticks, (n,).
+    plot_style
+        Style of the codec, which sets the colour.
+    edge
+        0 for the lower edge, 1 for the upper edge.
+    alpha
+        Opacity.
+    """
     if len(x):
         end = abs(edge - _TICK_LENGTH)
         axes.vlines(
@@ -123,12 +182,15 @@ def draw_edge_ticks(
 
 
 def draw_curve(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
-    """Draw medians and, as thin bars, the quartiles or, of few scenes, a dot for each cloud."""
+    """Draw medians as a line, with their spread: bars of quartiles or, with few scenes, dots of
+    clouds.
+    """
     draw_spread(axes, curve, plot_style)
     draw_line(axes, curve.x, curve.y, plot_style, faint)
 
 
 def draw_spread(axes: Axes, curve: Curve, plot_style: PlotStyle) -> None:
+    """Draw the quartiles of a curve as thin bars or, with few scenes, a dot for each cloud."""
     low = np.maximum(curve.low, axes.get_ylim()[0])
     has_bar = (curve.y > 0) & (curve.high > low)
     if has_bar.any():
@@ -141,7 +203,7 @@ def draw_spread(axes: Axes, curve: Curve, plot_style: PlotStyle) -> None:
 
 
 def spread_handles(curves: Iterable[Curve]) -> list[Artist]:
-    """Return legend entries for those marks that the curves have: quartiles and single clouds."""
+    """Return legend entries for quartiles and for single clouds, if a curve has them."""
     curves = list(curves)
     handles: list[Artist] = []
     if any(np.isfinite(curve.low).any() for curve in curves):
@@ -154,21 +216,32 @@ def spread_handles(curves: Iterable[Curve]) -> list[Artist]:
 
 
 def line_handle(label: str, **line: Any) -> Line2D:
-    """Return a legend entry of a line, grey unless `line` has a colour."""
+    """Return a legend entry with a line.
+
+    Parameters
+    ----------
+    label
+        Text of the entry.
+    line
+        Properties of matplotlib's ``Line2D``; the line is grey unless ``color`` is given.
+    """
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label=label, **{"color": "#444444", **line})
 
 
 def unranked_handle() -> Line2D:
+    """Return a legend entry for lines of times that cannot be ranked."""
     return line_handle(f"not ranked: not timed alone {MIN_REPEATS} times", **UNRANKED_LINE)
 
 
 def scan_handle() -> Line2D:
+    """Return a legend entry for the line of a scan before coding."""
     return line_handle("the scan itself", **SCAN_LINE)
 
 
 def lossless_tick_handle() -> Line2D:
+    """Return a legend entry for ticks of lossless streams."""
     tick: dict[str, Any] = {"linestyle": "", "marker": "|", "markeredgewidth": _TICK_WIDTH}
     return line_handle("bits of lossless streams", **tick)
 
@@ -177,7 +250,20 @@ _LONG_NAME = 3
 
 
 def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
-    """Label the rates r1, r2, ... or, if space is short, 1, 2, ...; long names stand upright."""
+    """Label the horizontal axes with the names of rates.
+
+    Rates r1, r2, ... are labelled 1, 2, ... where space is short. Names of more than three letters
+    stand upright.
+
+    Parameters
+    ----------
+    panels
+        The panels.
+    rates
+        Names of the rates, in the order of the axis.
+    abreast
+        Number of panels in a row, which determines the space.
+    """
     density = len(rates) * abreast
     names = rates if density <= _MOST_NAMES else [rate.removeprefix("r") for rate in rates]
     step = math.ceil(density / _MOST_NUMBERS)
@@ -188,10 +274,20 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make an axis logarithmic, with labels at powers of ten and, where there is space, at 2 and 5
-    or 3 times these.
+    """Make an axis logarithmic.
 
-    `minor` adds grid lines within decades.
+    Powers of ten have labels and, where there is space, also 2 and 5 or 3 times these powers.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    axis
+        Which axis.
+    limits
+        Lower and upper limit.
+    minor
+        Whether to draw grid lines between the powers of ten.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
@@ -225,24 +321,37 @@ def _log_label(value: float, _: int) -> str:
 
 
 def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
+    """Return a text with line breaks, so that it is about `width_in` inches wide in a figure."""
     character_in = 0.56 * style.font_size / 72
     return textwrap.fill(text, max(6, int(width_in / character_in)), break_long_words=False)
 
 
 def titled(title: str, rows: pd.DataFrame) -> str:
-    """Return a title followed by the number n of clouds, and of scenes if these are fewer."""
+    """Return a title followed by the number of clouds in `rows` and, if smaller, of scenes."""
     clouds, scenes = (with_scenes(rows)[name].nunique() for name in ("cloud", SCENE))
     text = f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{clouds}"
     return f"{text})" if scenes == clouds else f"{text} of {scenes} scene{'s' * (scenes > 1)})"
 
 
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
+    """Set a panel's title, wrapped to the width of a panel; `columns` panels are in a row."""
     figure: Any = axes.figure
     width_in = (float(figure.get_size_inches()[0]) - 0.5) / columns
     axes.set_title(wrapped(text, width_in, style), pad=3)
 
 
 def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
+    """Label the vertical axes of the first column, and the horizontal axes of the last row.
+
+    Parameters
+    ----------
+    panels
+        Panels of a figure, row by row.
+    columns
+        Number of panels in a row.
+    x, y
+        Labels of the axes.
+    """
     for axes in panels[::columns]:
         axes.set_ylabel(y)
     for column in range(min(columns, len(panels))):
@@ -255,16 +364,18 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
 def add_legend(
     figure: Figure, codecs: Sequence[str], style: FigureStyle, extra_handles: Sequence[Artist] = ()
 ) -> None:
+    """Add a legend above the panels, with an entry for each codec and the extra entries."""
     add_fitting_legend(figure, [*codec_handles(codecs, style), *extra_handles], style)
 
 
 def add_fitting_legend(figure: Figure, handles: Sequence[Artist], style: FigureStyle) -> None:
-    """Add a legend with as many entries in a row as the figure's width allows."""
+    """Add a legend above the panels, with as many entries in a row as the figure's width allows."""
     widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
     add_rows_legend(figure, handles, int(figure.get_size_inches()[0] / widest_in))
 
 
 def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
+    """Return a legend entry for each codec."""
     looks = map(style.of_codec, codecs)
     return [line_handle(k.title, color=k.colour, marker=k.marker, ls=k.line) for k in looks]
 
@@ -272,6 +383,7 @@ def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
 def add_rows_legend(
     figure: Figure, handles: Sequence[Artist], most_abreast: int, **options: Any
 ) -> None:
+    """Add a legend above the panels, with at most `most_abreast` entries in a row."""
     rows = math.ceil(len(handles) / max(1, most_abreast))
     if rows > _LEGEND_ROWS:  # the panels keep their size
         height_in = float(figure.get_size_inches()[1])

@@ -23,8 +23,9 @@ _figure = partial(FIGURES.register, category="Rate-distortion")
 def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane, squared grid units) against bits per point.
 
-    Markers: medians of ten bins of equally many results or, with few clouds, of each rate. Bars:
-    quartiles. n: clouds. Ticks at the lower edge: zero (lossless). Bits of geometry only.
+    Markers are medians of ten bins with equally many results or, with few clouds, of each rate.
+    Bars are quartiles, and n is the number of clouds. Ticks at the lower edge mark distances of
+    zero (lossless). Bits are those of the geometry only.
     """
     return draw_data_sets(metrics, CD_PLANE, style)
 
@@ -36,7 +37,7 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Squared Hausdorff distance (point-to-plane, squared grid units) against bits per point.
 
-    Markers as in the figure of the Chamfer distance.
+    Markers, bars and ticks are as in the figure of the Chamfer distance.
     """
     return draw_data_sets(metrics, HD_PLANE, style)
 
@@ -45,8 +46,8 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Encoding time in seconds, without the start of a process, against bits per point.
 
-    Markers as in the figure of the Chamfer distance. Dotted: times that cannot be ranked, because
-    other jobs ran or fewer than three calls were timed.
+    Markers and bars are as in the figure of the Chamfer distance. Dotted lines are times that
+    cannot be ranked, because other jobs ran or fewer than three calls were timed.
     """
     return draw_data_sets(metrics, ENCODE_TIME, style)
 
@@ -55,7 +56,7 @@ def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_decoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Decoding time in seconds, without the start of a process, against bits per point.
 
-    Markers as in the figure of the Chamfer distance. Dotted: times that cannot be ranked, because
-    other jobs ran or fewer than three calls were timed.
+    Markers and bars are as in the figure of the Chamfer distance. Dotted lines are times that
+    cannot be ranked, because other jobs ran or fewer than three calls were timed.
     """
     return draw_data_sets(metrics, DECODE_TIME, style)

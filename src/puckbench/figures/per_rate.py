@@ -34,11 +34,12 @@ _COLUMNS = (CD_PLANE, HD_PLANE, ENCODE_TIME, DECODE_TIME)
     "medians_per_rate", title="Medians per compression rate", category="Results per rate"
 )
 def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians over clouds at each compression rate of each codec (rows), in order of bits.
+    """Medians over n clouds at each compression rate of each codec (rows), in order of bits.
 
-    Chamfer and squared Hausdorff distance (point-to-plane, squared grid units), encoding and
-    decoding time in seconds. Bars: quartiles; with fewer than six clouds, dots for each cloud. n:
-    clouds. Ticks at the lower edge: lossless rates. Times exclude the start of a process.
+    Columns are the Chamfer distance and the squared Hausdorff distance (both point-to-plane, in
+    squared grid units), and the encoding and decoding times in seconds, without the start of a
+    process. Bars are quartiles; with fewer than six clouds, there is a dot for each cloud instead.
+    Ticks at the lower edge mark lossless rates.
     """
     columns = tuple(quantity.column for quantity in _COLUMNS)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")

@@ -11,6 +11,16 @@ from puckbench.codecs.registry import codec_class, is_codec
 
 @dataclass(frozen=True)
 class PlotStyle:
+    """How figures draw a codec or a data set.
+
+    Parameters
+    ----------
+    title
+        Title in legends.
+    colour, marker, line
+        Colour, marker and line style, as values of matplotlib.
+    """
+
     title: str
     colour: str
     marker: str
@@ -31,10 +41,21 @@ OTHER_MODEL_COLOURS = ("#885577", "#557799", "#998877", "#336644")
 
 
 def codec_style(codec: str) -> PlotStyle:
+    """Return the style of a codec by its name; an unregistered name gets a derived style."""
     return class_style(codec, _registered(codec))
 
 
 def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
+    """Return the style of a codec.
+
+    Parameters
+    ----------
+    name
+        Name of the codec, from which missing parts of the style are derived.
+    codec
+        Class of the codec, which may set title, colour, marker and line; None derives all from
+        `name`.
+    """
     derived = _style_from_name(name)
     if codec is None:
         return derived
@@ -47,7 +68,13 @@ def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
 
 
 def read_looks(folder: Path) -> dict[str, dict[str, str]]:
-    """Return plot styles from a folder's table ``codecs``, if it exists (see `looks_layer`)."""
+    """Read the styles of codecs from the table ``codecs`` in a folder.
+
+    Returns
+    -------
+    dict
+        Options for `FigureStyle`, as from `looks_layer`; empty if the folder has no such table.
+    """
     from pointkit.tables import read_table
 
     path = folder / "codecs.parquet"
@@ -58,7 +85,14 @@ def read_looks(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
-    """Return options for `FigureStyle` from rows of the table ``codecs``."""
+    """Convert rows of the table ``codecs`` to options for `FigureStyle`.
+
+    Returns
+    -------
+    dict
+        Values by name of the codec, for the options ``codec_titles``, ``colours``, ``markers`` and
+        ``lines``; empty without rows.
+    """
     keys = {"title": "codec_titles", "colour": "colours", "marker": "markers", "line": "lines"}
     rows = list(rows)
     layer = {option: {row["codec"]: row[key] for row in rows} for key, option in keys.items()}
@@ -66,7 +100,7 @@ def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
 
 
 def codec_rank(codec: str) -> tuple[int, str]:
-    """Return a codec's sorting key for legends."""
+    """Return a key by which codecs are sorted in legends."""
     facts = _registered(codec)
     return (CodecFacts.rank if facts is None else facts.rank, codec)
 
@@ -86,7 +120,7 @@ def _style_from_name(codec: str) -> PlotStyle:
 
 
 def error_model_colour(model: str) -> str:
-    """Return the colour of an error model, the same in every figure and process."""
+    """Return the colour of an error model by its name, the same in every figure and process."""
     from virtual_lidar.errors import ERROR_MODELS
 
     own = ERROR_MODELS.get(model).colour if model in ERROR_MODELS else ""
@@ -95,7 +129,7 @@ def error_model_colour(model: str) -> str:
 
 
 def dataset_style(place: int, title: str) -> PlotStyle:
-    """Return the style of the data set at a place in a study's order."""
+    """Return the style of a data set, given its place in the order of data sets and its title."""
     return PlotStyle(
         title,
         DATASET_COLOURS[place % len(DATASET_COLOURS)],
@@ -104,5 +138,6 @@ def dataset_style(place: int, title: str) -> PlotStyle:
 
 
 def dataset_title(dataset: str) -> str:
+    """Return the name of a data set as words: "Noisy rooms" for "noisy_rooms"."""
     words = dataset.replace("_", " ")
     return words[:1].upper() + words[1:]

@@ -9,9 +9,19 @@ HIGHER_BETTER = "better \N{RIGHTWARDS ARROW}"
 
 @dataclass(frozen=True)
 class PlottedMetric:
-    """A column of the results; its labels say that lower values are better.
+    """A column of the results that figures draw, with the texts of its axis.
 
-    The grid unit of a scaled cloud is 1/1023 of its longest side.
+    Lower values of these columns are better, as the labels say. The grid unit of a scaled cloud is
+    1/1023 of the cloud's longest side.
+
+    Parameters
+    ----------
+    column
+        Name of the column.
+    words
+        Name of the metric in labels.
+    unit
+        Unit of the values in labels.
     """
 
     column: str
@@ -20,14 +30,17 @@ class PlottedMetric:
 
     @property
     def is_time(self) -> bool:
+        """Whether the column contains times."""
         return self.unit == "s"
 
     @property
     def label(self) -> str:
+        """Label of an axis in one line."""
         return f"{self.words} ({self.unit}), {BETTER}"
 
     @property
     def short_label(self) -> str:
+        """Label of an axis in two lines."""
         return f"{self.words}\n({self.unit}), {BETTER}"
 
 

@@ -26,8 +26,9 @@ _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Number of points per cloud in each data set.
 
-    Box, of six clouds or more: quartiles. Whiskers: farthest cloud within 1.5 interquartile ranges;
-    outliers are not drawn. n: clouds. Circles: clouds of small data sets.
+    Boxes are quartiles of six clouds or more. Whiskers extend to the farthest cloud within 1.5
+    interquartile ranges of the box; clouds beyond are not drawn. In small data sets, there is a
+    circle for each cloud. n is the number of clouds.
     """
     from matplotlib.figure import Figure
 

@@ -37,10 +37,10 @@ ALL = "all"
 )
 def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     """Recovery of geometric primitives against bits per point: precision (share of decoded
-    primitives that match a true one), recall (share of true primitives that were decoded) and label
-    accuracy (share of points on true primitives that lie on the matching primitive). Markers:
-    medians in ten bins of equally many results or, with few clouds, at each rate. Bars: quartiles;
-    with fewer than six clouds, dots for each cloud.
+    primitives that match a true one), recall (share of true primitives that were decoded) and
+    label accuracy (share of points on true primitives that lie on the matching primitive).
+    Markers are medians of ten bins with equally many results or, with few clouds, of each rate.
+    Bars are quartiles; with fewer than six clouds, there is a dot for each cloud instead.
 
     Only codecs that decode labelled surfaces, and streams with primitives, are shown.
     """

@@ -35,11 +35,12 @@ _QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
     category="Results per rate",
 )
 def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Spread of the Chamfer distance (point to plane, squared grid units) over clouds, for each
-    codec (rows), data set (columns) and rate of the codec. Boxes: quartiles and median; whiskers: 5
-    and 95 % quantiles. With fewer than six clouds: circles for clouds, line for medians. n: clouds.
+    """Spread of the Chamfer distance (point to plane, squared grid units) over n clouds, for each
+    codec (rows), data set (columns) and rate of the codec. Boxes are medians and quartiles, and
+    whiskers are the 5 and 95 % quantiles. With fewer than six clouds, there is a circle for each
+    cloud, and a line for the medians.
 
-    Zeros (lossless) are not drawn.
+    Distances of zero (lossless) are not drawn.
     """
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", CD_PLANE.column), "metrics")
     require_numbers(metrics, (CD_PLANE.column,), "metrics")

@@ -19,7 +19,7 @@ from puckbench.figures.plot_styles import (
 
 COLUMN_WIDTH_IN = 3.5
 PAGE_WIDTH_IN = 7.16
-"""Widths of a column and of the page in IEEE journals with two columns, inches."""
+"""Widths of a column and of a page of an IEEE journal with two columns, in inches."""
 
 Range = tuple[float, float]
 
@@ -33,11 +33,18 @@ class FigureStyle(Model):
     Parameters
     ----------
     font_size
-        Size of axis labels, points; tick labels are one point smaller.
+        Size of axis labels, in points; tick labels are one point smaller.
     width_in
-        Width of figures, inches; by default one or two columns, depending on the figure.
+        Width of figures, in inches; by default, one or two columns of text, depending on the
+        figure.
+    dpi
+        Resolution of pictures, in pixels per inch.
     line_width, marker_size
         Sizes in points.
+    colours, markers, lines
+        Changes to how codecs and error models are drawn, by name, as values of matplotlib.
+    codec_titles, dataset_titles
+        Titles in place of the default ones, by name.
     datasets
         Data sets whose panels come first, in this order.
     axis_ranges
@@ -79,9 +86,20 @@ class FigureStyle(Model):
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
-        """Merge mappings of options, nested mappings key by key; later values take precedence.
+        """Merge several sets of options to a style.
 
-        Raises InputError for an unknown key or an invalid value.
+        Nested mappings are merged key by key. If options contradict each other, the last one
+        counts.
+
+        Parameters
+        ----------
+        options
+            Mappings with the options of this class.
+
+        Raises
+        ------
+        InputError
+            A key is unknown or a value is not valid.
         """
         merged: dict[str, Any] = {}
         for key, value in (item for mapping in options for item in mapping.items()):
@@ -90,6 +108,7 @@ class FigureStyle(Model):
         return parsed(cls, merged, "figure style")
 
     def of_codec(self, codec: str) -> PlotStyle:
+        """Return how to draw a codec, with the changes that this style makes."""
         plot_style = codec_style(codec)
         return replace(
             plot_style,
@@ -100,10 +119,15 @@ class FigureStyle(Model):
         )
 
     def title(self, dataset: str) -> str:
+        """Return the title of a data set."""
         return self.dataset_titles.get(dataset, dataset_title(dataset))
 
     def of_datasets(self, datasets: Iterable[str]) -> dict[str, PlotStyle]:
-        """Return a style for each data set, in order; colours follow the option `datasets`."""
+        """Return how to draw each data set, by name, in the order of `ordered_datasets`.
+
+        Colours follow the option `datasets`, so that they do not depend on which data sets are
+        drawn.
+        """
         places = list(dict.fromkeys((*self.datasets, *datasets)))
         return {
             name: dataset_style(places.index(name), self.title(name))
@@ -111,17 +135,24 @@ class FigureStyle(Model):
         }
 
     def ordered_codecs(self, codecs: Iterable[str]) -> list[str]:
+        """Return the names of codecs without repetitions, in the order of legends."""
         return sorted(set(codecs), key=codec_rank)
 
     def ordered_datasets(self, datasets: Iterable[str]) -> list[str]:
-        """Return each data set once, those in the option `datasets` first."""
+        """Return the names of data sets in the order of panels.
+
+        Names are not repeated, and those in the option `datasets` come first.
+        """
         present = list(dict.fromkeys(datasets))
         named = [name for name in self.datasets if name in present]
         return named + [name for name in present if name not in named]
 
     @contextmanager
     def context(self) -> Iterator[None]:
-        """Apply this style, without matplotlibrc, inside the `with` block."""
+        """Apply this style to figures drawn in the `with` block.
+
+        The user's matplotlibrc has no effect there.
+        """
         import matplotlib.style
 
         with matplotlib.style.context(["default", self._parameters()]):

@@ -35,10 +35,10 @@ _PANEL_IN = 2.1
     frame="metric",
 )
 def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """D1 RMS error (larger of both directions) in millimetres, against bits per return; medians
-    over clouds.
+    """D1 RMS error (the larger of both directions) in millimetres, against bits per return, as
+    medians over clouds.
 
-    A cloud is one or more sweeps (turns) of a virtual or real sensor, in the sensor's frame.
+    A cloud is one or more turns (revolutions) of a virtual or real sensor, in the sensor's frame.
     Lossless streams are drawn at the lower edge.
     """
     return _draw(_in_millimetres(metrics), ERROR, style, {})
@@ -52,11 +52,11 @@ def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
-    """RMS distance to the true surface (point to plane, larger of both directions) in millimetres,
-    against bits per return, for virtual sweeps; medians over clouds.
+    """RMS distance to the true surface (point to plane, the larger of both directions) in
+    millimetres, against bits per return, for turns of a virtual sensor, as medians over clouds.
 
-    Dashed: the scan before coding, the level of lossless codecs. Below this line, decoded points
-    are nearer to the true surface than the scan is.
+    The dashed line is the distance of the scan before coding, which is also that of lossless
+    codecs. Below this line, decoded points are nearer to the true surface than the scan is.
     """
     scan_medians = _in_millimetres(scan_errors).groupby("dataset")["truth_mm"].median()
     rows = _in_millimetres(metrics)
@@ -86,7 +86,7 @@ def _draw(
     needs=(SPINS_OR_RECORDINGS,),
 )
 def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """RMS range error in millimetres, against bits per return; medians over clouds.
+    """RMS error of ranges in millimetres, against bits per return, as medians over clouds.
 
     If a codec decodes points instead of returns, the error is the offset, along the ray, of the
     nearest point. Lossless streams are drawn at the lower edge.
@@ -101,9 +101,10 @@ def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
-    """One sweep as range images: rows are lasers by elevation, columns are azimuths in the order
-    of firing. Top: measured ranges (m); middle: ranges decoded by ``puck`` at rate ``100mm``;
-    bottom: error (mm). White: no return.
+    """One turn (revolution of the sensor) as range images, whose rows are lasers by elevation, and
+    whose columns are azimuths in the order of firing. The upper image shows measured ranges (m),
+    the middle one ranges decoded by ``puck`` at rate ``100mm``, and the lower one the error
+    (mm). White pixels have no return.
     """
     from puckbench.codecs.registry import open_codec
 
@@ -143,6 +144,6 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
 
 
 def _image(returns: Returns) -> Floats:
-    """Return ranges (lasers, columns), m, of the first turn's first returns; nan without return."""
+    """Return the first returns of the first turn as a range image (lasers, columns), in m."""
     ranges = returns.distances(returns.turns[0])[0][:, list(returns.layout.order)].T
     return np.where(ranges > 0, ranges, np.nan)

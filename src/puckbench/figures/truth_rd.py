@@ -43,7 +43,7 @@ _SOURCES = {
     "accuracy_mm": "acd_ba_plane",
     "completeness_mm": "acd_ab_plane",
 }
-"""Columns of the tables, in metres or in squared grid units."""
+"""Columns of the results, in m or in squared grid units, from which columns in mm are computed."""
 
 
 @FIGURES.register(
@@ -54,14 +54,15 @@ _SOURCES = {
 def draw_truth_chamfer(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """RMS distance (D2: point to plane, larger of both directions) in millimetres, against bits per
-    point: to the original scan, and to the true surface. Markers: medians in ten bins of equally
-    many results or, with few clouds, at each rate. Bars: quartiles; with fewer than six clouds,
-    dots for each cloud. n: clouds. All panels have equal axes.
+    """RMS distance (D2: point to plane, the larger of both directions) in millimetres, against bits
+    per point: to the original scan, and to the true surface. Markers are medians of ten bins
+    with equally many results or, with few clouds, of each rate. Bars are quartiles; with fewer
+    than six clouds, there is a dot for each cloud instead. n is the number of clouds. All panels
+    have equal axes.
 
-    Dashed: median distance of the scan before coding, if inside the axes. The curve of a codec that
-    reproduces the scan's noise approaches this line. Below the line, decoded points are nearer to
-    the surface than the scan is.
+    The dashed line is the median distance of the scan before coding, if it is inside the axes. The
+    curve of a codec that reproduces the scan's noise approaches this line. Below the line, decoded
+    points are nearer to the surface than the scan is.
     """
     return _draw_references(metrics, scan_errors, _D2, style)
 
@@ -74,8 +75,8 @@ def draw_truth_chamfer(
 def draw_truth_chamfer_point(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """RMS distance (D1: point to point, larger of both directions) in millimetres, against bits per
-    point, otherwise as in figure ``truth_rd``.
+    """RMS distance (D1: point to point, the larger of both directions) in millimetres, against bits
+    per point. Panels, lines and markers are as in figure ``truth_rd``.
     """
     return _draw_references(metrics, scan_errors, _D1, style)
 
@@ -88,8 +89,8 @@ def draw_truth_chamfer_point(
 def draw_truth_hausdorff(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Largest distance (Hausdorff distance, point to plane) in mm against bits per point; panels,
-    lines and markers as in figure ``truth_rd``.
+    """Largest distance (Hausdorff distance, point to plane) in millimetres, against bits per point.
+    Panels, lines and markers are as in figure ``truth_rd``.
     """
     return _draw_references(metrics, scan_errors, _FARTHEST, style)
 
@@ -103,8 +104,8 @@ def draw_truth_accuracy(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
     """RMS distances (point to plane) in millimetres, against bits per point: from decoded points to
-    the true surface (accuracy), and from true points to the decoded cloud (completeness). Otherwise
-    as in figure ``truth_rd``.
+    the true surface (accuracy), and from true points to the decoded cloud (completeness). Lines
+    and markers are as in figure ``truth_rd``.
     """
     directions = {"accuracy": _ACCURACY, "completeness": _COMPLETENESS}
     return _draw_distances(metrics, scan_errors, directions, style)

@@ -17,20 +17,31 @@ _FIELDS = (REFLECTANCE, "reflectivity", "intensity")
 
 
 def attribute_of(name: str) -> str:
-    """Return the attribute for which a field's name or ``colours`` stands."""
+    """Return the attribute that a field's name denotes.
+
+    The names ``reflectance``, ``reflectivity`` and ``intensity`` denote `REFLECTANCE`, and
+    ``colours`` denotes `COLOUR`. Any other name is returned unchanged.
+    """
     if name.lower() in _FIELDS:
         return REFLECTANCE
     return COLOUR if name == "colours" else name
 
 
 def reflectance_field(cloud: PointCloud) -> str | None:
-    """Return the name of the field that holds the reflectance, or None."""
+    """Return the name of the cloud's field that holds the reflectance, or None if there is none."""
     names = {name.lower(): name for name in cloud.fields}
     return next((names[name] for name in _FIELDS if name in names), None)
 
 
 def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
-    """Return the reflectances (n,), from the returns or from a field, and the colours (n, 3)."""
+    """Return the reflectances and the colours of a cloud, as far as it has them.
+
+    Returns
+    -------
+    dict
+        `REFLECTANCE` maps to values (n,), taken from the cloud's returns or else from a field;
+        `COLOUR` maps to red, green and blue (n, 3). An attribute that the cloud lacks has no key.
+    """
     attributes: dict[str, NDArray[Any] | None] = {
         REFLECTANCE: None if cloud.returns is None else cloud.returns.reflectivities(),
         COLOUR: cloud.colours,
@@ -41,7 +52,21 @@ def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
 
 
 def check_attributes(attributes: Attributes, points: int) -> None:
-    """Raise InputError unless all points have all attributes, with 16-bit integer reflectances."""
+    """Check that attributes can be coded with a cloud.
+
+    Parameters
+    ----------
+    attributes
+        Values by name of the attribute, with one row for each point.
+    points
+        Number of points of the cloud.
+
+    Raises
+    ------
+    InputError
+        An attribute has another number of values than there are points, or a reflectance is not a
+        whole number from 0 to 65535.
+    """
     for name, values in attributes.items():
         if len(values) != points:
             raise InputError(f"{name}: {len(values)} values for {points} points")
@@ -55,7 +80,21 @@ def check_attributes(attributes: Attributes, points: int) -> None:
 
 
 def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
-    """Return the names of a cloud's attributes that are not among the `coded` ones."""
+    """Return the names of the cloud's attributes that a codec does not code.
+
+    Parameters
+    ----------
+    cloud
+        The cloud to be coded.
+    coded
+        Attributes that the codec codes: `REFLECTANCE`, `COLOUR`, both or none.
+
+    Returns
+    -------
+    list
+        Names of the cloud's other attributes: ``colours``, ``reflectivity`` (of returns), and names
+        of fields.
+    """
     field = reflectance_field(cloud)
     held = {name: attribute for attribute, name in ((COLOUR, "colours"), (REFLECTANCE, field))}
     names = [*(["colours"] if cloud.colours is not None else []), *cloud.fields]
@@ -66,6 +105,15 @@ def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
 
 
 def cloud_with(points: Floats, attributes: Attributes) -> PointCloud:
-    """Return a cloud of points (n, 3) with colours; other attributes become fields."""
+    """Create a cloud from points and attributes.
+
+    Parameters
+    ----------
+    points
+        Coordinates (n, 3).
+    attributes
+        Values by name of the attribute. `COLOUR` becomes the cloud's ``colours`` (n, 3); every
+        other attribute becomes a field (n,).
+    """
     fields = {name: values for name, values in attributes.items() if name != COLOUR}
     return PointCloud(points, colours=attributes.get(COLOUR), fields=fields)

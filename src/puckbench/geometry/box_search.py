@@ -1,6 +1,7 @@
 """Exact search for the two points nearest to each query, with two trees of bounding boxes.
 
-The queries of a leaf (about twenty) descend the tree of the points together.
+One tree holds the queries, the other holds the points. All queries in a leaf of the first tree
+(about twenty) are searched in the second tree together.
 """
 
 from __future__ import annotations
@@ -16,18 +17,31 @@ from pointkit.geometry.spatial_order import Rows
 from pointkit.threads import in_threads
 
 SAME_DISTANCE = 1e-8
-"""Squared distances that differ by less are equal (similarPointThreshold of MPEG's pc_error)."""
+"""Two squared distances count as equal if they differ by less than this value, which is
+similarPointThreshold in MPEG's pc_error.
+"""
 MARGIN = 4 * SAME_DISTANCE
 """Excess over the smallest squared distance up to which points are kept: two ties and rounding."""
 LEAVES_AT_ONCE = 1024
 
 
 class NearestTwo(NamedTuple):
-    """Nearest points of m queries, and their squared distances (m,).
+    """The nearest points of m queries, as `nearest_two` returns them.
 
-    ``rows`` (m, 2) are indices of two points that tie, or twice the nearest point's index. Points
-    tie if their sorted squared distances differ by less than `SAME_DISTANCE`. ``ties`` (m,) count
-    such points (1: no tie, 3: three or more), ``exact`` (m,) points at exactly the least distance.
+    Two points tie if their squared distances, sorted, differ by less than `SAME_DISTANCE`.
+
+    Parameters
+    ----------
+    squared
+        Squared distances of the queries to their nearest points, (m,).
+    rows
+        Indices of the two nearest points if these tie, or twice the index of the nearest point,
+        (m, 2).
+    ties
+        Numbers of points that tie for the nearest, (m,): 1 is no tie, and 3 stands for three or
+        more.
+    exact
+        Numbers of points at exactly the smallest distance, (m,), 1 or 2.
     """
 
     squared: Floats
@@ -43,6 +57,18 @@ class _Block(NamedTuple):
 
 
 def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
+    """Search the two nearest points of each query.
+
+    Parameters
+    ----------
+    queries, points
+        Trees of bounding boxes over the m queries and over the points to be searched.
+
+    Returns
+    -------
+    NearestTwo
+        Arrays with one row for each query, in the original order of the queries.
+    """
     m = len(queries.rows)
     nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
     parts = range(0, len(queries.leaves), LEAVES_AT_ONCE)

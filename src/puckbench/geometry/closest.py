@@ -1,6 +1,7 @@
-"""Closest points on a triangle mesh.
+"""Search for the closest points on a triangle mesh.
 
-The triangle is searched in single precision; the point on it is computed in double precision.
+The closest triangle is searched in single precision; the point on this triangle is computed in
+double precision.
 """
 
 from __future__ import annotations
@@ -18,7 +19,17 @@ from pointkit.geometry.mesh import Mesh
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points (m, 3) on a mesh; unit normals (m, 3) and indices (m,) of the points' triangles."""
+    """Points on a mesh, for example those closest to given points.
+
+    Parameters
+    ----------
+    xyz
+        Coordinates, (m, 3), in the unit of the mesh.
+    normals
+        Unit normals of the triangles on which the points lie, (m, 3).
+    triangles
+        Indices of these triangles in the mesh, (m,).
+    """
 
     xyz: Floats
     normals: Floats
@@ -26,14 +37,25 @@ class SurfacePoints:
 
 
 def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float, float]) -> Mesh:
-    """Transform a mesh from metres to a cloud's coordinates: ``(vertices - offset) * scale``."""
+    """Transform a mesh from metres to a cloud's coordinates: ``(vertices - offset) * scale``.
+
+    Parameters
+    ----------
+    mesh
+        The mesh, whose vertices are in m.
+    scale
+        Scale of the cloud, in units per metre.
+    offset
+        Origin of the cloud's coordinates, (3,), in m.
+    """
     return replace(mesh, vertices=(mesh.vertices - np.asarray(offset)) * scale)
 
 
 class SearchableMesh:
-    """A triangle mesh with a search structure (Embree, single precision) for closest triangles.
+    """A triangle mesh prepared for finding the points of its surface closest to given points.
 
-    At a shared edge, either triangle may be the closest.
+    Embree searches the closest triangle in single precision. A point closest to an edge that two
+    triangles share may therefore be assigned to either of them.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -49,6 +71,7 @@ class SearchableMesh:
         self._scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (vertices, indices)))
 
     def closest(self, points: Floats) -> SurfacePoints:
+        """Return the points on the mesh closest to `points` (m, 3), in the same order."""
         triangles = self._closest_triangles(points)
         queries = np.ascontiguousarray(points, np.float64)
         closest = _closest_on_triangles(queries, self._corners[triangles])
@@ -63,6 +86,7 @@ class SearchableMesh:
 
 
 def closest_surface_points(mesh: Mesh | SearchableMesh, points: Floats) -> SurfacePoints:
+    """Return the points on a mesh closest to `points` (m, 3), in the same order."""
     searchable = SearchableMesh(mesh) if isinstance(mesh, Mesh) else mesh
     return searchable.closest(points)
 

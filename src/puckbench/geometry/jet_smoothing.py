@@ -9,10 +9,22 @@ LEAST_NEIGHBOURS = 6
 
 
 def smooth_by_jets(points: Floats, neighbours: int) -> Floats:
-    """Project points (n, 3) onto quadrics that CGAL fits to their nearest neighbours.
+    """Smooth points by moving each onto a quadric that CGAL fits to its nearest neighbours.
 
-    Points that would move farther than their most distant neighbour, for example points on a line,
-    and clouds with fewer points than `LEAST_NEIGHBOURS` are unchanged.
+    Some points are not moved: those that would move farther than their most distant neighbour, such
+    as points on a line, and all points of clouds with fewer than `LEAST_NEIGHBOURS` points.
+
+    Parameters
+    ----------
+    points
+        Coordinates, (n, 3).
+    neighbours
+        Number of nearest neighbours, including the point itself, to which a quadric is fitted.
+
+    Returns
+    -------
+    numpy.ndarray
+        Smoothed coordinates, (n, 3), in the order of `points`.
 
     References
     ----------

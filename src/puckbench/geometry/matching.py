@@ -9,22 +9,22 @@ from pointkit.geometry.cloud import Floats
 
 _SLACK = 1 + 1e-6
 _ORDER_SLACK = 0.25
-"""Share of the reach by which, through rounding, another decoded point may be nearer."""
+"""Share of the reach by which another decoded point may be nearer than the one of equal index."""
 
 
 class Match(NamedTuple):
-    """Original points of decoded points.
+    """The original point that belongs to each of m decoded points, as `match_points` finds them.
 
     Parameters
     ----------
     rows
-        (m,) index of each decoded point's original point; -1 if none lies within `reach`.
+        Index of each decoded point's original point, (m,); -1 if none lies within `reach`.
     by
-        Whether points were matched by order or by position.
+        Whether points were matched by their order in both clouds, or by their positions.
     unused
-        Number of original points that match no decoded point.
+        Number of original points that belong to no decoded point.
     reach
-        Largest distance of a decoded point from its original.
+        Largest distance that was allowed between a decoded point and its original point.
     """
 
     rows: NDArray[np.int64]
@@ -41,19 +41,25 @@ class Match(NamedTuple):
 def match_points(original: Floats, decoded: Floats, reach: float | None = None) -> Match:
     """Find the original point from which each decoded point takes its attributes.
 
-    If both clouds have equally many points, and all pairs with equal index lie within `reach` and
-    about as near as the nearest decoded point, points match by index. Otherwise each original point
-    belongs to the nearest decoded position. The k decoded points at a position match the (up to k)
-    nearest of its original points; remaining decoded points match the nearest original point within
-    `reach`.
+    Points are matched by index if both clouds have equally many points, and if in each pair of
+    equal index the points lie within `reach` and about as near to each other as to any other
+    decoded point. Otherwise they are matched by position. First, each original point is assigned to
+    the nearest decoded position. Then, the k decoded points at a position are matched to the k
+    nearest of the original points assigned to it. Decoded points that are left over are matched to
+    the nearest original point within `reach`.
 
     Parameters
     ----------
     original, decoded
-        Points (n, 3) and (m, 3), at least one of each.
+        Points (n, 3) and (m, 3) in the same coordinate frame, at least one of each.
     reach
-        Largest distance of a decoded point from its original; by default the largest distance of an
-        original point from the nearest decoded point.
+        Largest distance of a decoded point from its original point. By default, it is the largest
+        distance of an original point from the nearest decoded point.
+
+    Returns
+    -------
+    Match
+        Index of the original point for each decoded point, and how the points were matched.
     """
     from pykdtree.kdtree import KDTree
 
@@ -84,12 +90,15 @@ def match_points(original: Floats, decoded: Floats, reach: float | None = None) 
 
 
 def farthest(points: Floats, decoded: Floats) -> float:
-    """Return the largest distance of points (n, 3) from the nearest of decoded points (m, 3)."""
+    """Return the largest distance of `points` (n, 3) from the nearest of `decoded` (m, 3)."""
     return float(_distances(points, decoded).max())
 
 
 def share_beyond(points: Floats, others: Floats, distance: float) -> float:
-    """Return the share of points (n, 3) with none of the other points (m, 3) within a distance."""
+    """Return the share of `points` (n, 3) that are farther than `distance` from all `others`.
+
+    The share is from 0 to 1; `others` has the shape (m, 3).
+    """
     return float(np.mean(_distances(points, others) > distance))
 
 

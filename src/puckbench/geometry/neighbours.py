@@ -1,4 +1,4 @@
-"""Nearest neighbours with all ties, as defined by MPEG's program pc_error."""
+"""Nearest neighbours of points, with all ties, as MPEG's program pc_error defines them."""
 
 from __future__ import annotations
 
@@ -21,16 +21,29 @@ Rows = NDArray[np.int64]
 Indices = NDArray[np.uint32]
 
 FIRST_K, K_STEP, MAX_K = 10, 5, 30
-"""pc_error first searches `FIRST_K` neighbours, and adds `K_STEP` while all tie, up to `MAX_K`."""
+"""Numbers of neighbours that pc_error searches.
+
+It first searches `FIRST_K` neighbours. While all of these tie, it adds `K_STEP`, up to `MAX_K`.
+"""
 LEAF_SIZE = 16
 
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Nearest neighbours of m queries, including ties.
+    """The nearest neighbours of m queries, with all neighbours that tie.
 
-    The neighbours of query i are the points ``index[starts[i]:starts[i + 1]]``, nearest first. The
-    first ``exact[i]`` have exactly the smallest squared distance, ``squared[i]``.
+    Parameters
+    ----------
+    squared
+        Smallest squared distance of each query, (m,).
+    starts
+        The neighbours of query i are the points ``index[starts[i]:starts[i + 1]]``, nearest first;
+        (m + 1,).
+    exact
+        Number of neighbours at exactly the smallest distance, (m,). They are the first ones of a
+        query.
+    index
+        Indices of the neighbours of all queries, one query after another.
     """
 
     squared: Floats
@@ -40,6 +53,8 @@ class Neighbours:
 
 
 class SearchablePoints:
+    """Points (n, 3) prepared for finding their points nearest to other points."""
+
     def __init__(self, points: Floats) -> None:
         self._points = points
         self._boxes = box_tree(points)
@@ -49,6 +64,7 @@ class SearchablePoints:
         return KDTree(self._points, leafsize=LEAF_SIZE)
 
     def nearest(self, queries: SearchablePoints) -> Neighbours:
+        """Return the nearest of these points to each query, with all ties."""
         two = nearest_two(queries._boxes, self._boxes)
         counts, exact = two.ties, two.exact
         rows, groups = np.flatnonzero(counts > 2), []
@@ -105,7 +121,7 @@ def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats
 
 @compiled
 def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
-    """Return the numbers (m,) of neighbours that tie by pc_error's rule, and that tie exactly."""
+    """Return how many neighbours of each query tie by pc_error's rule, and how many tie exactly."""
     m, k = squared.shape
     counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
     for i in range(m):

@@ -7,9 +7,20 @@ from pointkit.geometry.spatial_order import morton_order
 
 
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
-    """Estimate unit normals (n, 3) of arbitrary sign from nearest neighbours (thesis, 6.1.2).
+    """Estimate the normal of each point from its nearest neighbours (thesis, section 6.1.2).
 
-    Open3D computes the normals; for fewer than three points they are (0, 0, 1).
+    Parameters
+    ----------
+    points
+        Coordinates, (n, 3).
+    neighbours
+        Number of nearest neighbours to which Open3D fits a plane.
+
+    Returns
+    -------
+    numpy.ndarray
+        Unit normals, (n, 3), whose signs are arbitrary. For fewer than three points, they are
+        (0, 0, 1).
     """
     import open3d as o3d
 

@@ -17,9 +17,16 @@ _BACKGROUND = 255.0
 
 @dataclass(frozen=True)
 class View:
-    """An orthographic camera at `eye` (3,) that looks at `target` (3,).
+    """An orthographic camera, from which `render_cloud` draws points.
 
-    `height` is the image's height in scene units.
+    Parameters
+    ----------
+    eye, target
+        Position of the camera, and a point in the middle of the image, (3,).
+    height
+        Height of the image, in the unit of the points.
+    up
+        Direction that points up in the image.
     """
 
     eye: Floats
@@ -28,7 +35,7 @@ class View:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def axes(self) -> tuple[Floats, Floats, Floats]:
-        """Return the camera's right, up and forward unit vectors."""
+        """Return three unit vectors (3,) of the camera: to the right, up, and forward."""
         forward = _unit(self.target - self.eye)
         right = np.cross(forward, np.asarray(self.up, dtype=np.float64))
         if np.linalg.norm(right) < 1e-9:
@@ -37,7 +44,22 @@ class View:
         return right, np.cross(right, forward), forward
 
     def project(self, points: Floats, width: int, height: int) -> Floats:
-        """Return the columns, rows and depths (n, 3) of points (n, 3) in the image."""
+        """Project points to pixels of the image.
+
+        Parameters
+        ----------
+        points
+            Coordinates, (n, 3).
+        width, height
+            Size of the image in pixels.
+
+        Returns
+        -------
+        numpy.ndarray
+            Column, row and depth of each point, (n, 3). Columns and rows are in pixels from the
+            upper left corner; depths are distances in front of the camera, in the unit of the
+            points.
+        """
         right, up, forward = self.axes()
         local = (points - self.eye) @ np.stack([right, up, forward], axis=1)
         scale = height / self.height
@@ -54,10 +76,28 @@ def render_cloud(
     radius: int = 1,
     shade: bool = True,
 ) -> Image:
-    """Draw points (n, 3) as discs with a depth buffer; return an image (height, width, 3).
+    """Draw points as discs, with nearer points in front of farther ones.
 
-    Colours are RGB (n, 3), by default grey. Sizes are in pixels. `shade` applies eye-dome lighting,
-    which darkens pixels behind nearer ones.
+    Parameters
+    ----------
+    points
+        Coordinates, (n, 3).
+    colours
+        Red, green and blue of each point, (n, 3), 0 to 255; None draws all points grey.
+    view
+        The camera.
+    size
+        Width and height of the image in pixels.
+    radius
+        Radius of the discs in pixels.
+    shade
+        Whether to apply eye-dome lighting, which darkens pixels that lie behind neighbouring
+        pixels.
+
+    Returns
+    -------
+    numpy.ndarray
+        The image, (height, width, 3), of red, green and blue from 0 to 255, on white.
     """
     width, height = size
     if colours is None:
@@ -77,7 +117,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return each pixel's brightness, from 1 down to 0.35 for pixels far behind neighbours."""
+    """Return the brightness of each pixel: 1, or down to 0.35 for pixels behind neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

@@ -7,9 +7,24 @@ from pointkit.geometry.mesh import Mesh
 
 
 def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:
-    """Draw points uniformly by area (Osada et al. 2002, equation 1; thesis, section 6.1.1).
+    """Draw random points on a mesh, uniformly by area.
 
-    Points get their triangles' normals and primitive labels.
+    The method is that of Osada et al. 2002, equation 1 (thesis, section 6.1.1).
+
+    Parameters
+    ----------
+    mesh
+        The mesh to sample.
+    points
+        Number of points to draw.
+    rng
+        Generator of the random numbers.
+
+    Returns
+    -------
+    PointCloud
+        The points, with the normals and, if the mesh has labels, the primitive labels of their
+        triangles.
     """
     cumulative = np.cumsum(mesh.areas())
     where = rng.random(points) * cumulative[-1]

@@ -9,32 +9,39 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import INTEGER_LIMIT, Floats, bounds
 
 GRID = "grid"
-"""Value of the option `size` for the voxel grid of the cloud's description."""
+"""Value of the option `size` that keeps the voxel grid given in the cloud's description."""
 METRIC = "metric"
-"""Value of the option `size` for metres in the original coordinate frame."""
+"""Value of the option `size` that keeps metres in the original coordinate frame."""
 FAR_M = 1000.0
-"""Metric clouds are shifted along an axis on which all points lie farther than this from 0."""
+"""A metric cloud is shifted along an axis if all its points lie farther than this from 0, in m."""
 _GRID_TOLERANCE = 1e-3
-"""Largest distance from the grid, in voxels, far above rounding errors of conversions."""
+"""Largest distance from the grid, in voxels; it is far above the rounding errors of conversions."""
 
 
 class Scaling(NamedTuple):
-    """A transform from metres: ``scaled = (metres - offset) * scale``.
+    """A transform from metres to a cloud's coordinates: ``scaled = (metres - offset) * scale``.
 
-    `offset` (3,) is in metres, `scale` in 1 / metre.
+    Parameters
+    ----------
+    scale
+        Number of units per metre.
+    offset
+        Origin of the scaled coordinates, (3,), in m.
     """
 
     scale: float
     offset: Floats
 
     def apply(self, points: Floats) -> Floats:
+        """Return the scaled coordinates, (n, 3), of `points` (n, 3) in m."""
         return (points - self.offset) * self.scale
 
 
 def origin_shift(points: Floats) -> Floats:
-    """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin.
+    """Return the shift, (3,), in whole metres, that brings `points` (n, 3) near the origin.
 
-    The shift is 0 along axes on which a point lies within `FAR_M`.
+    The shift is to be subtracted from the points. It is 0 along an axis if a point lies within
+    `FAR_M` of 0, or if there are points on both sides of 0.
     """
     low, high = bounds(points)
     nearest = np.where(low > 0, low, np.where(high < 0, high, 0.0))
@@ -42,9 +49,22 @@ def origin_shift(points: Floats) -> Floats:
 
 
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
-    """Return the scaling of points (n, 3), m, to [0, size - 1]^3, as in PCC Arena (thesis, 6.1.6).
+    """Return the scaling that fits points into the cube [0, size - 1]^3.
 
-    It subtracts each axis's minimum, and multiplies by (size - 1) / largest extent.
+    It is that of PCC Arena (thesis, section 6.1.6). It subtracts the minimum of each axis, and
+    multiplies all axes by (size - 1) / largest extent.
+
+    Parameters
+    ----------
+    points
+        Coordinates, (n, 3), in m.
+    size
+        Number of integer positions along a side of the cube.
+
+    Raises
+    ------
+    InputError
+        `size` is not valid, or all points are the same.
     """
     if not 2 <= size < INTEGER_LIMIT:
         raise InputError(f"size is {size}, but must be from 2 to 2^53 (or 0: metres)")
@@ -56,10 +76,20 @@ def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
 
 
 def grid_scaling(points: Floats, about: Mapping[str, Any]) -> Scaling:
-    """Return the scaling of voxel centres (n, 3) in metres to integers.
+    """Return the scaling that turns the voxel centres of a voxelised cloud into integers.
 
-    The cloud's description `about` must have a ``grid``: the side of a voxel in ``metres``, and
-    ``origin``, the centre of voxel (0, 0, 0). Raises InputError unless the points are on this grid.
+    Parameters
+    ----------
+    points
+        Voxel centres, (n, 3), in m.
+    about
+        The cloud's description. Its entry ``grid`` must contain ``metres``, the side of a voxel,
+        and ``origin``, the centre of voxel (0, 0, 0) in m.
+
+    Raises
+    ------
+    InputError
+        The description has no grid, or a point is not on the grid.
     """
     grid = about.get("grid")
     if grid is None:

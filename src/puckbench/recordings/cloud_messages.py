@@ -27,14 +27,14 @@ CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 
 @dataclass(frozen=True)
 class CloudMessage:
-    """A message with a cloud.
+    """A message of a ROS bag that contains a cloud.
 
     Parameters
     ----------
     columns
-        Arrays (n,) by the names of the points' fields.
+        Values of the points, (n,), by name of the field.
     stamp_ns
-        Time in the message's header, ns.
+        Time in the message's header, in ns.
     frame
         Name of the coordinate frame.
     is_organised
@@ -48,7 +48,16 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Return whether a bag has clouds, in the given topic, or else in any and no packets."""
+    """Return whether a file is a ROS bag of clouds.
+
+    Parameters
+    ----------
+    path
+        The file; for files that are no bags, the result is false.
+    topic
+        Topic whose messages must be clouds. If it is None or not in the bag, the bag must have a
+        topic of clouds, and no topic of a sensor's packets.
+    """
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -59,9 +68,19 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
-    """Return the name and the properties of a topic of clouds, by default of the only one.
+    """Return the name and the properties of a topic of clouds.
 
-    Raises InputError if the topic is not one of clouds, or if the bag has several.
+    Parameters
+    ----------
+    path
+        A ROS bag.
+    topic
+        Name of the topic; by default, the only topic of clouds in the bag.
+
+    Raises
+    ------
+    InputError
+        The topic has no clouds, or `topic` is None and the bag has several topics of clouds.
     """
     with naming(path):
         topics = read_topics(path)
@@ -72,7 +91,22 @@ def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
 def read_cloud_messages(
     path: Path, topic: str | None, numbers: Sequence[int]
 ) -> list[CloudMessage]:
-    """Read messages of a topic of clouds, by their numbers from 0, in increasing order."""
+    """Read messages from a topic of clouds.
+
+    Parameters
+    ----------
+    path
+        A ROS bag.
+    topic
+        Name of the topic; None for the only topic of clouds.
+    numbers
+        Numbers of the messages to read, from 0, in increasing order.
+
+    Returns
+    -------
+    list
+        The messages, in the order of `numbers`.
+    """
     definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
     bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
     columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns
@@ -93,18 +127,26 @@ def read_recorded_cloud(
     keep_missing: bool = False,
     drop_invalid: bool = False,
 ) -> UncheckedCloud:
-    """Read a message as a cloud, which may be empty or have points that are not finite.
+    """Read one message of a ROS bag as a cloud.
 
     Parameters
     ----------
     path
-        A bag.
+        A ROS bag.
     number
-        Number of the message, from 0.
+        Number of the message in its topic, from 0.
     topic
-        Topic of clouds; by default the only one.
-    keep_missing, drop_invalid
-        As for `cloud_files.clouds.read_cloud`.
+        Topic of clouds; by default, the only one.
+    keep_missing
+        Whether to keep missing returns, which are stored as points at the origin or without
+        coordinates.
+    drop_invalid
+        Whether to leave out points with a coordinate that is infinite or not a number.
+
+    Returns
+    -------
+    UncheckedCloud
+        The cloud, which may have no points or, unless `drop_invalid`, points that are not finite.
     """
     (message,) = read_cloud_messages(path, topic, [number])
     with naming(path):

@@ -35,9 +35,9 @@ LASERS = (*_IDS, *_RANKS)
 TIMES = ("timestamp", "time", "time_stamp", "t", "offset_time", "gps_time")
 REFLECTIVITIES = ("reflectivity", "intensity")
 MOST_OFF_DEG = 0.5
-"""Greatest median angle between the points of a laser and the cone that the laser draws."""
+"""Largest median angle, in degrees, between a laser's points and the cone that the laser draws."""
 _MOST_OFF = 0.1
-"""Share of points that may lie off their lasers' cones without a warning."""
+"""Share of points that may lie off the cones of their lasers without a warning."""
 _BRIGHTEST = 255
 
 Columns = Mapping[str, NDArray[Any]]
@@ -47,24 +47,31 @@ _log = logging.getLogger(__name__)
 def read_points(
     path: Path, sensor: Sensor | None = None, time_unit: TimeUnit | None = None
 ) -> ReturnTable:
-    """Read points x, y, z (m, sensor's coordinates) with a laser column as a table of returns.
+    """Read a cloud with a laser column as a table of a sensor's returns.
 
-    Points at the origin or with all coordinates nan are left out. See `returns_of_columns`.
+    The coordinates must be in m, in the sensor's frame (x right, y forward, z up). Points at the
+    origin, or whose coordinates are all nan, are left out as missing returns. `returns_of_columns`
+    says how the columns are interpreted.
 
     Parameters
     ----------
     path
         A cloud with one of the suffixes `SUFFIXES`.
     sensor
-        The sensor, by default a VLP-16.
+        The sensor that recorded the cloud; by default, a VLP-16.
     time_unit
-        Unit of the column of times; by default it is inferred from the values.
+        Unit of the column of times; by default, it is inferred from the values.
+
+    Returns
+    -------
+    ReturnTable
+        A row for each point.
 
     Raises
     ------
     InputError
-        The cloud has no coordinates or lasers, they are not those of the sensor, or the unit of its
-        times cannot be inferred.
+        The cloud has no coordinates or no lasers, the lasers are not those of the sensor, or the
+        unit of the times cannot be inferred.
     """
     columns, missing = without_missing(_READERS[path.suffix.lower()](path), "column")
     counts = tell_missing(str(path), missing)
@@ -76,13 +83,36 @@ def read_points(
 def returns_of_columns(
     columns: Columns, seconds: Floats, device: Sensor, label: str
 ) -> ReturnTable:
-    """Convert the columns of points in a sensor's coordinates, and times (n,), s, to a table.
+    """Convert the columns of points to a table of a sensor's returns.
 
-    The laser column is the first of `laser_id`, `laser`, `label`, `ring`, `channel` and `line`
-    whose values, as ids or as ranks by elevation, put the points on the lasers' cones. Azimuths
-    count clockwise from y; distances follow from horizontal range and nominal elevation.
-    Reflectivities are -1 unless all are numbers from 0 to 255. A column of integers `turn` is kept.
-    Warnings begin with `label`. Raises InputError if no laser column suits the sensor.
+    The laser of each point is taken from the first of the columns `laser_id`, `laser`, `label`,
+    `ring`, `channel` and `line` that suits the sensor. A column suits if its values, read as
+    numbers of lasers or as ranks by elevation, put the points on the cones that these lasers draw.
+    Azimuths count clockwise from the y axis. Distances are computed from the horizontal range and
+    the laser's nominal elevation. Reflectivities are -1 (unknown) unless all are numbers from 0 to
+    255.
+
+    Parameters
+    ----------
+    columns
+        Values, (n,), by name: ``x``, ``y`` and ``z`` in the sensor's coordinates, in m; a laser
+        column; optionally a reflectivity, and ``turn``, an integer that is kept.
+    seconds
+        Times of the points, (n,), in s.
+    device
+        The sensor.
+    label
+        Text with which warnings begin.
+
+    Returns
+    -------
+    ReturnTable
+        A row for each point.
+
+    Raises
+    ------
+    InputError
+        No laser column suits the sensor.
     """
     xyz = _points(columns, label)
     laser = _lasers(columns, xyz, device, label)
@@ -113,10 +143,26 @@ def _points(columns: Columns, label: str) -> Floats:
 
 
 def without_missing(columns: Columns, kind: str) -> tuple[Columns, int]:
-    """Return columns without missing returns, and the number of these.
+    """Remove missing returns, which are points at the origin or whose coordinates are all nan.
 
-    Missing returns are points at the origin or with all coordinates nan. Raises InputError without
-    columns x, y and z; `kind` is the word for a column in the message.
+    Parameters
+    ----------
+    columns
+        Values, (n,), by name of the column.
+    kind
+        Word for a column in the error message, such as "field".
+
+    Returns
+    -------
+    columns
+        The columns without the missing returns.
+    missing
+        Number of missing returns.
+
+    Raises
+    ------
+    InputError
+        There is no column x, y or z.
     """
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
@@ -130,7 +176,20 @@ def without_missing(columns: Columns, kind: str) -> tuple[Columns, int]:
 
 
 def tell_missing(label: str, count: int) -> dict[str, int]:
-    """Warn of points that were left out, and return their number as a description has it."""
+    """Warn of missing returns that were left out.
+
+    Parameters
+    ----------
+    label
+        Text with which the warning begins.
+    count
+        Number of missing returns; 0 gives no warning.
+
+    Returns
+    -------
+    dict
+        Entries with this number for the description of the cloud; empty if `count` is 0.
+    """
     if not count:
         return {}
     _log.warning("%s: left out %d missing returns", label, count)
@@ -173,7 +232,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _off_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> Floats:
-    """Return the angles between points and the cones of their lasers, (n,), degrees."""
+    """Return the angle between each point and the cone of its laser, (n,), in degrees."""
     level, elevations = np.hypot(xyz[:, 0], xyz[:, 1]), np.asarray(sensor.laser_elevation_deg)
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
     present, apart = np.unique(lasers), np.diff(np.unique(elevations))
@@ -243,6 +302,6 @@ def _reflectivities(columns: Columns, label: str) -> NDArray[Any]:
 
 
 def check_finite(what: str, values: NDArray[Any]) -> None:
-    """Raise InputError, whose message begins with `what`, if a value is not finite."""
+    """Raise InputError, with a message that begins with `what`, if a value is not finite."""
     if not np.isfinite(values).all():
         raise InputError(f"{what} has a value that is not finite")

@@ -1,7 +1,8 @@
-"""Drives: consecutive turns of a moving sensor, with its poses, in one archive.
+"""Drives: consecutive turns of a moving sensor, together with its poses, in one archive.
 
-The archive contains the poses as ``poses.tum``, times and description as ``drive.json``, and each
-turn as ``0000.parquet`` (returns) or ``0000.ply`` (points).
+A turn is one revolution of the sensor. The archive contains the poses as ``poses.tum``, the times
+and the description as ``drive.json``, and each turn as ``0000.parquet`` (returns) or ``0000.ply``
+(points).
 """
 
 from __future__ import annotations
@@ -26,15 +27,18 @@ from pointkit.models import Model, parsed
 from puckbench.core.archives import read_archive, write_archive
 
 KEPT, AZIMUTH, NONE = "kept", "azimuth", "none"
-"""Values of the column ``times``: where the times of a decoded turn's points come from."""
+"""Values of the column ``times``, which says where the times of a decoded turn's points come from:
+the codec kept them, they were computed from the azimuths of the points, or there are none.
+"""
 UNDECODED_POSES = "KISS-ICP on the undecoded turns"
-"""Value of the column ``poses`` for drives without true poses: KISS-ICP estimated the reference
-poses from the turns before coding."""
+"""Value of the column ``poses`` for drives without true poses. KISS-ICP then estimated the
+reference poses from the turns before coding.
+"""
 TURN_SHARE = "turn_share"
-"""Field of a turn's points: their times as fractions of the turn's duration, from 0 to 1."""
+"""Field with the times of a turn's points, as fractions of the turn's duration from 0 to 1."""
 _POSES, _ABOUT = "poses.tum", "drive.json"
 _GAP = 1.5
-"""Largest time between turns, as a multiple of the median."""
+"""Largest time between two turns, as a multiple of the median time."""
 _CLOCK_S = 1e-6
 
 
@@ -46,22 +50,25 @@ class _Description(Model):
 
 @dataclass(frozen=True)
 class Drive:
-    """Consecutive turns of a moving sensor, and its poses.
+    """Consecutive turns of a moving sensor, with its poses; the input of odometry.
+
+    A turn is one revolution of the sensor.
 
     Parameters
     ----------
     turns
-        Points of each turn, m, in sensor coordinates; with the turn's ``returns`` if available.
+        Points of each turn, in m, in the sensor's coordinates; with the turn's ``returns`` if they
+        are known.
     starts
-        Times at which turns begin, (number of turns,), s.
+        Times at which the turns begin, (number of turns,), in s.
     turn_s
-        Duration of a turn, s; 0 if all its points have one time.
+        Duration of a turn, in s; 0 if all its points have one time.
     pose_times
-        Times of the m poses, (m,), s.
+        Times of the m poses, (m,), in s.
     poses
-        Poses as matrices from sensor to world coordinates, (m, 4, 4), m.
+        Poses, (m, 4, 4), as matrices that transform sensor coordinates to world coordinates, in m.
     about
-        Scene, seed, sensor, error model, and source of the poses.
+        Description: scene, seed, sensor, error model, and source of the poses.
 
     Raises
     ------
@@ -91,9 +98,17 @@ class Drive:
             raise InputError(f"poses from {span}, turns from {self.starts[0]:g} to {end:g} s")
 
     def poses_at(self, share: float) -> Floats:
-        """Return a pose for each turn, (number of turns, 4, 4), interpolated between the poses.
+        """Interpolate the pose of the sensor at the same fraction of every turn.
 
-        `share` is the fraction of a turn's duration that has passed, from 0 to 1.
+        Parameters
+        ----------
+        share
+            Fraction of a turn's duration that has passed: 0 is its beginning, 1 its end.
+
+        Returns
+        -------
+        numpy.ndarray
+            Poses, (number of turns, 4, 4), as in `poses`.
         """
         from scipy.spatial.transform import Rotation, Slerp
 
@@ -108,12 +123,15 @@ class Drive:
 
     @cached_property
     def points(self) -> int:
-        """Number of points of all turns."""
+        """Total number of points in all turns."""
         return sum(map(len, self.turns))
 
 
 def check_times(starts: Floats) -> None:
-    """Raise InputError if turns are out of order or missing, from when they begin, (n,), s."""
+    """Raise InputError if turns are out of order, or if a turn is missing between two others.
+
+    `starts` contains the times at which the turns begin, (n,), in s.
+    """
     steps = np.diff(starts)
     if (back := np.flatnonzero(steps <= 0)).size:
         raise InputError(f"times run back: turn {back[0] + 1} begins before turn {back[0]}")
@@ -124,14 +142,22 @@ def check_times(starts: Floats) -> None:
 
 
 def turn_of(returns: Returns) -> PointCloud:
-    """Return the points of a turn's returns, m, in sensor coordinates, with the returns."""
+    """Return a turn's returns as a cloud, with points in m in the sensor's coordinates."""
     return PointCloud(returns.points(), returns=returns)
 
 
 def firing_shares(returns: Returns) -> Floats:
-    """Return when each point of one turn's returns was measured, (n,), by its firing's azimuth.
+    """Return the times of a turn's points, computed from the azimuths at which the lasers fired.
 
-    0 is the beginning of the turn, 1 its end.
+    Parameters
+    ----------
+    returns
+        Returns of a single turn with n returns.
+
+    Returns
+    -------
+    numpy.ndarray
+        Fraction of the turn's duration that had passed at each return, (n,): 0 is the beginning.
     """
     (turn,) = returns.turns
     columns, lasers, _ = returns.indices(turn)
@@ -141,19 +167,25 @@ def firing_shares(returns: Returns) -> Floats:
 
 
 def azimuth_shares(points: Floats, returns: Returns) -> Floats:
-    """Return when each point of a decoded turn was measured, (n,), by the point's own azimuth.
+    """Return the times of a decoded turn's points, computed from the azimuths of the points.
 
-    0 is the beginning of the turn, 1 its end. The times are exact for sensors whose lasers all fire
-    at one azimuth, such as virtual ones and the VLP-16, and else off by the lasers' azimuths. A
-    point that coding moved across the first azimuth gets the other end of the turn.
+    The times are exact for sensors whose lasers all fire at one azimuth, such as virtual sensors
+    and the VLP-16. For other sensors, they are off by the lasers' different azimuths. If coding
+    moved a point across the azimuth at which the turn begins, the point gets the time of the turn's
+    other end.
 
     Parameters
     ----------
     points
-        Points in sensor coordinates, (n, 3), m.
+        Points of the decoded turn in sensor coordinates, (n, 3), in m.
     returns
         Returns of the original turn, of which only the first azimuth and the direction of rotation
         are used.
+
+    Returns
+    -------
+    numpy.ndarray
+        Fraction of the turn's duration that had passed at each point, (n,): 0 is the beginning.
     """
     clockwise = returns.beams.clockwise
     azimuths = np.arctan2(points[:, 0] if clockwise else -points[:, 0], points[:, 1])
@@ -163,9 +195,24 @@ def azimuth_shares(points: Floats, returns: Returns) -> Floats:
 
 
 def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
-    """Return the points of a decoded turn with the field `TURN_SHARE`, from `azimuth_shares`.
+    """Add times, computed by `azimuth_shares`, to the points of a decoded turn.
 
-    Raises InputError if the original turn has no returns.
+    Parameters
+    ----------
+    turn
+        The decoded turn.
+    original
+        The turn before coding, with its returns.
+
+    Returns
+    -------
+    PointCloud
+        The decoded points with the field `TURN_SHARE`.
+
+    Raises
+    ------
+    InputError
+        The original turn has no returns.
     """
     if original.returns is None:
         raise InputError("the original turn has no returns, whose first azimuth is needed")
@@ -174,10 +221,15 @@ def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
 
 
 def shares_of(turn: PointCloud) -> Floats | None:
-    """Return when each point of a turn was measured, (n,): 0 is the turn's beginning, 1 its end.
+    """Return the times of a turn's points, or None if the turn has neither returns nor times.
 
     The times come from the turn's returns or, for points without returns, from the field
-    `TURN_SHARE`. Return None if the turn has neither.
+    `TURN_SHARE`.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        Fraction of the turn's duration that had passed at each point, (n,): 0 is the beginning.
     """
     if turn.returns is not None:
         return firing_shares(turn.returns)
@@ -185,7 +237,7 @@ def shares_of(turn: PointCloud) -> Floats | None:
 
 
 def write_drive(path: Path, drive: Drive) -> None:
-    """Write the archive of a drive; equal drives give equal bytes."""
+    """Write a drive as an archive; equal drives give equal bytes."""
     described = {"starts": drive.starts.tolist(), "turn_s": drive.turn_s, "about": drive.about}
     members = {
         _POSES: tum_bytes(drive.pose_times, drive.poses),
@@ -207,7 +259,7 @@ def _turn_members(drive: Drive) -> Iterator[tuple[str, bytes]]:
 
 
 def read_drive(path: Path) -> Drive:
-    """Read the archive of a drive; raise InputError if it is none, or not a valid one."""
+    """Read a drive from an archive; raise InputError if the file is no valid archive of a drive."""
     members = read_archive(path)
     with naming(path):
         if not {_POSES, _ABOUT} <= members.keys():

@@ -1,4 +1,4 @@
-"""Export of scans and recordings to other tools' formats, by file suffix."""
+"""Export of scans and recordings to the formats of other tools, chosen by the file's suffix."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Columns = dict[str, NDArray[Any]]
 _KITTI_BRIGHTEST = 255
 """Reflectivity that KITTI's files store as intensity 1."""
 _LAS_BRIGHTEST = 0xFFFF
-"""Greatest intensity that LAS files store."""
+"""Largest intensity that LAS files store."""
 _log = logging.getLogger(__name__)
 
 
@@ -66,7 +66,6 @@ def _kitti_columns(path: Path, columns: Columns) -> Columns:
 
 
 def _intensities(columns: Columns) -> NDArray[Any]:
-    """Return reflectivities or else intensities, (n,); 0 where they are not known."""
     unknown = np.zeros(len(columns["x"]))
     if "reflectivity" in columns:
         return np.where(columns["reflectivity"] == UNKNOWN, 0, columns["reflectivity"])
@@ -91,7 +90,7 @@ _POINTS: dict[str, Callable[[Path, Columns], None]] = {
     ".bin": lambda path, columns: write_float32_frame(path, _kitti_columns(path, columns)),
 }
 FORMATS = (*_POINTS, ".evd", ".pcap")
-"""Suffixes of the formats that are written."""
+"""Suffixes of the files that `export` writes."""
 
 _OF_SCANS = (
     *("timestamp", "frame", "laser_id", "yaw", "pitch", "incidence", "object_id", "primitive_id"),
@@ -104,26 +103,28 @@ _OF_RECORDINGS = (
 
 
 def read_source(path: Path) -> ScanTable | ReturnTable:
+    """Read the Parquet file of a virtual scan or of a recording's returns."""
     return read_return_table(path) if is_table_of(path, ReturnTable) else read_scan(path)
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
-    """Write a scan or a recording to a file in the format of its suffix.
+    """Write a scan or a recording to a file in the format that its suffix names.
 
     Parameters
     ----------
     path
         File to write, with one of the suffixes `FORMATS`.
     source
-        A virtual scan; or a recording, which formats with true values (.evd, .pcap) do not take.
+        A virtual scan, or the returns of a recording. A recording cannot be written in formats that
+        contain true values (.evd, .pcap).
     clean
-        Whether coordinates and distances of a scan are the true ones, not the measured ones;
+        Whether to write a scan's true coordinates and distances instead of the measured ones.
         BlenSor's format (.evd) contains both.
 
     Returns
     -------
     dict
-        Numbers of points and, in packet captures, of packets and returns.
+        Number of points (``points``); for packet captures, also of ``packets`` and ``returns``.
 
     Raises
     ------
@@ -144,10 +145,24 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
 
 
 def export_points(path: Path, columns: Columns) -> dict[str, Any]:
-    """Write points to a file in the format of its suffix.
+    """Write points to a file in the format that its suffix names.
 
-    `columns` are arrays (n,) by name: ``x``, ``y``, ``z`` and any others. Returns the number of
-    points. Raises InputError for suffixes other than .ply, .pcd, .csv, .las, .laz and .bin.
+    Parameters
+    ----------
+    path
+        File to write, with the suffix .ply, .pcd, .csv, .las, .laz or .bin.
+    columns
+        Values, (n,), by name of the column: ``x``, ``y``, ``z`` and any others.
+
+    Returns
+    -------
+    dict
+        Number of points (``points``).
+
+    Raises
+    ------
+    InputError
+        The suffix is another one, or there are no points.
     """
     suffix = _checked_suffix(path, len(columns["x"]))
     if suffix not in _POINTS:

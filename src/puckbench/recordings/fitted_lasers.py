@@ -1,8 +1,8 @@
-"""Lasers of an unknown sensor, fitted to its points.
+"""Lasers of an unknown sensor, fitted to the points that it measured.
 
-A laser's points lie on a cone, whose elevation and height `rings.fitted_cone` fits. The laser's
-azimuth relative to other lasers follows from the times of the points, since the sensor turns at an
-even rate during a message.
+The points of a laser lie on a cone, whose elevation and height `rings.fitted_cone` fits. The
+azimuths of the lasers relative to each other follow from the times of the points, because the
+sensor rotates at a constant rate during a message.
 """
 
 from __future__ import annotations
@@ -19,25 +19,28 @@ from pointkit.lidar.sensor import Sensor
 from puck.recordings.rings import fitted_cone
 
 _FEWEST = 16
-"""Least number of points of a fitted laser."""
+"""Smallest number of points to which a laser is fitted."""
 _HEIGHT_PRIOR = 0.002
-"""Weight of the prior height 0, since points at a single distance do not determine the height."""
+"""Weight of the prior that a laser's height is 0.
+
+Points at a single distance do not determine the height.
+"""
 _USUAL_HZ, _LARGEST_STEP_RAD, _ROUNDS = 10.0, np.pi / 6, 3
 
 
 class FittedLasers(NamedTuple):
-    """A sensor whose lasers were fitted to points.
+    """A sensor whose lasers were fitted to n points, as `fitted_lasers` returns it.
 
     Parameters
     ----------
     sensor
-        The sensor.
+        The fitted sensor.
     ranks
-        Laser of each point, (n,), numbered by elevation.
+        Laser of each point, (n,), numbered from 0 by increasing elevation.
     is_used
-        Which points belong to a laser that was fitted, (n,).
+        Whether each point belongs to a fitted laser, (n,).
     residuals_mm
-        Distances of these points from the cones of their lasers, mm.
+        Distances of the used points from the cones of their lasers, in mm.
     """
 
     sensor: Sensor
@@ -46,7 +49,7 @@ class FittedLasers(NamedTuple):
     residuals_mm: Floats
 
     def about(self) -> dict[str, object]:
-        """Return the lasers, and how well they fit, as the description of a table has them."""
+        """Return the lasers' parameters, and how well they fit, as entries for a description."""
         sensor, off = self.sensor, np.abs(self.residuals_mm)
         table: dict[str, object] = {
             "laser_elevation_deg": list(sensor.laser_elevation_deg),
@@ -64,23 +67,25 @@ class FittedLasers(NamedTuple):
 def fitted_lasers(
     xyz: Floats, ring: NDArray[np.integer], seconds: Floats, turn: NDArray[np.integer]
 ) -> FittedLasers:
-    """Fit the lasers of a sensor to points.
+    """Fit the lasers of an unknown sensor to the points that it measured.
 
     Parameters
     ----------
     xyz
-        Points in sensor coordinates (x right, y forward, z up), (n, 3), m.
+        Points in sensor coordinates (x right, y forward, z up), (n, 3), in m.
     ring
-        Number of each point's laser, (n,), in any order; those with fewer than 16 points are left
-        out.
-    seconds, turn
-        Time, s, and turn of each point, (n,). If the points of a turn have one time, the azimuths
-        of the lasers remain unknown.
+        Number of each point's laser, (n,). The numbers may have any order. Lasers with fewer than
+        16 points are left out.
+    seconds
+        Time of each point, (n,), in s. If all points of a turn have the same time, the azimuths of
+        the lasers remain unknown.
+    turn
+        Number of the turn (revolution of the sensor) of each point, (n,).
 
     Raises
     ------
     InputError
-        No laser has 16 points, or two have the same elevation.
+        No laser has 16 points, or two lasers have the same elevation.
     """
     names, number, counts = np.unique(ring, return_inverse=True, return_counts=True)
     kept = np.flatnonzero(counts >= _FEWEST)
@@ -128,7 +133,7 @@ def _rotation(
     *,
     lasers: int,
 ) -> tuple[float, Floats | None]:
-    """Return the rotation rate, Hz, and the lasers' azimuths (rad, mean 0; None if unknown)."""
+    """Return the rotation rate in Hz, and the azimuths of the lasers in rad, or None if unknown."""
     order = np.lexsort((seconds, laser, turn))
     azimuth, laser, seconds = azimuth[order], laser[order], seconds[order]
     turn = np.unique(turn[order], return_inverse=True)[1]

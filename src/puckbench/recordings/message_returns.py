@@ -39,28 +39,34 @@ def read_message_returns(
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
 ) -> ReturnTable:
-    """Read a topic of clouds as a table of returns, with a turn for each message.
+    """Read the clouds of a ROS topic as a table of returns, with one turn for each message.
 
-    The clouds' coordinates are those of ROS: x forward, y left, z up. For times see
-    `message_times.seconds_of_messages`, for other columns `decoded_clouds.returns_of_columns`.
+    The clouds must have the coordinates of ROS: x forward, y left, z up. The table has the
+    sensor's: x right, y forward, z up. `message_times.seconds_of_messages` describes how times are
+    read, and `decoded_clouds.returns_of_columns` describes the other columns.
 
     Parameters
     ----------
     path
-        A bag.
+        A ROS bag.
     topic
         Topic of clouds; None for the only one.
     sensor
-        The sensor; if None, its lasers are fitted to the points.
+        The sensor. If it is None, lasers are fitted to the points.
     time_unit
-        Unit of the points' times; by default it is inferred.
+        Unit of the points' times; by default, it is inferred.
     source
         File that warnings name, if `path` is a temporary copy of it.
+
+    Returns
+    -------
+    ReturnTable
+        A row for each point.
 
     Raises
     ------
     InputError
-        The messages have no points or lasers, or are those of several sensors.
+        The messages have no points or lasers, or come from several sensors.
     """
     name, (_, count) = cloud_topic(path, topic)
     label = f"{source or path}: topic {name}"
@@ -80,21 +86,32 @@ def read_message_returns(
 def read_message_columns(
     path: Path, topic: str | None, turns: tuple[int, int], time_unit: TimeUnit | None = None
 ) -> Columns:
-    """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
+    """Read the points of several messages of a ROS topic as columns.
 
-    For times see `message_times.seconds_of_messages`. Points without coordinates are left out.
+    Points without coordinates are left out. `message_times.seconds_of_messages` describes how times
+    are read.
 
     Parameters
     ----------
-    path, topic, time_unit
-        As for `read_message_returns`.
+    path
+        A ROS bag.
+    topic
+        Topic of clouds; None for the only one.
     turns
-        Numbers of the first and the last message, from 0.
+        Numbers of the first and the last message to read, from 0.
+    time_unit
+        Unit of the points' times; by default, it is inferred.
+
+    Returns
+    -------
+    dict
+        Values, (n,), by name: ``x``, ``y``, ``z`` in m and, if the messages have them, ``ring``,
+        ``intensity``, and ``time`` in s.
 
     Raises
     ------
     InputError
-        There are no such messages, or they have no points, or are those of several sensors.
+        There are no such messages, they have no points, or they come from several sensors.
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns
@@ -113,7 +130,7 @@ def read_message_columns(
 def _read(
     path: Path, topic: str, numbers: Sequence[int], unit: TimeUnit | None, label: str
 ) -> tuple[Columns, dict[str, int]]:
-    """Read points, without missing returns, with columns `timestamp`, `timed` and `turn`."""
+    """Read the points of messages without missing returns, and count the missing returns."""
     messages, missing = [], 0
     for message, left_out in _messages(path, topic, numbers):
         if len(message.columns["x"]):
@@ -136,7 +153,7 @@ def _read(
 def _messages(
     path: Path, topic: str, numbers: Sequence[int]
 ) -> Iterator[tuple[MessagePoints, int]]:
-    """Yield the points of messages without missing returns, and the numbers of these."""
+    """Yield the points of each message without missing returns, and how many were missing."""
     for first in range(0, len(numbers), _BATCH):
         batch = numbers[first : first + _BATCH]
         for number, message in zip(batch, read_cloud_messages(path, topic, batch), strict=True):
@@ -148,7 +165,7 @@ def _messages(
 
 
 def _check_alike(messages: Sequence[MessagePoints]) -> None:
-    """Raise InputError if messages differ in frame or fields: they are of several sensors."""
+    """Raise InputError if messages differ in frame or fields, as those of several sensors do."""
     first = messages[0]
     for each in messages:
         if each.frame != first.frame:

@@ -1,4 +1,6 @@
-"""Times of the points in clouds (PointCloud2), whose drivers count them from many origins."""
+"""Times of points in ROS clouds (PointCloud2), which drivers store with different units and
+origins.
+"""
 
 from __future__ import annotations
 
@@ -23,18 +25,28 @@ from pointkit.lidar.times import (
 from puckbench.recordings.decoded_clouds import TIMES, Columns, check_finite
 
 _UNITS: dict[str, TimeUnit] = {"t": "ns", "offset_time": "ns"}
-"""Units of Ouster's and Livox's time fields, for times whose unit cannot be inferred."""
+"""Units of the time fields of Ouster and Livox, used if the unit cannot be inferred."""
 _LONGEST_TURN_S = 1.0
 _MOST_APART = 1.5
-"""Limit of the time between messages, and of a message's duration, relative to the usual time
-between messages."""
+"""Largest time between messages, and largest duration of a message, as multiples of the usual time
+between messages.
+"""
 _log = logging.getLogger(__name__)
 
 
 class MessagePoints(NamedTuple):
-    """A message's number, its time, ns, its coordinate frame, and the columns of its points.
+    """The points of one message of a ROS topic of clouds.
 
-    Coordinates are those of ROS: x forward, y left, z up.
+    Parameters
+    ----------
+    number
+        Number of the message in its topic, from 0.
+    stamp_ns
+        Time in the message's header, in ns.
+    frame
+        Name of the coordinate frame.
+    columns
+        Values of the points, (n,), by name. Coordinates are those of ROS: x forward, y left, z up.
     """
 
     number: int
@@ -44,7 +56,7 @@ class MessagePoints(NamedTuple):
 
 
 def time_field(columns: Columns) -> str | None:
-    """Return the name of the column that has the times of points, or None."""
+    """Return the name of the column that contains the times of the points, or None."""
     return next((name for name in TIMES if name in columns), None)
 
 
@@ -53,8 +65,9 @@ def seconds_of_messages(
 ) -> tuple[list[Floats], bool]:
     """Return when the points of messages were measured, relative to the first message.
 
-    Times in a cloud count from the message's stamp or, if they go on from message to message, from
-    the earliest one of the first message. Without usable times, points have that of the stamp.
+    Times of points are counted from the time stamp of their message. If they increase from message
+    to message, they are counted from the earliest point of the first message instead. If the
+    messages have no usable times, all points of a message get the time of its stamp.
 
     Parameters
     ----------
@@ -63,15 +76,15 @@ def seconds_of_messages(
     unit
         Unit of the points' times; None if it is to be inferred.
     label
-        Beginning of warnings, which tell of unusable times, and of messages that are lost, late or
-        out of order.
+        Text with which warnings begin. There are warnings of unusable times, and of messages that
+        are lost, late or out of order.
 
     Returns
     -------
     seconds
-        Times of the points of each message, (n,), s.
+        Times of the points of each message, (n,), in s.
     are_timed
-        Whether the points have times of their own.
+        Whether the messages have usable times of points.
 
     Raises
     ------
@@ -101,7 +114,7 @@ def _usable(
     stamps_s: Floats,
     label: str,
 ) -> tuple[bool, list[Floats]] | None:
-    """Return whether times share one origin, and the times, s; None if they are unusable."""
+    """Return whether all times share one origin, and the times in s; None if they are unusable."""
     times = [_signed(each.columns[name]) for each in messages]
     for part in times:
         check_finite(f"field {name}", part)
@@ -130,10 +143,10 @@ def _usable(
 
 
 def _is_absolute(times: Sequence[NDArray[Any]], unit: TimeUnit) -> bool:
-    """Return whether times count from one origin for all messages, not from each message's begin.
+    """Return whether the times of all messages count from one origin.
 
-    `times` contains the times (n,) of each message, in `unit`. They count from one origin if they
-    are dates, are larger than a turn takes, or increase from message to message.
+    They do if they are dates, if they are larger than the duration of a turn, or if they increase
+    from message to message. Otherwise, they count from the beginning of each message.
     """
     if is_since_1970(times[0], unit):
         return True

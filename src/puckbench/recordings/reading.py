@@ -40,7 +40,7 @@ _COMPRESSED = {
     b"\xfd7zXZ": "xz",
     b"\x28\xb5\x2f\xfd": "Zstandard",
 }
-"""First bytes of compressed files, and names of the formats."""
+"""Names of compression formats, by the first bytes of a file."""
 
 
 def read_recording(
@@ -53,7 +53,7 @@ def read_recording(
     source: Path | None = None,
     topic: str | None = None,
 ) -> ReturnTable:
-    """Read the returns of a recording as a table.
+    """Read the returns of a LiDAR recording as a table.
 
     Parameters
     ----------
@@ -61,18 +61,29 @@ def read_recording(
         A packet capture (.pcap, .pcapng), a ROS bag of data packets or clouds (.bag, .db3, .mcap,
         or its folder), a cloud (see `decoded_clouds.read_points`), or a Parquet file of a
         `ReturnTable`.
-    sensor, time_unit
-        The sensor, and the unit of a cloud's times; both are inferred by default. Packets of an
-        Ouster describe their sensor.
+    sensor
+        The sensor; by default, it is inferred. It must be None for packets of an Ouster, which
+        describe their sensor.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
-    stream, source, topic
-        As for `read_packets`.
+    stream
+        Stream of a packet capture, such as ``192.168.1.201:2368``; by default, the only one.
+    time_unit
+        Unit of the times of a cloud; by default, it is inferred.
+    source
+        File that messages name, if `path` is a temporary copy of it.
+    topic
+        Topic of a ROS bag; by default, the only one with packets or clouds.
+
+    Returns
+    -------
+    ReturnTable
+        A row for each return.
 
     Raises
     ------
     InputError
-        The file is no recording, an option does not suit its kind, or it has no return.
+        The file is not a recording, an option does not suit its kind, or it has no return.
     """
     source, suffix = source or path, path.suffix.lower()
     with naming(source):
@@ -103,14 +114,14 @@ def read_recording(
 
 
 class RecordedTurns(NamedTuple):
-    """Revolutions of a recording.
+    """The turns of a recording, i.e. the revolutions of the sensor, as `read_turns` returns them.
 
     Parameters
     ----------
     returns
-        All revolutions.
+        All turns, including incomplete ones.
     whole
-        Numbers of those that are whole.
+        Numbers of the complete turns in `returns`.
     left_out
         Counts of data that were left out, by name.
     """
@@ -127,10 +138,16 @@ def read_turns(
     source: Path | None = None,
     topic: str | None = None,
 ) -> RecordedTurns:
-    """Read the revolutions of a recording of packets, as the sensor reported them.
+    """Read the turns of a recording of packets, with the values that the sensor reported.
 
-    `start_s` is the beginning of the part to read, in seconds after the first packet; for the other
-    parameters see `read_packets`.
+    Parameters
+    ----------
+    path
+        A packet capture or a ROS bag of packets.
+    start_s
+        Beginning of the part to read, in seconds after the first packet.
+    stream, source, topic
+        As for `read_packets`.
     """
     with naming(source or path):
         packets = read_packets(path, stream, source, topic)
@@ -154,16 +171,17 @@ def read_packets(
     path
         The capture or bag.
     stream
-        Stream of a capture, such as ``192.168.1.201:2368``; by default the only one.
+        Stream of a capture, such as ``192.168.1.201:2368``; by default, the only one.
     source
         File that messages name, if `path` is a temporary copy of it.
     topic
-        Topic of a bag; by default the only one with packets.
+        Topic of a bag; by default, the only one with packets.
 
     Raises
     ------
     InputError
-        The file is neither, or has no data packets, or several streams or topics.
+        The file is neither a capture nor a bag, it has no data packets, or it has several streams
+        or topics and none is chosen.
     """
     source = source or path
     with naming(source):
@@ -213,9 +231,9 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> ReturnTable:
 
 
 def _unit(log: PacketLog, source: Path) -> Sensor | None:
-    """Return a recording's HDL-64E, calibrated if possible; None if the sensor is another one.
+    """Return the HDL-64E of a recording, calibrated if possible, or None if it is another sensor.
 
-    The calibration is in a file beside the recording or in the packets.
+    The calibration comes from a file beside the recording or from the packets.
     """
     if log.sensor or kind_codes(log.payloads[:1])[0, 0] != HDL64E:
         return None

@@ -32,14 +32,32 @@ _PORT = 2368
 _SENDER, _RECEIVER = bytes([192, 168, 1, 201]), b"\xff" * 4
 _MAC = b"\xff" * 6 + bytes.fromhex("607688000001")
 _REFLECTIVITY = 100
-"""Reflectivity of a bright diffuse surface, for scans without this column."""
+"""Reflectivity of a bright diffuse surface, written for scans without reflectivities."""
 
 
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
-    """Write a virtual scan as the packet capture of a VLP-16; return counts of packets and returns.
+    """Write a virtual scan as the packet capture of a VLP-16.
 
-    Distances, measured if `noisy` and otherwise true, are rounded to 2 mm, azimuths to 0.01
-    degrees. Raises InputError if the scan is that of another sensor.
+    Distances are rounded to 2 mm, and azimuths to 0.01 degrees.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    table
+        Scan by a virtual VLP-16.
+    noisy
+        Whether to write the measured distances; otherwise, the true distances are written.
+
+    Returns
+    -------
+    dict
+        Numbers of ``packets`` and ``returns``.
+
+    Raises
+    ------
+    InputError
+        The scan is that of another sensor.
     """
     log = scan_packets(table, noisy)
     write_bytes(path, pcap_bytes(log))
@@ -47,11 +65,11 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 
 
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
-    """Convert a virtual scan to the packets of a VLP-16; for the parameters see `write_pcap`.
+    """Convert a virtual scan to the packets of a VLP-16.
 
     A real VLP-16 rotates clockwise while its lasers fire. The virtual sensor rotates
-    counter-clockwise and fires all lasers at one azimuth. Therefore firings are in reverse order,
-    and each becomes two blocks of equal azimuth.
+    counter-clockwise and fires all lasers at one azimuth. Therefore firings are written in reverse
+    order, and each becomes two blocks of equal azimuth. The parameters are those of `write_pcap`.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES
@@ -70,16 +88,17 @@ def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
 def pack_blocks(
     azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = STRONGEST_MODE
 ) -> PacketLog:
-    """Pack b blocks of a VLP-16 into packets of 12 blocks.
+    """Pack b data blocks of a VLP-16 into packets of 12 blocks.
 
     Parameters
     ----------
     azimuth
         Azimuths of the blocks, (b,), in 0.01 degrees.
     returns
-        Distances, in 2 mm, and reflectivities, (b, 2, 16), as records of the type `RETURN`.
+        Distances, in units of 2 mm, and reflectivities of the returns, (b, 2, 16), as records of
+        the type `RETURN`.
     seconds
-        Times of the blocks, (b,), s.
+        Times of the blocks, (b,), in s.
     mode
         Code of the return mode, such as `STRONGEST_MODE`.
     """
@@ -96,7 +115,7 @@ def pack_blocks(
 
 
 def pcap_bytes(log: PacketLog) -> bytes:
-    """Return packets as the content of a capture file (pcap), of UDP datagrams to port 2368."""
+    """Return the content of a capture file (pcap), with the packets as UDP datagrams."""
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     wrapping = _MAC + b"\x08\x00" + _ip_udp_header(PACKET_BYTES)
     size = len(wrapping) + PACKET_BYTES
@@ -108,7 +127,7 @@ def pcap_bytes(log: PacketLog) -> bytes:
 
 
 def distance_counts(distance: Floats) -> NDArray[np.uint16]:
-    """Return distances, given in m, in units of 2 mm; 0, no return, where they exceed 16 bits."""
+    """Return distances (n,), given in m, in units of 2 mm; 0 (no return) if they exceed 16 bits."""
     counts = np.rint(distance / DISTANCE_UNIT_M)
     return np.where((counts > 0) & (counts <= 0xFFFF), counts, 0).astype(np.uint16)
 

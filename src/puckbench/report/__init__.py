@@ -1,1 +1,1 @@
-"""The HTML report of a run, and comparison with reference results."""
+"""The HTML report of a run, and the comparison of a run with reference results."""

@@ -16,25 +16,33 @@ _Row = Mapping[Any, Any]
 
 
 def delta_text(row: _Row | None) -> str:
-    """Return a row of the table ``bd_rate`` as text, with interval, scenes and verdict.
+    """Return the BD-rate in a row of the table ``bd_rate`` as text.
 
-    "−50.0 % (−60.0 % to −40.0 %, 6 scenes, better)"; below six scenes the extremes and "no
-    verdict".
+    For example, "−50.0 % (−60.0 % to −40.0 %, 6 scenes, better)". With fewer than six scenes, the
+    range is that of the scenes instead of a confidence interval, and the verdict is "no verdict".
+    Without a BD-rate, the text is the reason.
+
+    Parameters
+    ----------
+    row
+        The row, or None if there is none.
     """
     value, note = delta_value(row), delta_note(row)
     return f"{value} ({note})" if value and note else value or note
 
 
 def delta_value(row: _Row | None) -> str:
+    """Return the BD-rate in a row of the table ``bd_rate`` as a percentage, or an empty text."""
     return percent_text(_number(row, "bd_rate_percent")) if has_delta(row) else ""
 
 
 def has_delta(row: _Row | None) -> bool:
+    """Return whether a row of the table ``bd_rate`` has a BD-rate."""
     return row is not None and _count(row, "scenes") > 0
 
 
 def delta_note(row: _Row | None) -> str:
-    """Return interval, scenes and verdict of a BD-rate, or the reason why there is none."""
+    """Return the range, number of scenes and verdict of a BD-rate, or why there is none."""
     if row is None:
         return "not measured"
     if not has_delta(row):
@@ -66,7 +74,7 @@ def _number(row: _Row | None, name: str) -> float:
 
 
 def percent_text(value: float) -> str:
-    """Return a signed percentage: −53.6 %, +118 %."""
+    """Return a percentage with its sign as text, such as "−53.6 %" or "+118 %"."""
     text = f"{abs(value):.0f}" if abs(value) >= 100 else f"{abs(value):.1f}"
     sign = "\N{MINUS SIGN}" if value < 0 else "+"
     return f"{sign}{text}\N{NO-BREAK SPACE}%"

@@ -42,6 +42,8 @@ _PARTS = {
 
 @dataclass(frozen=True)
 class TableShown:
+    """A table of the report's page, with title and caption, as HTML."""
+
     name: str
     title: str
     html: Markup
@@ -55,18 +57,28 @@ def build_page(
     record: RunRecord = RunRecord(),  # noqa: B008 (frozen)
     remarks: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Return the HTML page, which depends only on the arguments and the files in `contents`.
+    """Build the HTML page of the report.
 
-    Tables without rows are left out.
+    The page depends only on the arguments and on the files that `contents` names. Tables without
+    rows are left out.
 
     Parameters
     ----------
+    contents
+        Files of tables, figures and clouds, and options of the page.
     machine
         Entries in the page's section on the run, by name.
     folder
-        Folder of the page, for relative links.
+        Folder of the page, from which links to files are relative.
+    record
+        Date, duration and commits of the run.
     remarks
-        Entries in the page's header, by name.
+        Further entries in the page's header, by name.
+
+    Returns
+    -------
+    str
+        The page as HTML.
 
     Raises
     ------
@@ -110,7 +122,7 @@ def build_page(
 
 
 def _is_empty(file: Path) -> bool:
-    """Return whether a CSV file has a heading and no rows."""
+    """Return whether a CSV file has a heading but no rows."""
     if file.suffix != ".csv" or not file.is_file():
         return False
     with file.open(encoding="utf-8", errors="replace") as lines:

@@ -21,8 +21,19 @@ _SETTINGS = {
 def caption_html(text: str, name: str = "a caption") -> Markup:
     """Convert a caption from reStructuredText to HTML paragraphs.
 
-    `single` and ``double`` backquotes mark code. Raises InputError, with `name`, if the text is
-    invalid.
+    Text in `single` or ``double`` backquotes is shown as code.
+
+    Parameters
+    ----------
+    text
+        The caption.
+    name
+        Name of the figure or table, for the error message.
+
+    Raises
+    ------
+    InputError
+        The text is not valid reStructuredText.
     """
     from docutils.core import publish_parts
     from docutils.utils import SystemMessage
@@ -46,7 +57,7 @@ def _translator() -> type:
     from docutils.writers.html5_polyglot import HTMLTranslator
 
     class Plain(HTMLTranslator):  # type: ignore[misc]
-        """Writes code as ``<code>`` without CSS classes, for which the page has no style."""
+        """Writer of code as ``<code>`` without CSS classes, for which the page has no style."""
 
         def visit_literal(self, node: literal) -> None:
             self.body.append(f"<code>{self.encode(node.astext())}</code>")

@@ -7,7 +7,10 @@ import numpy as np
 
 
 def cell_text(value: Any) -> str:
-    """Return a cell's text: four significant digits for numbers, empty if missing."""
+    """Return the value of a table's cell as text.
+
+    Numbers have four significant digits, and missing values are empty.
+    """
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, int | np.integer):
@@ -20,7 +23,14 @@ def cell_text(value: Any) -> str:
 def interval_text(value: float, low: float, high: float) -> str:
     """Return a value with its interval as text, such as "1.004 (1.002 to 1.007)".
 
-    The width of the interval is given with two digits, which determines the number of decimals.
+    All three numbers have so many decimals that the width of the interval has two digits.
+
+    Parameters
+    ----------
+    value
+        The value.
+    low, high
+        Ends of the interval.
     """
     decimals = max(0, 1 - floor(log10(high - low))) if high > low else 2
     return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"

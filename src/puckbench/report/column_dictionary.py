@@ -23,12 +23,19 @@ _EMPTY = (
     (r".*_m|.*_mm2?", "the size of the cloud in metres is not known"),
     (r"(encode|decode)_.*", "not timed"),
 )
-"""Pattern of a column's name, and the reason for missing values."""
+"""Patterns of column names, and why values in these columns may be missing."""
 _OTHERWISE = "does not apply"
 
 
 def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
-    """Describe each column of a table: meaning, unit, number of missing values, and reason."""
+    """Describe the columns of a table of results.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each column of the table: its name (``column``), ``meaning`` and ``unit``, the
+        number of ``missing`` values, and the ``reason`` why values are missing.
+    """
     import pandas as pd
 
     names, registered = [str(name) for name in table], metric_columns()

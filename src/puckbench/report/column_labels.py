@@ -9,6 +9,20 @@ GRID, SQUARED = "grid units", "grid units²"
 
 @dataclass(frozen=True)
 class ColumnLabel:
+    """How the report names a column of results.
+
+    Parameters
+    ----------
+    column
+        Name of the column.
+    words
+        What the column contains, in words.
+    unit
+        Unit of the values, or empty.
+    group
+        Heading under which columns of the same kind are listed.
+    """
+
     column: str
     words: str
     unit: str
@@ -16,6 +30,7 @@ class ColumnLabel:
 
     @property
     def label(self) -> str:
+        """Words and unit in one text."""
         return f"{self.words} ({self.unit})" if self.unit else self.words
 
 
@@ -32,7 +47,7 @@ _COUNTS = (
 DESCRIPTIVE_COLUMNS = frozenset(
     [*_COUNTS, "scale", "diameter", "elongation", "peak", "reflectance_peak"]
 )
-"""Columns that describe the cloud or the measurement, not the codec's result."""
+"""Columns that describe the cloud or the measurement instead of the codec's result."""
 
 _ENDINGS = {
     "_m2": "1/m²",
@@ -44,7 +59,7 @@ _ENDINGS = {
     "_db": "dB",
     "_s": "s",
 }
-"""Unit of a column without a label, by the name's ending."""
+"""Units of columns without a label, by the ending of the column's name."""
 _OF_TABLES = {
     "bd_rate_percent": ("BD-rate", "%"),
     "bd_quality_db": ("BD-PSNR", "dB"),
@@ -64,7 +79,7 @@ _SUFFIXES = {
     "most": "greatest of the scenes",
     **_OF_CLOUDS,
 }
-"""Meaning of the last part of a column's name."""
+"""Meanings of the last part of a column's name."""
 
 _WORDS = {
     "point": "point to point",
@@ -127,24 +142,29 @@ _LABELS: tuple[tuple[str, str, str, str | None], ...] = (
     (f"hausdorff_{_KIND}_m", "Hausdorff distance, {}", "m", None),
     (f"hausdorff_sq_{_KIND}", "Squared Hausdorff distance, {}", SQUARED, None),
 )
-"""Pattern of column names; label, in which `_WORDS` replace ``{}``; unit; group of columns. If the
-group is None, a prefix in `_REFERENCES` determines the group."""
+"""Patterns of column names; words, in which `_WORDS` replace ``{}``; unit; and group of columns.
+
+If the group is None, a prefix in `_REFERENCES` determines the group.
+"""
 _REFERENCES = {
     "truth_": (_TRUTH, ", to the true surface"),
     "clean_": (_CLEAN, ", to the clean scan"),
     "": (_CODED, ""),
 }
-"""Group, and words for the distance's reference, by prefix of the column's name."""
+"""Group of a column, and words for the reference of its distance, by prefix of the column's name.
+"""
 
 
 _TIME = re.compile(r"(en|de)code_(s|ms_per_turn|real_time)(_\w+)?")
 
 
 def is_time(column: str) -> bool:
+    """Return whether a column contains times of encoding or decoding."""
     return _TIME.fullmatch(column) is not None
 
 
 def column_label(column: str) -> ColumnLabel:
+    """Return how the report names a column; an unknown column has its own name as words."""
     prefix = next(name for name in _REFERENCES if column.startswith(name))
     bare, (group, reference) = column.removeprefix(prefix), _REFERENCES[prefix]
     for pattern, words, unit, group_of_label in _LABELS:
@@ -157,6 +177,20 @@ def column_label(column: str) -> ColumnLabel:
 
 
 def unit_in_frames(unit: str, frames: Collection[str]) -> str:
+    """Adapt a unit to the coordinate frames of a table's rows.
+
+    Parameters
+    ----------
+    unit
+        Unit for scaled clouds, which may contain "grid units".
+    frames
+        Coordinate frames of the rows: ``scaled``, ``metric``, or both.
+
+    Returns
+    -------
+    str
+        The unit with "m" in place of "grid units" for metric clouds; both units for both frames.
+    """
     metres = unit.replace("grid units", "m")
     if unit == metres or "metric" not in frames:
         return unit
@@ -164,9 +198,23 @@ def unit_in_frames(unit: str, frames: Collection[str]) -> str:
 
 
 def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
-    """Return words and unit for a column in a table's heading.
+    """Return the heading of a column of a table.
 
-    A suffix such as ``_low`` marks a statistic of another column; `others` are the table's columns.
+    A suffix such as ``_low`` marks a column that contains a statistic of another column.
+
+    Parameters
+    ----------
+    column
+        Name of the column.
+    others
+        Names of all columns of the table.
+
+    Returns
+    -------
+    words
+        Meaning of the column.
+    unit
+        Unit of the values, or empty.
     """
     if column in _OF_TABLES:
         return _OF_TABLES[column]
@@ -183,15 +231,17 @@ def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
 
 
 def name_in_words(name: str) -> str:
-    """Return a column name as words: "Codec version" for "codec_version"."""
+    """Return the name of a column as words: "Codec version" for "codec_version"."""
     words = name.replace("_", " ").strip()
     return words[:1].upper() + words[1:]
 
 
 def has_label(column: str) -> bool:
+    """Return whether the report has words for a column."""
     return column_label(column).group != _OTHER
 
 
 def ordered_labels(columns: list[str]) -> list[ColumnLabel]:
+    """Return labels of columns, ordered by group, without columns that describe the cloud."""
     labels = [column_label(name) for name in columns if name not in DESCRIPTIVE_COLUMNS]
     return sorted(labels, key=lambda item: GROUPS.index(item.group))

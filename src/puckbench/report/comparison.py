@@ -18,20 +18,28 @@ if TYPE_CHECKING:
 _CLOUD = ["dataset", "cloud"]
 _NO_QUALITIES = ("bpp", LOSSLESS, PEAK)
 _NAMED = 5
-"""Largest number of clouds named in a message."""
+"""Largest number of clouds that a message names."""
 Key = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results of a run and a reference study on the same clouds, named as in the reference.
+    """Results of a run and of a reference study on the same clouds.
 
     Parameters
     ----------
+    run_rows
+        Results of the run, in which data sets and clouds have the names that they have in the
+        study.
+    reference
+        Results of the study on these clouds.
     deltas
-        Result of `bd_rate`, with ``codec`` from the run and ``anchor`` from the reference.
+        BD-rates, as `bd_rate` returns them, with ``codec`` from the run and ``anchor`` from the
+        study.
+    left_out
+        Clouds of the run that the study lacks, each with the reason.
     same_streams
-        Numbers of streams with equal sizes, and of all streams, by common codec.
+        For each codec that both have: the number of streams of equal size, and of all streams.
     """
 
     run_rows: pd.DataFrame
@@ -49,23 +57,29 @@ def compare_with_reference(
     qualities: Sequence[str] = (),
     common: bool = False,
 ) -> Comparison:
-    """Compare codecs in a run with codecs in a reference on the same clouds.
+    """Compare codecs of a run with codecs of a reference study on the same clouds.
+
+    Clouds are the same if the digests of their coordinates are equal.
 
     Parameters
     ----------
+    metrics, clouds
+        Tables of the run: results, and clouds with their digests.
+    reference
+        Results of the study.
     codecs
-        Codecs in the run; by default those that the reference lacks.
+        Codecs of the run to compare; by default, those that the study lacks.
     qualities
-        Metrics; by default those of the reference's Bjontegaard deltas that it has on these
-        clouds.
+        Metrics to compare, as columns of the results. By default, they are the metrics of the
+        study's BD-rates that the study has on these clouds.
     common
-        Whether to ignore clouds that only the run has.
+        Whether to ignore clouds that only the run has; otherwise, such clouds raise InputError.
 
     Raises
     ------
     InputError
-        No cloud is common, a cloud is not in the reference and `common` is false, or a codec, rate
-        or metric is missing.
+        No cloud is common, a cloud is not in the study and `common` is false, or a codec, rate or
+        metric is missing.
     """
     chosen = tuple(dict.fromkeys(qualities))
     check_results(metrics)
@@ -217,7 +231,6 @@ def _judged(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _measured(rows: pd.DataFrame, quality: str) -> set[str]:
-    """Return the data sets for which rows have the quality."""
     return set(rows.loc[rows[quality].notna(), "dataset"])
 
 

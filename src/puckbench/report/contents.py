@@ -12,10 +12,19 @@ TITLE = "Point-cloud compression on virtual LiDAR scans"
 
 
 class Example(Model):
-    """Files of a cloud in the viewer: the prepared cloud and its decoded versions.
+    """Files of a cloud in the report's viewer: the cloud that was coded, and its decoded versions.
 
-    `kind` is "object", "raw", "clean" or "noisy". `decoded` has a PLY file, or an archive (.zip)
-    that contains ``<rate>.ply``, for each codec and rate.
+    Parameters
+    ----------
+    kind
+        "object", "raw", "clean" or "noisy".
+    dataset, cloud
+        Names of the data set and of the cloud.
+    original
+        PLY file of the cloud.
+    decoded
+        For each codec and rate, a PLY file of the decoded cloud, or an archive (.zip) that contains
+        it as ``<rate>.ply``.
     """
 
     kind: str
@@ -26,14 +35,27 @@ class Example(Model):
 
 
 class Contents(Model):
-    """The files for a report page, and options.
+    """The files of which a report page is made, and options of the page.
 
     Parameters
     ----------
+    title
+        Title of the page.
+    metrics
+        File of the results; None for a run without results of codecs.
+    tables, figures
+        Files of tables, and pictures of figures, by name.
     own_figures, own_tables
-        Places of the user's figures and tables (see `pointkit.registry`), loaded if trusted.
+        Places of the user's figures and tables (see `pointkit.registry`), which are loaded if they
+        are trusted.
+    examples
+        Clouds in the viewer.
+    logs
+        Folder with the logs of the jobs.
+    configuration
+        Configuration of the run.
     style
-        Layers of `puckbench.figures.style.FigureStyle`; later layers take precedence.
+        Options of `puckbench.figures.style.FigureStyle`; later entries take precedence.
     """
 
     title: str = TITLE
@@ -49,10 +71,11 @@ class Contents(Model):
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Contents:
+        """Return contents from a JSON object; raise InputError if a value is not valid."""
         return parsed(cls, value, "contents of the report")
 
     def under(self, folder: Path) -> Contents:
-        """Return the contents with paths below `folder`, which holds a copy of the results."""
+        """Return these contents with all paths below `folder`, which has a copy of the files."""
 
         def moved(files: Mapping[str, str]) -> dict[str, str]:
             return {name: str(folder / file) for name, file in files.items()}
@@ -71,9 +94,11 @@ class Contents(Model):
         )
 
     def as_json(self) -> dict[str, Any]:
+        """Return the contents as a JSON object, which `from_json` reads."""
         return self.model_dump(mode="json")
 
     def files(self) -> list[str]:
+        """Return the paths of all files that the page is made of."""
         metrics = [] if self.metrics is None else [self.metrics]
         originals = [example.original for example in self.examples]
         decoded = [files for example in self.examples for files in example.decoded.values()]
@@ -83,7 +108,18 @@ class Contents(Model):
 
 
 def register_user_plugins(figures: Iterable[str], tables: Iterable[str]) -> None:
-    """Register the user's plug-ins (``file.py:name``); raise InputError if untrusted."""
+    """Register the user's figures and tables, so that the page can show them.
+
+    Parameters
+    ----------
+    figures, tables
+        Places of functions, such as ``path/to/file.py:function``.
+
+    Raises
+    ------
+    InputError
+        The user does not trust a file.
+    """
     for place in figures:
         FIGURES.add(place)
     for place in tables:

@@ -1,4 +1,4 @@
-"""The findings of a run: which codec for what, and BD-rates of every codec."""
+"""The findings of a run: which codec to use for what, and the BD-rates of all codecs."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 _DASH = "\N{EN DASH}"
 _NEAR = (UNDECIDED, NOT_WORSE, NO_VERDICT)
-"""Verdicts of codecs that are named beside the best."""
+"""Verdicts with which a codec is named beside the best one."""
 _NAMED = 3
-"""How many codecs, at most, the verdict on a use names besides the best one."""
+"""Largest number of codecs that the verdict on a use names besides the best one."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,15 @@ class UseRow:
     Parameters
     ----------
     use, clouds, codec
-        What is asked for, and titles of the data set and of the codec.
+        What the codec is used for, title of the data set, and title of the codec.
     bits, error, largest
         Bits per point, the error that the use limits, and the largest error, with units.
     seconds
         Time to encode and decode a million points.
     scenes
-        Number of scenes in which the codec serves the use.
+        Number of scenes in which the codec is suitable for the use.
     verdict
-        What the intervals allow to say of the codec and its rivals.
+        What the confidence intervals say of the codec and its rivals.
     is_decided
         Whether the verdict names the codec as the winner.
     """
@@ -61,15 +61,28 @@ class UseRow:
 
 @dataclass(frozen=True)
 class Cell:
+    """Cell of a table of BD-rates: a value as text, and a note that qualifies it."""
+
     text: str = _DASH
     note: str = ""
 
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """BD-rates of a data set: `columns` maps headings to the cells of all codecs, by name.
+    """BD-rates of all codecs on one data set, for a table of the page.
 
-    `statements` are the results of direct comparisons of all pairs, by heading.
+    Parameters
+    ----------
+    title
+        Title of the data set.
+    clouds
+        Number of clouds.
+    statements
+        Result of the direct comparisons of all pairs of codecs, as a sentence, by heading.
+    columns
+        Cells of a column by name of the codec, by heading of the column.
+    codecs
+        Name, title and style of each codec.
     """
 
     title: str
@@ -81,6 +94,20 @@ class DatasetFindings:
 
 @dataclass(frozen=True)
 class Findings:
+    """What the page says first about a run.
+
+    Parameters
+    ----------
+    uses
+        The best codecs for several uses.
+    datasets
+        BD-rates on each data set.
+    anchor
+        Title of the codec to which BD-rates are relative, or empty.
+    lossless
+        The lossless rates of the codecs, as text.
+    """
+
     uses: tuple[UseRow, ...]
     datasets: tuple[DatasetFindings, ...]
     anchor: str = ""
@@ -90,8 +117,18 @@ class Findings:
 def findings(
     metrics: pd.DataFrame | None, tables: Mapping[str, pd.DataFrame], style: FigureStyle
 ) -> Findings:
-    """Return the findings from the tables ``uses``, ``bd_rate``, ``bd_rate_pairs`` and
-    ``odometry_bits``, if any. Without `metrics`, of a run of drives alone, only the last counts.
+    """Return the findings of a run, from its tables.
+
+    Parameters
+    ----------
+    metrics
+        Results of the run; None if only drives were coded. Then only the table ``odometry_bits``
+        counts.
+    tables
+        Tables of the run by name, of which ``uses``, ``bd_rate``, ``bd_rate_pairs`` and
+        ``odometry_bits`` are used if they exist.
+    style
+        Style of the figures, for titles and the order of codecs.
     """
     drives = tuple(_drive_rows(tables["odometry_bits"], style)) if "odometry_bits" in tables else ()
     if metrics is None:
@@ -107,7 +144,7 @@ def findings(
 
 
 def lossless_text(metrics: pd.DataFrame, style: FigureStyle) -> str:
-    """Return the lossless rates by codec, such as "G-PCC 1mm (3 clouds)", or an empty string."""
+    """Return the lossless rates of each codec, such as "G-PCC 1mm (3 clouds)", or an empty text."""
     rows = metrics[lossless_rows(metrics)]
     texts = []
     for codec in style.ordered_codecs(rows["codec"]):
@@ -220,6 +257,7 @@ def _of_dataset(
 
 
 def short_title(metric: str) -> str:
+    """Return a metric's name for headings, such as "D1" for ``d1_psnr``."""
     bare = metric.removesuffix("_psnr")
     return bare.upper() if bare in ("d1", "d2") else column_label(metric).words
 
@@ -231,10 +269,21 @@ def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
 def ranking_text(
     pairs: pd.DataFrame, codecs: Sequence[str], clouds: int, style: FigureStyle
 ) -> str:
-    """Return which codec needs fewer bits than each other one, by the table ``bd_rate_pairs``.
+    """Return a sentence that says which codec needs the fewest bits on a data set.
 
-    `codecs` are all codecs of the data set, which has `clouds`. A codec is named only if it is
-    better than every other on all clouds. Otherwise those are named to which no other is better.
+    One codec is named if it is better than every other codec on all clouds. Otherwise, the codecs
+    are named than which no other codec is better.
+
+    Parameters
+    ----------
+    pairs
+        Rows of the table ``bd_rate_pairs`` for the data set and one metric.
+    codecs
+        Names of all codecs of the data set.
+    clouds
+        Number of clouds of the data set.
+    style
+        Style of the figures, for titles of codecs.
     """
     rows = pairs.to_dict("records")
     if max((row["scenes"] for row in rows), default=0) < MIN_SCENES:

@@ -1,4 +1,4 @@
-"""Tables of results in LaTeX."""
+"""Conversion of tables of results to LaTeX."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _ENDS = ("_low", "_high")
 
 
 def latex_table(table: pd.DataFrame) -> str:
-    """Return a table of results as a LaTeX ``tabular``, which takes the package booktabs.
+    """Return a table of results as a LaTeX ``tabular``, which needs the package booktabs.
 
-    The headings are the columns' names in words, with their units. A value whose table also has
-    the columns ``NAME_low`` and ``NAME_high`` is followed by this interval, and has as many digits
-    as the interval allows; other numbers have three significant digits, and missing values are
-    dashes. At most twelve columns are written; empty columns, and those that tell how values were
-    obtained, are left out.
+    Headings are the columns' names in words, with units. If the table has columns ``NAME_low`` and
+    ``NAME_high`` beside ``NAME``, the value is followed by this interval, and has as many digits as
+    the interval allows. Other numbers have three significant digits, and missing values are dashes.
+    At most twelve columns are written. Empty columns are left out, and so are columns that tell how
+    values were obtained.
     """
     names = [str(name) for name in table if not is_bookkeeping(table[name])]
     ends = {f"{name}{end}" for name in names for end in _ENDS}

@@ -1,6 +1,7 @@
-"""The leaderboard: a page and findings for each study with reference results.
+"""The leaderboard: a page with findings for each study with reference results.
 
-``python -m puckbench.report.leaderboard FOLDER`` writes the pages of all shipped studies.
+``python -m puckbench.report.leaderboard FOLDER`` writes the pages of all studies that come with
+puckbench.
 """
 
 from __future__ import annotations
@@ -24,11 +25,26 @@ if TYPE_CHECKING:
 
 
 def study_findings(reference: ReferenceResults) -> Findings:
+    """Return the findings of a study, computed in the same way as those of a run."""
     return findings(reference.metrics, _comparisons(reference), reference.style)
 
 
 def write_study(reference: ReferenceResults, folder: Path) -> Path:
-    """Write ``index.html`` and ``tables`` for a study; ``tables/metrics.csv`` contains all rows."""
+    """Write the page and the tables of a study.
+
+    Parameters
+    ----------
+    reference
+        Results of the study.
+    folder
+        Folder in which ``index.html`` and the folder ``tables`` are written. ``tables/metrics.csv``
+        contains all results.
+
+    Returns
+    -------
+    Path
+        Path of the page.
+    """
     tables = folder / "tables"
     summary = table_entry("summary").make(metrics=reference.metrics)
     tables_by_name = {"summary": summary, **_comparisons(reference)}

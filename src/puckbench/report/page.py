@@ -1,7 +1,7 @@
-"""Render the page: templates with data, style and scripts inserted.
+"""Rendering of the report's page from templates, data, style and scripts.
 
-The interactive plot uses no library: the smallest in a Python package has 4.8 MB and needs a
-weaker content security policy.
+The interactive plot uses no library: the smallest in a Python package has 4.8 MB and needs a weaker
+content security policy.
 """
 
 from __future__ import annotations
@@ -25,19 +25,27 @@ TEMPLATES = ("page.html", "table.html")
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Render a template; all values except markup are escaped."""
+    """Return the text of a template with values filled in, which are escaped unless markup."""
     return _environment().get_template(template).render(values)
 
 
 def filled(template: str, **values: Any) -> Markup:
-    """Return HTML: a Jinja template, given as text, with values filled in and escaped."""
+    """Fill values into a template given as text, and return HTML.
+
+    Parameters
+    ----------
+    template
+        Text of a Jinja template.
+    values
+        Values by name, which are escaped.
+    """
     from markupsafe import Markup
 
     return Markup(_environment().from_string(template).render(values))  # noqa: S704 (escaped)
 
 
 def whole_page(**values: Any) -> str:
-    """Render the HTML file, with a content security policy that forbids foreign content."""
+    """Return the HTML of the page; its content security policy forbids foreign content."""
     scripts = [_asset(name) for name in SCRIPTS]
     allowed = " ".join(f"'{_script_hash(text)}'" for text in scripts)
     policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
@@ -45,7 +53,7 @@ def whole_page(**values: Any) -> str:
 
 
 def assets_version() -> str:
-    """Return a digest of templates, style and scripts; if it changes, the page is built again."""
+    """Return a digest of templates, style and scripts. If it changes, the page is built again."""
     text = "".join(_asset(name) for name in (*TEMPLATES, STYLE, *SCRIPTS))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -11,27 +11,46 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Pixels
 
 WIDTHS = (1600, 1200, 800)
-"""Widths in pixels; the first that gives a small enough file is used, else the last."""
+"""Widths of pictures, in pixels; the first that gives a small enough file is used, else the last.
+"""
 MOST_BYTES = 400_000
 _COLOURS = 256
 
 
 @dataclass(frozen=True)
 class Picture:
+    """A picture that is embedded in the page: PNG file, and its size in pixels."""
+
     png: bytes
     width: int
     height: int
 
     @property
     def uri(self) -> str:
+        """The picture as a data URI."""
         return "data:image/png;base64," + b64encode(self.png).decode("ascii")
 
 
 def embedded(png: bytes, what: str) -> Picture:
-    """Return a picture with at most 256 colours, in the largest of `WIDTHS` that gives at most
-    `MOST_BYTES`.
+    """Reduce a picture so that it can be embedded in the page.
 
-    Raises InputError, naming `what`, if the picture is unreadable.
+    Parameters
+    ----------
+    png
+        Content of a PNG file.
+    what
+        Name of the picture in the error message.
+
+    Returns
+    -------
+    Picture
+        The picture with at most 256 colours, in the largest of `WIDTHS` that gives at most
+        `MOST_BYTES`.
+
+    Raises
+    ------
+    InputError
+        The picture is unreadable.
     """
     from PIL import Image, UnidentifiedImageError
 

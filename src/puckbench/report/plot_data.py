@@ -29,10 +29,21 @@ _DIGITS = 5
 
 
 def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
-    """Return the data for the plot.
+    """Return the data of the page's interactive plot, as a JSON object.
 
-    ``cells`` has an entry for each data set, codec and rate: the number of ``clouds``, and
-    ``values``, which maps columns to [first quartile, median, third quartile] over clouds.
+    Parameters
+    ----------
+    metrics
+        Results of a run.
+    style
+        Style of the figures.
+
+    Returns
+    -------
+    dict
+        ``datasets``, ``codecs`` and ``metrics`` describe what can be chosen. ``cells`` has an entry
+        for each data set, codec and rate: the number of ``clouds``, and ``values``, which maps
+        columns to [first quartile, median, third quartile] over clouds.
     """
     metrics = with_lossless_best(without_mixed_peaks(metrics))
     labels = _shown(metrics)
@@ -50,6 +61,7 @@ def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
 
 
 def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
+    """Return name, title, colour, marker and line of a codec, as a JSON object."""
     from matplotlib.colors import to_hex
 
     plot_style = style.of_codec(codec)
@@ -63,10 +75,7 @@ def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
 
 
 def _shown(metrics: pd.DataFrame) -> list[ColumnLabel]:
-    """Return labels of the numeric columns that depend on the codec and have a value.
-
-    A column without a label is shown if it differs between codecs or rates.
-    """
+    """Return labels of the columns that the plot offers: numbers that depend on codec or rate."""
     numbers = metrics.select_dtypes("number").dropna(axis="columns", how="all")
     names = [str(name) for name in numbers]
     different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1
@@ -119,10 +128,10 @@ def _cells(
 
 
 def _quartiles(values: Floats) -> Floats:
-    """Return quartiles (3, columns) of values (n, columns), without nan; nan for empty columns.
+    """Return the quartiles of each column, (3, columns), of values (n, columns), ignoring nan.
 
-    Fewer than six values have no quartiles: their median stands for them.
-    This is much faster than quantiles of a wide data frame.
+    This is much faster than quantiles of a wide data frame. With fewer than six rows, the median
+    stands for all three quartiles.
     """
     shares = _SHARES if len(values) >= MIN_SCENES else [0.5] * len(_SHARES)
     quartiles = np.full((len(shares), values.shape[1]), np.nan)
@@ -136,4 +145,5 @@ def _quartiles(values: Floats) -> Floats:
 
 
 def round_significant(values: Any, digits: int = _DIGITS) -> list[float]:
+    """Return values as a list of numbers, rounded to significant digits."""
     return [float(f"{value:.{digits}g}") for value in np.asarray(values, dtype=float)]

@@ -1,7 +1,7 @@
-"""Reference results: the result rows of a study in a Parquet file.
+"""Reference results: the results of a study, stored in a Parquet file.
 
-A row contains its cloud's digest. JSON in the schema's metadata describes how the results were
-made.
+A row of the file contains the digest of its cloud. JSON in the metadata of the file describes how
+the results were made.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parent / "reference"
 OF_DRIVES = Path(__file__).parent / "reference_drives"
-"""Folder with tables of results on drives."""
+"""Folder with tables of results on drives, i.e. consecutive turns of a moving sensor."""
 DIGEST = "digest"
-"""Column with the digest of a cloud's coordinates."""
+"""Name of the column with the digest of a cloud's coordinates."""
 KEY = "puckbench.reference"
 FORMAT = 1
 _TITLES = {
@@ -45,19 +45,22 @@ _TITLES = {
     "sweeps_reno": "Turns of a sensor, RENO",
 }
 _DIGITS = 6
-"""Significant digits of measured numbers."""
+"""Number of significant digits of measured values."""
 _CLOUD = ["dataset", "cloud"]
 _NUMBERS = ("diameter", "hausdorff_point", "peak")
 _ENDINGS = ("_s", "_mse", "_psnr")
-"""Columns, and ends of columns, whose numbers a comparison uses."""
+"""Columns, and endings of columns, whose numbers a comparison uses."""
 _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
-"""Columns of every file."""
+"""Columns that every file has."""
 _TIMED = ("encode_curve", "evaluate_curve", "encode_drive")
-"""Jobs that time codecs."""
+"""Names of the jobs that time codecs."""
 MIN_PROCESSOR_SHARE = 0.95
-"""Minimum ratio of processor to wall time of `_TIMED` jobs (one thread each) on an idle machine.
+"""Smallest ratio of processor time to wall time of `_TIMED` jobs (one thread each) on an idle
+machine.
+
 Measured: 0.97 (encoding) and 0.99 (decoding, evaluation) on an idle machine, 0.83 and 0.88 on a
-busy one (docs/notes/times.md)."""
+busy one (docs/notes/times.md).
+"""
 
 
 class _BdRate(Model, extra="ignore"):
@@ -79,15 +82,18 @@ class _About(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class ReferenceResults:
-    """The results of a study.
+    """The results of a study, with which runs are compared.
 
     Parameters
     ----------
+    name
+        Name of the study.
     metrics
         A row for each data set, cloud, codec and rate, with the `DIGEST` of the cloud.
     about
-        ``configuration``, ``style``, ``bd_rate``, ``machine``, ``record``, rows of the tables
-        ``clouds`` and ``scan_errors``, and ``not_timed``, the reason for missing times.
+        Description of the study: ``configuration``, ``style``, ``bd_rate``, ``machine``,
+        ``record``, rows of the tables ``clouds`` and ``scan_errors``, and ``not_timed``, the reason
+        for missing times.
     """
 
     name: str
@@ -96,29 +102,33 @@ class ReferenceResults:
 
     @property
     def title(self) -> str:
+        """Title of the study."""
         return _TITLES.get(self.name, name_in_words(self.name))
 
     @cached_property
     def style(self) -> FigureStyle:
+        """Style of the study's figures."""
         from puckbench.figures.style import FigureStyle
 
         return FigureStyle.from_config(*self.about["style"])
 
     @property
     def bd_rate(self) -> Mapping[str, Any]:
-        """Options for the study's Bjontegaard deltas."""
+        """Options with which the study's BD-rates are computed: anchor, qualities and margin."""
         return parsed(_BdRate, self.about["bd_rate"], "bd_rate").model_dump()
 
     @property
     def record(self) -> RunRecord:
+        """Date, duration and commits of the study's run."""
         return RunRecord.from_json(self.about["record"])
 
     @property
     def not_timed(self) -> str:
+        """Reason why the study has no times, or empty."""
         return str(self.about.get("not_timed", ""))
 
     def table(self, name: str) -> pd.DataFrame | None:
-        """Return the table ``clouds`` or ``scan_errors``; None if it has no rows."""
+        """Return the study's table ``clouds`` or ``scan_errors``, or None if it has no rows."""
         import pandas as pd
 
         rows = self.about.get(name)
@@ -126,19 +136,28 @@ class ReferenceResults:
 
     @cached_property
     def clouds(self) -> dict[str, tuple[str, str]]:
-        """Data set and name of each cloud, by digest."""
+        """Names of the data set and of the cloud, by the cloud's digest."""
         distinct = self.metrics[[DIGEST, *_CLOUD]].drop_duplicates()
         return {str(d): (str(s), str(c)) for d, s, c in distinct.itertuples(index=False)}
 
 
 def shipped_studies() -> list[str]:
+    """Return the names of the studies that come with puckbench."""
     return sorted(path.stem for path in FOLDER.glob("*.parquet"))
 
 
 def read_reference(name: str) -> ReferenceResults:
-    """Read reference results: a study of puckbench, by name, or a ``.parquet`` file.
+    """Read reference results.
 
-    An unknown study or invalid file raises InputError.
+    Parameters
+    ----------
+    name
+        Name of a study that comes with puckbench, or path of a ``.parquet`` file.
+
+    Raises
+    ------
+    InputError
+        The study is unknown, or the file is not valid.
     """
     if name.endswith(".parquet"):
         return _read(Path(name))
@@ -173,7 +192,7 @@ def _read(path: Path) -> ReferenceResults:
 
 
 def check_results(metrics: pd.DataFrame) -> None:
-    """Raise InputError if a table of results lacks columns, or they are not text or numbers."""
+    """Raise InputError if a table of results lacks columns, or has columns of the wrong type."""
     from pointkit.tables import check_columns
 
     used = [name for name in map(str, metrics) if name in _NUMBERS or name.endswith(_ENDINGS)]
@@ -181,9 +200,21 @@ def check_results(metrics: pd.DataFrame) -> None:
 
 
 def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any]) -> None:
-    """Write the results of a study, named after the file; `about` is as in `ReferenceResults`.
+    """Write the results of a study to a file, whose name is that of the study.
 
-    Raises InputError if a cloud has no digest.
+    Parameters
+    ----------
+    path
+        Parquet file to write.
+    metrics
+        Results of the study.
+    about
+        Description of the study, as in `ReferenceResults`.
+
+    Raises
+    ------
+    InputError
+        A cloud has no digest.
     """
     digests = {(row["dataset"], row["cloud"]): row.get(DIGEST) for row in about["clouds"]}
     keys = [(str(s), str(c)) for s, c in metrics[_CLOUD].itertuples(index=False)]
@@ -196,6 +227,7 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
 
 
 def write_drive_results(path: Path, drives: pd.DataFrame, about: Mapping[str, Any]) -> None:
+    """Write results on drives to a Parquet file; `about` is as in `ReferenceResults`."""
     _write(path, _rounded(drives), about)
 
 
@@ -209,7 +241,6 @@ def _write(path: Path, rows: pd.DataFrame, about: Mapping[str, Any]) -> None:
 
 
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
-    """Write an Arrow table to a small file with dictionary-encoded text and byte-split floats."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -232,7 +263,18 @@ def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
 
 
 def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
-    """Return why a run's times are not comparable, judged by job costs; empty if comparable."""
+    """Return why the times of a run cannot be compared with other times.
+
+    Parameters
+    ----------
+    costs
+        Processor time and wall time of the run's jobs.
+
+    Returns
+    -------
+    str
+        The reason, such as that the machine was busy, or an empty text if times are comparable.
+    """
     timed = [cost for cost in costs if cost["job"] in _TIMED]
     if not timed:
         return "no log tells whether the machine was idle"
@@ -246,6 +288,7 @@ def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
 
 
 def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Return a table of results without the columns of times."""
     return metrics[[name for name in metrics if not is_time(str(name))]]
 
 
@@ -260,5 +303,6 @@ def _rounded(table: Any) -> pd.DataFrame:
 
 
 def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a table as JSON objects without missing values."""
     rows: list[dict[str, Any]] = json.loads(table.to_json(orient="records", double_precision=10))
     return [{key: value for key, value in row.items() if value is not None} for row in rows]

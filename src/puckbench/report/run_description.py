@@ -26,7 +26,17 @@ _MOST_VALUES = 5
 
 @dataclass(frozen=True)
 class RunDescription:
-    """Rows (values by heading) of data sets and codecs; the machine; the configuration as YAML."""
+    """What the page says about how a run was made.
+
+    Parameters
+    ----------
+    datasets, codecs
+        A row for each data set and each codec, as texts by heading.
+    machine
+        Facts about the machine and the software, by name.
+    configuration
+        The configuration as YAML, or empty.
+    """
 
     datasets: tuple[Mapping[str, str], ...]
     codecs: tuple[Mapping[str, str], ...]
@@ -41,6 +51,19 @@ def describe_run(
     machine: Mapping[str, str],
     style: FigureStyle,
 ) -> RunDescription:
+    """Describe how a run was made.
+
+    Parameters
+    ----------
+    configuration
+        Configuration of the run.
+    metrics, clouds
+        Tables of the run: results and clouds; None if the run has none.
+    machine
+        Facts about the machine, by name.
+    style
+        Style of the figures, for titles.
+    """
     return RunDescription(
         datasets=tuple(_datasets(configuration, metrics, clouds, style)),
         codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),
@@ -125,6 +148,7 @@ def _as_yaml(configuration: Mapping[str, Any]) -> str:
 
 
 def this_machine() -> dict[str, str]:
+    """Return facts about this machine and the installed software, as texts by name."""
     versions = installed_versions()
     return {
         "puckbench": __version__,

@@ -17,16 +17,20 @@ Moment = Annotated[datetime | None, BeforeValidator(_moment_of)]
 
 
 class RunRecord(Model):
-    """Date, duration and commits of a run, from the logs of its jobs.
+    """Date, duration and commits of a run, computed from the logs of its jobs.
 
     Parameters
     ----------
+    jobs
+        Number of jobs.
     processor_s
-        Processor time of all jobs, s.
+        Processor time of all jobs, in s.
+    began, ended
+        When the first job began, and when the last one ended; None if unknown.
     busy_s
-        Time during which a job ran, s, without pauses between interrupted runs.
+        Time during which at least one job ran, in s. It excludes pauses between interrupted runs.
     commits
-        Commits of the sources, ordered by their first job.
+        Commits of puckbench's sources that the jobs ran, in the order of their first jobs.
     """
 
     jobs: int = 0
@@ -38,7 +42,7 @@ class RunRecord(Model):
 
     @classmethod
     def of(cls, costs: Iterable[Mapping[str, Any]]) -> RunRecord:
-        """Return the record computed from the costs of jobs (`puckbench.jobs.cost`)."""
+        """Compute the record from the costs of all jobs (`puckbench.jobs.cost`)."""
         all_costs = list(costs)
         dated = sorted((c for c in all_costs if "ended" in c), key=lambda cost: str(cost["ended"]))
         ends = [datetime.fromisoformat(cost["ended"]).timestamp() for cost in dated]
@@ -55,9 +59,11 @@ class RunRecord(Model):
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> RunRecord:
+        """Return a record from a JSON object, as `as_json` writes it."""
         return parsed(cls, value, "record")
 
     def as_json(self) -> dict[str, Any]:
+        """Return the record as a JSON object."""
         moments = {
             name: moment.isoformat(timespec="seconds") if moment else None
             for name, moment in (("began", self.began), ("ended", self.ended))
@@ -65,6 +71,7 @@ class RunRecord(Model):
         return {**vars(self), **moments, "commits": list(self.commits)}
 
     def facts(self) -> dict[str, str]:
+        """Return the record as texts for the page, by name; empty if there are no jobs."""
         if not self.jobs:
             return {}
         jobs = "1 job" if self.jobs == 1 else f"{self.jobs:,} jobs"
@@ -90,12 +97,12 @@ def _covered(spans: Sequence[tuple[float, float]]) -> float:
 
 
 def date_text(moment: datetime) -> str:
-    """Return a date in English: 3 May 2026."""
+    """Return a date in English, such as "3 May 2026"."""
     return f"{moment.day} {moment:%B %Y}"
 
 
 def duration_text(seconds: float) -> str:
-    """Return a duration in one or two units: 48 s, 14 min, 3 h 20 min."""
+    """Return a duration in one or two units, such as "48 s", "14 min" or "3 h 20 min"."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

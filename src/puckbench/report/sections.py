@@ -1,6 +1,6 @@
-"""Further sections of the report, which other packages add in their module ``sections``.
+"""Further sections of the report's page, which other packages add in their module ``sections``.
 
-A section is a function from a run's tables to HTML::
+A section is a function that turns tables of a run into HTML::
 
     @SECTIONS.register("machines", title="Machines", tables=("machines",))
     def machines(data: SectionData) -> Markup | None:
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SectionData:
-    """What a section can show of a run.
+    """The parts of a run that a section of the page can show.
 
     Parameters
     ----------
     tables
         Tables of the run that have rows, by name.
     links
-        Relative links from the page to the tables' CSV files, by name of the table.
+        Links from the page to the CSV files of the tables, by name of the table.
     figures
-        Titles of the figures on the page, by name; the figure ``x`` has the anchor ``#figure-x``.
+        Titles of the figures on the page, by name. The figure ``x`` has the anchor ``#figure-x``.
     """
 
     tables: Mapping[str, pd.DataFrame]
@@ -41,18 +41,20 @@ class SectionData:
 
 @dataclass(frozen=True)
 class Section:
-    """A registered section, which follows the findings.
+    """A registered section of the page, which follows the findings.
 
     Parameters
     ----------
+    name
+        Name of the section.
     make
         Function that returns the section's HTML, or None if there is nothing to show
         (`puckbench.report.page.filled` makes HTML from a template).
     title
         Heading of the section.
     tables
-        Tables that the section shows. A page has the section if the run has rows of all of them,
-        and then does not list them among its tables.
+        Names of the tables that the section shows. A page has the section if the run has rows of
+        all these tables. It then does not list them among its other tables.
     """
 
     name: str
@@ -65,6 +67,12 @@ SECTIONS: Registry[Section] = Registry("report section", "sections", make=Sectio
 
 
 def sections_of(tables: Mapping[str, object]) -> list[Section]:
-    """Return the sections whose tables are all among those of a run."""
+    """Return the sections for which a run has all tables.
+
+    Parameters
+    ----------
+    tables
+        Tables of the run that have rows, by name.
+    """
     sections = [SECTIONS.get(name) for name in SECTIONS.names()]
     return [section for section in sections if tables.keys() >= set(section.tables)]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MOST_ROWS = 1000
-"""Maximum number of rows in the page; the linked file has all."""
+"""Largest number of rows of a table in the page; the linked file has all rows."""
 _SPREAD = re.compile(r"(.+)_(q25|q75)")
 _BOOKKEEPING = re.compile(
     "clouds|compared|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?pooled"
@@ -24,15 +24,22 @@ _BOOKKEEPING = re.compile(
     "|truth_points_[ab]"
     "|group|count|scans|weights|digest|(truth_|clean_)?acd_.*"
 )
-"""Columns on how values were obtained; like empty columns, they come last and are hidden."""
+"""Columns that tell how values were obtained. Like empty columns, they come last and are hidden."""
 
 
 @dataclass(frozen=True)
 class TableColumn:
-    """A column of a table in the page, with a label and unit for the heading.
+    """A column of a table in the page.
 
-    `kind` has CSS classes: ``number``; ``spread`` for a quantile beside a median; ``bookkeeping``
-    (`_BOOKKEEPING`).
+    Parameters
+    ----------
+    name
+        Name of the column.
+    words, unit
+        Heading of the column.
+    kind
+        CSS classes: ``number``; ``spread`` for a quantile beside a median; ``bookkeeping`` for a
+        column that tells how values were obtained.
     """
 
     name: str
@@ -44,6 +51,17 @@ class TableColumn:
 def table_html(
     table: pd.DataFrame, link: str | None = None, style: FigureStyle | None = None
 ) -> Markup:
+    """Return a table as HTML.
+
+    Parameters
+    ----------
+    table
+        The table, of which at most `MOST_ROWS` rows are shown.
+    link
+        Link to a file with the whole table.
+    style
+        Style of the figures, for titles of data sets and codecs.
+    """
     from markupsafe import Markup
 
     ordered = table[_in_order(table)]
@@ -69,7 +87,7 @@ def _in_order(table: pd.DataFrame) -> list[str]:
 
 
 def is_bookkeeping(values: pd.Series[Any]) -> bool:
-    """Return whether a column tells how values were obtained, or is empty."""
+    """Return whether a column is empty, or tells only how other values were obtained."""
     return bool(_BOOKKEEPING.fullmatch(str(values.name))) or bool(values.isna().all())
 
 

@@ -23,19 +23,23 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BYTES_PER_POINT = 28 / 3
-"""Size of a decoded point: three coordinates of two bytes and an error of one byte, in base64."""
+"""Size of a decoded point in the page: three coordinates of two bytes each and an error of one
+byte, in base64.
+"""
 MOST_DECADES = 3
-"""Maximum range of the error colour scale, powers of ten."""
+"""Largest range of the colour scale of errors, in powers of ten."""
 _MOST_POINTS, _MOST_MB = 20_000, 8.0
-"""Maximum number of points of a cloud, and maximum size (MB) of all clouds in the page."""
+"""Largest number of points of a cloud, and largest size, in MB, of all clouds in the page."""
 _LEAST_DECADES = 0.3
 _STEPS = 65535
 _LEAST_POINTS = 100
 _SHARES = (0.02, 0.999)
-"""Quantiles of a codec's errors at the ends of the colour scale."""
+"""Quantiles of a codec's errors that become the ends of the colour scale."""
 _COLOUR_STOPS = 64
 _COLOUR_MAPS = {"height": ("viridis", 0.2), "error": ("inferno", 0.25)}
-"""Colour maps and the fractions at which they start; darker colours are invisible on the page."""
+"""Colour maps, and the fraction at which each starts; darker colours would be invisible on the
+page.
+"""
 
 
 def viewer_payload(
@@ -44,6 +48,17 @@ def viewer_payload(
     scan_errors: pd.DataFrame | None,
     style: FigureStyle,
 ) -> dict[str, Any]:
+    """Return the data of the page's viewer of clouds, as a JSON object.
+
+    Parameters
+    ----------
+    contents
+        Contents of the page, with the files of the example clouds.
+    metrics, scan_errors
+        Results of the run, and errors of the scans before coding; None if the run has none.
+    style
+        Style of the figures.
+    """
     clouds = sum(1 + sum(map(len, e.decoded.values())) for e in contents.examples)
     points = points_per_cloud(_MOST_POINTS, clouds, _MOST_MB)
     codecs = style.ordered_codecs(c for example in contents.examples for c in example.decoded)
@@ -58,8 +73,15 @@ def viewer_payload(
 def initial_view(
     examples: Sequence[Example], metrics: pd.DataFrame | None, scan_errors: pd.DataFrame | None
 ) -> dict[str, Any]:
-    """Return the example, codec and rate with the least distance to the true surface, relative to
-    the scan's distance; without a true surface, return the last example.
+    """Choose the decoded cloud that the viewer shows first.
+
+    It is the one whose distance to the true surface, relative to that of the scan before coding, is
+    smallest. Without true surfaces, the last example is shown.
+
+    Returns
+    -------
+    dict
+        Number of the ``example``, from 0, and, with a true surface, ``codec`` and ``rate``.
     """
     gains: dict[tuple[int, str, str], float] = {}
     for number, example in enumerate(examples):
@@ -135,9 +157,17 @@ def _colours(name: str, start: float) -> list[str]:
 
 @dataclass(frozen=True)
 class ViewerCloud:
-    """Points (n, 3) of a cloud in metres, and the number of points before subsampling.
+    """A cloud in the viewer, reduced to a sample of its points.
 
-    `errors` are distances (n,) to the nearest original point, m; None for an original.
+    Parameters
+    ----------
+    xyz
+        Points of the sample, (n, 3), in m.
+    total
+        Number of points of the whole cloud.
+    errors
+        Distances of the points from the nearest original point, (n,), in m; None for an original
+        cloud.
     """
 
     xyz: Floats
@@ -146,12 +176,26 @@ class ViewerCloud:
 
 
 def points_per_cloud(most: int, clouds: int, most_mb: float) -> int:
+    """Return how many points of each cloud fit into the page.
+
+    Parameters
+    ----------
+    most
+        Largest number of points of a cloud.
+    clouds
+        Number of clouds.
+    most_mb
+        Largest size of all clouds, in MB.
+    """
     fitting = most_mb * 1e6 / (max(clouds, 1) * BYTES_PER_POINT)
     return max(_LEAST_POINTS, min(most, int(fitting)))
 
 
 def subsample_points(points: Floats, most: int, *names: str) -> Floats:
-    """Return at most `most` points (n, 3), a random sample determined by `names`."""
+    """Return a random sample of at most `most` points (n, 3).
+
+    The sample is reproducible, because `names` determine the seed.
+    """
     if len(points) <= most:
         return points
     rows = generator(0, "report", *names).choice(len(points), most, replace=False)
@@ -159,6 +203,7 @@ def subsample_points(points: Floats, most: int, *names: str) -> Floats:
 
 
 def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
+    """Return a sample of at most `most` points of an original cloud."""
     return ViewerCloud(
         original.to_metres(subsample_points(original.xyz, most, "original")), len(original)
     )
@@ -167,9 +212,21 @@ def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
 def decoded_for_viewer(
     original: PointCloud, decoded: Iterable[tuple[str, str, Floats]], most: int
 ) -> list[tuple[str, str, ViewerCloud]]:
-    """Return decoded clouds (codec, rate, cloud) with errors.
+    """Return samples of decoded clouds, with the error of each point.
 
-    `decoded` contains codec, rate, and points (m, 3) in the original's coordinate frame.
+    Parameters
+    ----------
+    original
+        The cloud before coding.
+    decoded
+        Codec, rate, and points (m, 3) in the original's coordinate frame, of each decoded cloud.
+    most
+        Largest number of points of a sample.
+
+    Returns
+    -------
+    list
+        Codec, rate and cloud for each decoded cloud.
     """
     from pykdtree.kdtree import KDTree
 
@@ -187,6 +244,7 @@ def decoded_for_viewer(
 def example_payload(
     original: ViewerCloud, decoded: Sequence[tuple[str, str, ViewerCloud]], in_metres: bool
 ) -> dict[str, Any]:
+    """Return an original cloud and its decoded versions as a JSON object."""
     ranges = {name: error_range([s for c, _, s in decoded if c == name]) for name, _, _ in decoded}
     return {
         "unit": "m" if in_metres else "grid units",
@@ -200,7 +258,10 @@ def example_payload(
 
 
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
-    """Return the limits of a codec's colour scale, without outliers: at most three decades."""
+    """Return the errors at the lower and the upper end of a codec's colour scale.
+
+    The scale leaves out extreme errors, and spans at most three decades.
+    """
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])
     if not errors.any():
@@ -211,7 +272,21 @@ def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
 
 
 def cloud_payload(shown: ViewerCloud, limits: tuple[float, float] = (0.0, 0.0)) -> dict[str, Any]:
-    """Encode a cloud in base64: coordinates in 65,535 steps of its box, errors by `levels`."""
+    """Return a cloud as a JSON object.
+
+    Parameters
+    ----------
+    shown
+        The cloud.
+    limits
+        Ends of the colour scale of errors.
+
+    Returns
+    -------
+    dict
+        ``xyz`` has the coordinates as 16-bit integers, in 65,535 steps of the bounding box, in
+        base64. For decoded clouds, ``error`` has errors quantised by `levels`, in base64.
+    """
     low, high = shown.xyz.min(axis=0), shown.xyz.max(axis=0)
     extent = np.maximum(high - low, 1e-9)
     steps = np.rint((shown.xyz - low) * (_STEPS / extent)).astype("<u2")
@@ -229,7 +304,20 @@ def cloud_payload(shown: ViewerCloud, limits: tuple[float, float] = (0.0, 0.0)) 
 
 
 def levels(errors: Floats, lowest: float, highest: float) -> Any:
-    """Quantise errors (n,) logarithmically to uint8: 0 below `lowest`, 255 from `highest` on."""
+    """Quantise errors logarithmically to 8 bits, as places on the colour scale.
+
+    Parameters
+    ----------
+    errors
+        Errors, (n,).
+    lowest, highest
+        Errors at the ends of the colour scale.
+
+    Returns
+    -------
+    numpy.ndarray
+        Levels, (n,): 0 below `lowest`, 255 from `highest` on.
+    """
     if highest == 0:
         return np.zeros(len(errors), np.uint8)
     with np.errstate(divide="ignore"):
