@@ -15,7 +15,10 @@ from puckbench.jobs.prepare import names_and_groups
 from puckbench.jobs.registry import JOBS, Job
 from virtual_lidar.scan_table import ScanTable
 
-CODE = ("puckbench.jobs.prepare", "puckbench.metrics.sensor_metrics")
+CODE = (
+    *("puckbench.jobs.prepare", "puckbench.metrics.sensor_metrics"),
+    *("virtual_lidar.scan_returns", "virtual_lidar.sweep", "virtual_lidar.trajectory"),
+)
 
 
 @JOBS.register("prepare_returns")

@@ -6,8 +6,8 @@ help texts do not count. A YAML file counts with the Python file of the same nam
 with the package in whose folder it lies.
 
 The code of a user's file is the Python files of its package or, outside a package, of its folder
-and the folders directly in it. The modules that the file has imported count too, except those of
-installed packages. The code of a module of another installed package is that whole package. In both
+and the folders directly in it, but for files of other plug-ins that it does not mention. The
+modules that the file has imported count too, except those of installed packages. The code of a module of another installed package is that whole package. In both
 cases, all packages of this repository that puckbench builds on (`ENGINES`) count as well.
 """
 
@@ -17,6 +17,7 @@ import ast
 import hashlib
 import importlib
 import importlib.util
+import re
 import sys
 import sysconfig
 from collections.abc import Iterator
@@ -26,7 +27,7 @@ from types import ModuleType
 from typing import Any
 
 from cloud_files.meshes import reading as meshes
-from pointkit.registry import Registry, value_module
+from pointkit.registry import Registry, trusted_files, value_module
 from pointkit.sources import package_files, package_folder
 from puckbench.core.packages import ENGINES, package_folders
 from puckbench.figures.registry import FIGURES
@@ -120,6 +121,9 @@ def _files_of_user(file: Path) -> set[Path]:
     """Return the files that count as the code of a user's file."""
     folder = package_folder(file)
     beside = {*package_files(folder), *file.parent.glob("*/*.py"), *_data_below(file.parent, "*")}
+    text = file.read_text(encoding="utf-8", errors="replace")
+    others = (other for other in trusted_files() if other != file.absolute())
+    beside -= {other for other in others if not re.search(rf"\b{other.stem}\b", text)}
     queue, modules = [_imported(file)], dict[str, ModuleType]()
     while queue:
         for value in vars(queue.pop()).values():

@@ -119,6 +119,17 @@ def test_what_a_users_codec_imports_from_elsewhere_counts(
     assert _version_with(codec, library, "def step():\n    return 2\n") != before
 
 
+def test_a_codec_beside_another_counts_only_where_it_is_mentioned(tmp_path: Path) -> None:
+    codec, other = tmp_path / "mine.py", tmp_path / "yours.py"
+    _version(codec, "step = 1\n")
+    _version(other, "class Yours: ...\n")
+    trust([f"{codec}:Mine", f"{other}:Yours"])
+    before = code_version(codec)
+    assert _version_with(codec, other, "class Yours:\n    step = 2\n") == before
+    mentions = _version(codec, "def encode():\n    from yours import Yours\n")
+    assert _version_with(codec, other, "class Yours: ...\n") != mentions
+
+
 def test_what_a_plugin_names_is_its_code() -> None:
     def names(*modules: str) -> set[str]:
         return {f"{file.parent.name}/{file.name}" for file in covered(*modules)}
