@@ -8,7 +8,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 _MOVED = {
-    "puckbench.coding": "pointkit.coding",
+    "puckbench.coding": "pointkit.coding or puckbench.codecs",
     "puckbench.core.compiling": "pointkit.compiling",
     "puckbench.core.content": "cloud_files.content",
     "puckbench.core.errors": "pointkit.errors",
@@ -22,15 +22,19 @@ _MOVED = {
     "puckbench.core.threads": "pointkit.threads",
     "puckbench.core.yaml_files": "pointkit.yaml_files",
     "puckbench.geometry": "pointkit.geometry",
+    "puckbench.geometry.bounded_search": "primitive_codec.bounded_search",
+    "puckbench.geometry.missing_returns": "cloud_files.missing_returns",
+    "puckbench.geometry.vectors": "primitive_codec.vectors",
     "puckbench.gpcc": "gpcc",
-    "puckbench.io": "cloud_files, pointkit or puck.recordings",
+    "puckbench.io": "cloud_files, pointkit, puck.recordings or puckbench.core.archives",
     "puckbench.learned": "pcc_networks",
-    "puckbench.lidar": "virtual_lidar, pointkit.lidar or puck.recordings",
+    "puckbench.lidar": "virtual_lidar, pointkit.lidar, puck.recordings or puckbench.recordings",
     "puckbench.primitives": "primitive_codec",
     "puckbench.puck": "puck",
+    "puckbench.report.claims": "jenco2022.sections",
     "puckbench.scenes": "virtual_lidar.scenes",
     "puckbench.storage": "puckbench.codecs.storage",
-    "puckbench.thesis": "jenco2022",
+    "puckbench.thesis": "jenco2022 or puckbench.figures",
 }
 """Old modules and packages, and where they, or most of what was in them, are now."""
 
@@ -46,4 +50,5 @@ class MovedModules(MetaPathFinder):
             place = place.rpartition(".")[0]
         if not place:
             return None
-        raise ModuleNotFoundError(f"{name} has moved: import it from {_MOVED[place]}", name=name)
+        # Not ModuleNotFoundError, which `from puckbench import gpcc` would replace by its own.
+        raise ImportError(f"{name} has moved: import it from {_MOVED[place]}", name=name)

@@ -13,7 +13,12 @@ from virtual_lidar.errors import open_error_model
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
+CODE = (
+    "pointkit.lidar.sensors",
+    "jenco2022.*",
+    "virtual_lidar.residual_table",
+    "virtual_lidar.sweep",
+)
 
 _table = partial(TABLES.register, category=SENSOR, needs=(STUDY,))
 _MISSING_LASER = 13

@@ -75,7 +75,7 @@ def _is_synset(path: Path) -> bool:
 
 
 def _class_of(synset: Path) -> str:
-    names: dict[str, str] = _read_table(Path(__file__).with_name("shapenet_synsets.yaml"))
+    names: dict[str, str] = _read_table(Path(__file__).with_suffix(".yaml"))
     return names.get(synset.name, synset.name)
 
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from pointkit.geometry.cloud import Floats, PointCloud
     from pointkit.lidar.returns import Returns
 
+CODE = ("puckbench.codecs.base", "puckbench.codecs.puck")
+
 BITS = f"Bits per return, {BETTER}"
 ERROR = PlottedMetric("error_mm", "RMS error to the scan (D1)", "mm")
 TO_TRUTH = PlottedMetric("truth_mm", "RMS distance to the truth (D2)", "mm")

@@ -7,7 +7,11 @@ from pointkit.errors import InputError
 from puckbench.core.code import TABLES
 from puckbench.jobs.registry import JOBS, Job
 
-CODE = (*TABLES, "puckbench.jobs.cost")
+CODE = (
+    *TABLES,
+    "puckbench.jobs.cost",
+    "puckbench.metrics.tables.rate_deltas",
+)
 
 _AFTERWARDS = {"report", "reference"}
 """Jobs whose time does not count for the duration of a run."""

@@ -8,7 +8,12 @@ from pointkit.files import write_bytes
 from puckbench.core.code import CLOUD_FILES, TABLES
 from puckbench.jobs.registry import JOBS, Job
 
-CODE = (*CLOUD_FILES, *TABLES, "puckbench.jobs.cost")
+CODE = (
+    *CLOUD_FILES,
+    *TABLES,
+    "puckbench.jobs.cost",
+    "puckbench.metrics.tables.uses",
+)
 
 
 @JOBS.register("report")

@@ -14,6 +14,7 @@ CODE = (
     "puckbench.geometry.attributes",
     "puckbench.geometry.rendering",
     "puckbench.metrics.colour",
+    "puckbench.metrics.density",
     "puckbench.metrics.geometry",
     "puckbench.metrics.lossless",
     "puckbench.metrics.paired_values",

@@ -7,8 +7,9 @@ with the package in whose folder it lies.
 
 The code of a user's file is the Python files of its package or, outside a package, of its folder
 and the folders directly in it, but for files of other plug-ins that it does not mention. The
-modules that the file has imported count too, except those of installed packages. The code of a module of another installed package is that whole package. In both
-cases, all packages of this repository that puckbench builds on (`ENGINES`) count as well.
+modules that the file has imported count too, except those of installed packages. The code of a
+module of another installed package is that whole package. In both cases, all packages of this
+repository that puckbench builds on (`ENGINES`) count as well.
 """
 
 from __future__ import annotations
