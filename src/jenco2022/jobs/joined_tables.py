@@ -8,12 +8,8 @@ from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
 CODE = (
-    *(
-        "virtual_lidar.errors",
-        "virtual_lidar.residual_table",
-        "jenco2022.residuals",
-        "puckbench.jobs.gathered_tables",
-    ),
+    *("jenco2022.residuals", "pointkit.lidar.sensors", "puckbench.jobs.gathered_tables"),
+    *("virtual_lidar.errors", "virtual_lidar.residual_table"),
     *("virtual_lidar.calibration.*", "virtual_lidar.errors.calibrated"),
 )
 
