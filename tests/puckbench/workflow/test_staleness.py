@@ -188,6 +188,8 @@ def _each(kind: str, *names: str) -> set[str]:
 
 RECORDED = {"scene turns", "scene one_turn", "drive real", "capture_residuals box"}
 DRIVES = {"encode_drive puck", "measure_drive puck"}
+SWEEPS = _each("figure", "sweeps_rd", "sweeps_truth", "sweeps_ranges")
+"""Figures in one file with `spin_images`, which codes with `puck` itself."""
 EVALUATED = {*_each("evaluate", *CODECS), "scan_error noisy", "scan_error spin", "train small"}
 NETWORKS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net")
 OCTREE = (*NETWORKS, "gpcc", "gpcc_angular", "gpcc_predictive", "primitives")
@@ -205,7 +207,7 @@ THESIS = {
 
 CHANGED_BY: dict[str, set[str]] = {
     # Engines, of which the curves of all their codecs and of users' codecs are coded again.
-    "puck/ranges.py": _curves("puck") | DRIVES | MINE,
+    "puck/ranges.py": _curves("puck") | DRIVES | SWEEPS | MINE,
     "gpcc/octree.py": _curves(*OCTREE) | {"recovery primitives", "train small"} | MINE,
     "primitive_codec/region_merging.py": _curves("primitives") | {"recovery primitives"} | MINE,
     "pcc_networks/pcgcv1/inference.py": _curves("pcgcv1_plus") | MINE,
@@ -233,7 +235,11 @@ CHANGED_BY: dict[str, set[str]] = {
     "cloud_files/meshes/off.py": {"scene meshes"} | MINE,
     "cloud_files/meshes/obj.py": MINE,
     # The packets of puck's own recordings are code of its streams.
-    "puck/recordings/packet_turns.py": RECORDED | _curves("packets_xz", "puck") | DRIVES | MINE,
+    "puck/recordings/packet_turns.py": RECORDED
+    | _curves("packets_xz", "puck")
+    | DRIVES
+    | SWEEPS
+    | MINE,
     # The sensor.
     "virtual_lidar/errors/vlp16.py": {
         *("scan noisy", "drive virtual", "table compared_residuals", "table table_5_1"),
@@ -304,7 +310,12 @@ def test_an_edit_of_a_file_changes_the_code_of_these_jobs_alone(
 
 
 REAL_EDITS: list[tuple[str, str, str, set[str]]] = [
-    ("puck/least_squares.py", "_RIDGE = 5000", "_RIDGE = 6000", _curves("puck") | DRIVES | MINE),
+    (
+        "puck/least_squares.py",
+        "_RIDGE = 5000",
+        "_RIDGE = 6000",
+        _curves("puck") | DRIVES | SWEEPS | MINE,
+    ),
     ("mine.py", "import numpy", "# A comment.\nimport numpy", set()),
     ("path.csv", "0.3,0.2", "0.3,0.1", {"drive virtual"}),
     (
