@@ -29,13 +29,13 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import chdir
 from functools import cache, cached_property
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeGuard, TypeVar
 
 from pointkit.errors import InputError, among, error_text
-from pointkit.sources import package_folder
+from pointkit.sources import import_folder
 
 T = TypeVar("T")
 Target = TypeVar("Target")
@@ -205,9 +205,14 @@ class Registry(Generic[T]):
 
 
 @cache
+def plugin_packages() -> dict[str, EntryPoint]:
+    """Return the entry points of the installed packages that declare plug-ins, by package."""
+    return {point.value: point for point in entry_points(group=_PLUGINS)}
+
+
 def _packages(package: str) -> list[str]:
     """Return the registry's own package, and the packages that declare plug-ins."""
-    return [package, *(point.value for point in entry_points(group=_PLUGINS))]
+    return [package, *plugin_packages()]
 
 
 @cache
@@ -259,8 +264,7 @@ def _imported(name: str) -> ModuleType:
     if not name.endswith(".py"):
         return importlib.import_module(name)
     path = Path(name).resolve()
-    top = package_folder(path)
-    top = top.parent if (top / "__init__.py").exists() else top
+    top = import_folder(path)
     if str(top) not in sys.path:
         sys.path.append(str(top))  # for good: the module may import others when it codes
     is_in_package = top != path.parent
@@ -299,8 +303,3 @@ def _check_visible(path: Path, top: Path) -> None:
             spec = importlib.util.find_spec(name) if own.is_file() else None
             if spec and spec.origin and not Path(spec.origin).is_relative_to(top):
                 raise ImportError(f"{own} is hidden by {spec.origin}: rename it")
-
-
-def value_module(value: object) -> str:
-    """Return the name of the module that defines a class or function; an empty text for others."""
-    return str(getattr(value, "__module__", "") or "")

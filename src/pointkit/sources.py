@@ -20,6 +20,16 @@ def package_folder(file: Path) -> Path:
     return folder
 
 
+def import_folder(file: Path) -> Path:
+    """Return the folder that must be on Python's search path so that a file can be imported.
+
+    This is the folder that contains the file's top-level package; for a file in no package, its own
+    folder.
+    """
+    folder = package_folder(file)
+    return folder.parent if (folder / "__init__.py").exists() else folder
+
+
 def package_files(folder: Path) -> list[Path]:
     """Return the Python files of a package and its subpackages.
 

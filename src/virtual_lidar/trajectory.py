@@ -239,7 +239,7 @@ class Motion(Model):
     acceleration_m_s2: PositiveFloat = 3.0
     """Acceleration, and deceleration before stops."""
     rest_s: NonNegativeFloat = 0.5
-    """Time before the sensor starts."""
+    """Time (s) for which the sensor stands still before it starts to move."""
     stop_every_s: PositiveFloat | None = None
     """Period of stop and go: in its second half, the sensor slows down and stands; by default it
     never stops."""

@@ -95,7 +95,7 @@ class OusterKind:
 
     @classmethod
     def of(cls, sensor: OusterSensor) -> OusterKind:
-        """Return the kind of a sensor's packets, which are UDP payloads in one piece."""
+        """Return the kind of the packets that a sensor sends, none of which is fragmented."""
         return cls(sensor.profile, sensor.is_fusa, sensor.columns_per_packet, sensor.layout)
 
     @classmethod

@@ -23,12 +23,6 @@ SENSOR = ("virtual_lidar", "virtual_lidar.errors")
 """Code of the virtual sensor, without its error models, which are plug-ins."""
 CODEC = ("puckbench.codecs.base", "puckbench.jobs.codec_jobs", "puckbench.jobs.curve_files")
 """Code that calls codecs, and that reads and writes archives of streams."""
-RECORDINGS = (
-    *("puckbench.recordings", "puckbench.datasets.recordings", "puck.records"),
-    *("puck.recordings", "puckbench.codecs.registry", "cloud_files.missing_returns"),
-    "cloud_files.point_columns",
-)
-"""Code that reads recordings of real sensors."""
 STATISTICS = (
     *("puckbench.metrics.bjontegaard", "puckbench.metrics.coordinate_frames"),
     *("puckbench.metrics.interpolation", "puckbench.metrics.lossless", "puckbench.metrics.peaks"),

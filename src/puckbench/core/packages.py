@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
+
+from pointkit.registry import plugin_packages
 
 ENGINES = (
     *("cloud_files", "gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck"),
@@ -14,21 +15,13 @@ ENGINES = (
 """Packages of this repository that puckbench builds on."""
 
 
-def plugin_packages() -> list[EntryPoint]:
-    """Return the installed packages that declare plug-ins of puckbench, as entry points.
-
-    The value of an entry point is the name of the package.
-    """
-    return list(entry_points(group="puckbench.plugins"))
-
-
 def package_folders() -> dict[str, Path]:
     """Return the folders of the packages that jobs import, by the package's name.
 
     These are puckbench, `ENGINES`, and the packages with plug-ins. Packages that are not installed
     are left out.
     """
-    names = ("puckbench", *ENGINES, *(point.value for point in plugin_packages()))
+    names = ("puckbench", *ENGINES, *plugin_packages())
     specs = {name: find_spec(name) for name in names}
     return {name: Path(spec.origin).parent for name, spec in specs.items() if spec and spec.origin}
 
@@ -57,9 +50,9 @@ def packages_alone(folder: Path) -> Path:
             new = link.with_name(f"{name}.{os.getpid()}")
             new.symlink_to(package)
             new.replace(link)  # atomic, since several jobs may do it at the same time
-    for point in plugin_packages():
+    for name, point in plugin_packages().items():
         if point.dist is not None:
-            about = folder / f"{point.value}.dist-info"
+            about = folder / f"{name}.dist-info"
             about.mkdir(exist_ok=True)
             for part in ("METADATA", "entry_points.txt"):
                 (about / part).write_text(point.dist.read_text(part) or "")

@@ -6,14 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from puckbench.core.code import MESH_FILES, RECORDINGS
+from puckbench.core.code import MESH_FILES
 from puckbench.datasets.recordings import decompressed
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
     from virtual_lidar.walls.residuals import RecordedPlanes, RecordingOptions
 
-CODE = (*RECORDINGS, *MESH_FILES, "virtual_lidar.residual_table", "virtual_lidar.walls.*")
+CODE = (
+    *MESH_FILES,
+    "puckbench.datasets.recordings",
+    "virtual_lidar.residual_table",
+    "virtual_lidar.walls.*",
+)
 
 
 @JOBS.register("capture_residuals")

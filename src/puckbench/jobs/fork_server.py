@@ -156,9 +156,10 @@ def serve(modules: Iterable[str]) -> None:
     """Import modules, then fork a process for each requested job until standard input closes."""
     import gc
 
-    from puckbench.core.packages import ENGINES, plugin_packages
+    from pointkit.registry import plugin_packages
+    from puckbench.core.packages import ENGINES
 
-    plugins = [point.value for point in plugin_packages()]
+    plugins = plugin_packages()
     for name in (*modules, *plugins):
         _import(name, {"puckbench", *ENGINES, *plugins})
     gc.freeze()

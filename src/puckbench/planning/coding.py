@@ -188,7 +188,7 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def memory_mb(self, codec: str) -> int:
-        """Return the estimated memory (MB) of a job with this codec, for the largest clouds."""
+        """Return the estimated memory (MB) of a job that codes the largest cloud of the run."""
         views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
         changes = self.plan.config.codec(codec)
         pictures = views**2 * _BYTES_PER_PIXEL // 1_000_000

@@ -103,9 +103,9 @@ class DriveJobs:
 
     @cached_property
     def rows(self) -> tuple[str, ...]:
-        """Files with rows of results, relative to the results folder.
+        """Return the paths of the files with result rows, relative to the results folder.
 
-        The first are those of the undecoded drives, the others those of `curves`.
+        There is a file for each drive that was not coded, then one for each of `curves`.
         """
         drives = [(n, drive, UNDECODED) for n, e in self.entries.items() for drive in e.drives]
         undecoded = [row for row in drives if not self.plan.has_failed("drive_tasks", *row)]

@@ -17,7 +17,6 @@ from __future__ import annotations
 import ast
 import hashlib
 import importlib
-import importlib.util
 import re
 import sys
 import sysconfig
@@ -28,8 +27,8 @@ from types import ModuleType
 from typing import Any
 
 from cloud_files.meshes import reading as meshes
-from pointkit.registry import Registry, trusted_files, value_module
-from pointkit.sources import package_files, package_folder
+from pointkit.registry import Registry, trusted_files
+from pointkit.sources import import_folder, package_files, package_folder
 from puckbench.core.packages import ENGINES, package_folders
 from puckbench.figures.registry import FIGURES
 from puckbench.metrics.table_registry import TABLES
@@ -85,8 +84,8 @@ def _files_and_names(name: str) -> tuple[set[Path], tuple[str, ...]]:
     top, _, inner = name.removesuffix(".*").partition(".")
     folder = _ours().get(top)
     if folder is None:
-        spec = importlib.util.find_spec(name)
-        return set(package_files(package_folder(Path(str(spec and spec.origin))))), engines
+        file = Path(str(importlib.import_module(name).__file__))
+        return set(package_files(package_folder(file))), engines
     place = folder.joinpath(*filter(None, inner.split(".")))
     if name.endswith(".*"):
         return {*place.rglob("*.py"), *_data_below(place)}, ()
@@ -128,8 +127,9 @@ def _files_of_user(file: Path) -> set[Path]:
     queue, modules = [_imported(file)], dict[str, ModuleType]()
     while queue:
         for value in vars(queue.pop()).values():
-            name = value.__name__ if isinstance(value, ModuleType) else value_module(value)
-            module = sys.modules.get(name)
+            is_module = isinstance(value, ModuleType)
+            name = value.__name__ if is_module else getattr(value, "__module__", "")
+            module = sys.modules.get(str(name))
             if module and name not in modules and _is_of_user(getattr(module, "__file__", None)):
                 modules[name] = module
                 queue.append(module)
@@ -154,9 +154,7 @@ def _is_of_user(file: str | None) -> bool:
 
 def _short(file: Path) -> str:
     """Return a file's path relative to the folder that contains the file's package."""
-    folder = package_folder(file)
-    top = folder.parent if (folder / "__init__.py").exists() else folder
-    return file.relative_to(top).as_posix()
+    return file.relative_to(import_folder(file)).as_posix()
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The class from which error models derive, and the classes of its methods' arguments."""
+"""The base class of error models, and the records that its methods take."""
 
 from __future__ import annotations
 

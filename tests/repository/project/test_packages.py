@@ -70,7 +70,7 @@ def test_a_package_declares_what_its_modules_import(package: str) -> None:
     graph = grimp.build_graph(
         *roots(package),
         include_external_packages=True,
-        exclude_type_checking_imports=True,
+        exclude_type_checking_imports=False,
         cache_dir=None,
     )
     names = {name for name in graph.modules if "." not in name} - set(roots(package))

@@ -1,8 +1,4 @@
-"""Sensors that puckbench knows: YAML files in this folder, which cite their sources.
-
-Code that names a sensor itself, in place of its caller or a configuration, imports from here: the
-fingerprint of such code includes these files (`puckbench.planning.fingerprints`).
-"""
+"""Known sensors, each described by a YAML file in this folder, which cites its sources."""
 
 from pointkit.lidar.sensor import load_sensor, sensor_names
 

@@ -20,7 +20,7 @@ know the sensor."""
 COMPLETE_OCTREE = "gpcc_lossless"
 """Name of the octree coder that keeps duplicate points, which is the anchor for lossless coding."""
 ERRORS_MM = (20.0, 10.0, 5.0)
-"""RMS errors (D1, in mm) at which codecs are compared."""
+"""Root mean squares of D1 distances, in mm, at which the bits of codecs are compared."""
 GRIDS_MM = (2.0, 1.0)
 """Steps, in mm, of the grids on which lossless coding is compared."""
 
