@@ -1,6 +1,6 @@
 """Names of modules and packages on which the results of several jobs depend.
 
-A job runs again when the code that makes its results changes (`puckbench.planning.fingerprints`).
+A job runs again when the code that makes its results changes (`puckbench.steps.fingerprints`).
 The module of each job or plug-in lists this code by name in its constant ``CODE``:
 
 * a module stands for its own file and for what its own ``CODE`` lists;
@@ -21,7 +21,7 @@ MESH_FILES = (*CLOUD_FILES, "cloud_files.meshes", "cloud_files.meshes.ply")
 """Code that reads and writes scenes on disk, which are meshes or clouds."""
 SENSOR = ("virtual_lidar", "virtual_lidar.errors")
 """Code of the virtual sensor, without its error models, which are plug-ins."""
-CODEC = ("puckbench.codecs.base", "puckbench.jobs.codec_jobs", "puckbench.jobs.curve_files")
+CODEC = ("puckbench.codecs.base", "puckbench.steps.coding", "puckbench.results.curves")
 """Code that calls codecs, and that reads and writes archives of streams."""
 STATISTICS = (
     *("puckbench.metrics.bjontegaard", "puckbench.metrics.coordinate_frames"),
@@ -32,6 +32,6 @@ STATISTICS = (
 FIGURES = (*(*STATISTICS, "puckbench.figures", "puckbench.codecs.facts", "virtual_lidar.errors"),)
 """Code that all figures share."""
 TABLES = (
-    *(*FIGURES, "puckbench.metrics.tables", "puckbench.report", "puckbench.jobs.table_files"),
+    *(*FIGURES, "puckbench.metrics.tables", "puckbench.report", "puckbench.steps.table_files"),
 )
 """Code that all tables share, with that of their columns and file formats."""

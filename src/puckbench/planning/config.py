@@ -19,7 +19,12 @@ from pointkit.models import Model, checked_model
 from pointkit.registry import is_place, trust
 from pointkit.yaml_files import read_yaml
 from puckbench.codecs.facts import Line
-from puckbench.geometry.scaling import METRIC
+from puckbench.steps.coding import TimingSettings
+from puckbench.steps.evaluate import MeasuringSettings
+from puckbench.steps.prepare import PreparationSettings
+from puckbench.steps.sample import SamplingSettings
+from puckbench.steps.scan import SensorSettings
+from puckbench.steps.scene import LoaderSettings
 
 Options = dict[str, Any]
 
@@ -49,14 +54,9 @@ Places = Annotated[tuple[str, ...], Distinct]
 """Plug-ins, each as a registered name, ``module:Name`` or ``path/to/file.py:Name``."""
 
 
-class SceneSource(Model):
+class SceneSource(LoaderSettings):
     """A loader of scenes, and the scenes to use."""
 
-    loader: str = Field(
-        description="Name of a loader (`puckbench datasets` lists them with their options), or "
-        "your own class: `module:Class` or `path/to/file.py:Class`."
-    )
-    options: Options = Field({}, description="Options of the loader.")
     seed: Seed | None = Field(None, description="Seed of generated scenes; by default the run's.")
     select: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
         None, description="Names of the scenes to use; by default all."
@@ -74,40 +74,16 @@ class SceneSetConfig(SceneSource):
     )
 
 
-_OF_SCANS = ("sensor", "errors", "error_options", "sweep", "height_m", "anywhere")
-
-
-class Sensing(Model):
+class Sensing(SensorSettings):
     """Configuration keys of both data sets and drives; most describe the virtual sensor."""
 
     title: str | None = Field(None, description="Title in figures; by default the entry's name.")
     scenes: str = Field(description="Name of a scene set.")
     make: str
-    sensor: str = Field(
-        "vlp16", description="Name of a sensor, or a YAML file that defines one (`make: scan`)."
-    )
-    sweep: Options | str = Field(
-        {},
-        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
-        "sweep (`make: scan`).",
-    )
-    errors: str = Field("none", description="Error model (`make: scan`).")
-    error_options: Options = Field({}, description="Changes to the error model's parameters.")
-    height_m: float = Field(
-        1.3,
-        gt=0,
-        description="Height of the sensor above the floor in m, if the scene has no position for "
-        "it.",
-    )
     origin: Position | dict[str, Position] | None = Field(
         None,
         description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
         "By default the position in the scene, or an unoccupied one near the middle.",
-    )
-    anywhere: bool = Field(
-        False,
-        description="Scan even if the sensor is outside the scene or inside an object, or passes "
-        "through walls.",
     )
     codecs: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
         None, description="Names of the codecs to run; by default all that can code it."
@@ -118,14 +94,8 @@ class Sensing(Model):
         """Whether the clouds are scans by the virtual sensor."""
         return self.make == "scan"
 
-    def scan_settings(self, scene: str, seed: int) -> Options:
-        """Return the settings of the job that scans a scene (`puckbench.jobs.scan.Scanning`)."""
-        origin = self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
-        kept = {key: getattr(self, key) for key in _OF_SCANS}
-        return {**kept, "origin": origin, "seed": seed}
 
-
-class DataSetConfig(Sensing):
+class DataSetConfig(Sensing, SamplingSettings, PreparationSettings, MeasuringSettings):
     """Clouds made from the scenes of a scene set."""
 
     make: Literal["sample", "scan", "cloud"] = Field(
@@ -140,24 +110,6 @@ class DataSetConfig(Sensing):
         description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
         "deltas, `noise_bits` and `nearest_truth` average over the seeds of a scene first.",
     )
-    points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
-    crop: Literal["clean", "noisy", "none"] = Field(
-        "clean",
-        description="Crop a scan to the room's bounding box by its `clean` coordinates, by its "
-        "`noisy` ones (as the thesis did), or not at all.",
-    )
-    size: Annotated[int, Field(ge=2)] | Literal["grid", "metric"] = Field(
-        1024,
-        description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels keep their grid "
-        "(`make: cloud`). `metric`: clouds stay in metres, in the frame of their sensor if there "
-        "is one, and rates are lengths (`10mm`).",
-    )
-    peak: float | None = Field(
-        None,
-        gt=0,
-        description="Peak of the PSNRs, in the unit of the clouds; by default `size - 1`, and 30 m "
-        "with `size: metric` (MPEG uses 30,000 units of 1 mm; papers on KITTI use 59.7).",
-    )
     truth: bool = Field(
         True,
         description="Measure decoded clouds also against the true surface (`truth_...`) and, for "
@@ -168,27 +120,11 @@ class DataSetConfig(Sensing):
         description="Compare the geometric primitives of codecs that code surfaces with the labels "
         "of the scenes, if there are labels.",
     )
-    views: int = Field(
-        0,
-        ge=0,
-        description="Width in pixels of the six rendered views that are compared (PCC Arena: 1920; "
-        "at least 11); 0: no views.",
-    )
-    neighbours: int = Field(
-        30, ge=3, description="Number of neighbouring points for the estimate of a normal."
-    )
     stand_in: Options = Field(
         {}, description="Values of keys that replace this data set's with `stand_in: true`."
     )
 
     _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
-
-    @field_validator("views")
-    @classmethod
-    def _at_least_a_window(cls, views: int) -> int:
-        if 0 < views < 11:
-            raise ValueError(f"{views} pixels are too few: 0 for none, or at least 11")
-        return views
 
     @model_validator(mode="after")
     def _has_one_kind_of_seeds(self) -> Self:
@@ -196,11 +132,6 @@ class DataSetConfig(Sensing):
             why = "captured clouds have none" if self.make == "cloud" else "there is a seed too"
             raise ValueError(f"seeds: {why}")
         return self
-
-    @property
-    def is_metric(self) -> bool:
-        """Whether the clouds stay in metres; otherwise, they are scaled to a cube."""
-        return self.size == METRIC
 
 
 class DriveConfig(Sensing):
@@ -369,16 +300,9 @@ class StudyConfig(Model):
         return models
 
 
-class TimingConfig(Model):
+class TimingConfig(TimingSettings):
     """Measurement of times; `timing: exclusive` is short for `timing: {exclusive: true}`."""
 
-    repeats: int = Field(
-        3,
-        ge=1,
-        description="Number of times each encoding and decoding is run; the median time is "
-        "reported.",
-    )
-    exclusive: bool = Field(False, description="Run no other job beside a job with timed calls.")
     threads: int = Field(1, ge=1, description="Maximum number of threads of a timed call.")
     timeout_s: float | None = Field(
         None,

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -40,6 +40,9 @@ from puckbench.planning.scene_checks import (
     refuse_paths,
     scene_faults,
 )
+from puckbench.steps.coding import TimingSettings
+from puckbench.steps.scan import SensorSettings
+from puckbench.steps.sensing import SensingCode, code_of_scan
 from virtual_lidar import open_error_model, open_sweep
 from virtual_lidar.scenes.calibration import CALIBRATIONS
 
@@ -245,6 +248,7 @@ class Plan:
         self.scenes = {
             name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
         }
+        self._scan_codes: dict[str, SensingCode] = {}
         self.left_out: dict[str, dict[str, str]] = {}
         """For each data set, the names of the excluded scenes, with the reasons."""
         self.datasets = self._datasets()
@@ -433,6 +437,12 @@ class Plan:
         without = self.too_wide.get((dataset, cloud, codec), ())
         return tuple(rate for rate in rates if rate not in without) if without else rates
 
+    def shown_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
+        """Return the names of the rates at which the report shows a decoded example cloud."""
+        rates = self.rates(codec, self.datasets[dataset].frame)
+        coded = self.curve_rates(dataset, cloud, codec)
+        return tuple(rate for rate in spread_out(rates, self.config.report.rates) if rate in coded)
+
     @property
     def results(self) -> Path:
         """Path of the results folder."""
@@ -489,6 +499,26 @@ class Plan:
             for codec in self.codecs
             if self.codes(codec, dataset) and self.curve_rates(dataset, cloud, codec)
         )
+
+    def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
+        """Return the files with rows of results, relative to the results folder.
+
+        Parameters
+        ----------
+        kind
+            ``metrics`` for measurements of decoded clouds, ``recovery`` for decoded primitives.
+        codec
+            Name of the codec; by default, the files of all codecs are returned.
+        """
+        curves = self.recovered if kind == "recovery" else self.curves
+        return tuple(
+            f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
+        )
+
+    def artefacts(self) -> list[str]:
+        """Return the files with streams and rows of results, relative to the results folder."""
+        coded = [f"coded/{'/'.join(curve)}.zip" for curve in self.curves]
+        return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
     @cached_property
     def coded(self) -> tuple[DataSetPlan, ...]:
@@ -601,6 +631,17 @@ class Plan:
         packets = has_returns and scenes.scenes.of_packets
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
 
+    @property
+    def timing(self) -> dict[str, Any]:
+        """Settings of steps that measure times (`puckbench.steps.coding.TimingSettings`)."""
+        timing = self.config.timing
+        return {name: getattr(timing, name) for name in TimingSettings.model_fields}
+
+    def coding_entry(self, dataset: str, codec: str, rates: Iterable[str]) -> dict[str, Any]:
+        """Return a codec's complete entry, with only the given rates for a data set's clouds."""
+        table = self.opened[codec].rates_of(self.datasets[dataset].frame)
+        return self.entry_with(codec, {rate: table[rate] for rate in rates})
+
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
         """Return a codec's complete entry in the configuration, with only the given rates.
 
@@ -657,6 +698,17 @@ class Plan:
                 yield scene, (scene, seed)
             else:
                 yield from ((f"{scene}-{seed}", (scene, seed)) for seed in value.seeds)
+
+    def code_of_scan(self, entry: Sensing) -> tuple[SensingCode, str]:
+        """Return the code of the scans of a data set or drive, and a text of what else they are of.
+
+        The text changes with parameters, the scene set, and the content of files.
+        """
+        key = entry.model_dump_json(include=set(SensorSettings.model_fields))
+        if key not in self._scan_codes:
+            self._scan_codes[key] = code_of_scan(entry)
+        code = self._scan_codes[key]
+        return code, f"{code.parameters} {entry.scenes} {self.digest_of(code.files)}"
 
     @cached_property
     def digests(self) -> dict[Path, str]:
@@ -823,3 +875,13 @@ def _study(value: StudyConfig, seed: int) -> StudyPlan:
             places = ", ".join(f"{place:g}" for place in distances)
             raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")
     return study
+
+
+def spread_out(names: Sequence[str], count: int) -> list[str]:
+    """Return at most `count` names, evenly spaced; two or more include the first and the last."""
+    if count >= len(names):
+        return list(names)
+    if count == 1:
+        return [names[len(names) // 2]]
+    step = (len(names) - 1) / (count - 1)
+    return [names[round(place * step)] for place in range(count)]

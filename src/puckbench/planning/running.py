@@ -53,7 +53,7 @@ def check_room(folder: Path) -> None:
         raise unwritable(folder, error) from error
 
 
-def check_records() -> None:
+def check_snakemake_folder() -> None:
     """Raise InputError if Snakemake cannot write to ``.snakemake`` in the working folder."""
     try:
         check_room(Path(".snakemake"))

@@ -23,19 +23,14 @@ from puckbench.datasets.base import DataSet
 from puckbench.datasets.scene import Scene
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
-from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
-from puckbench.planning.planned_job import planned
+from puckbench.steps.scan import Scan
+from puckbench.steps.step import planned
 
 _PATTERN = re.compile(r"\{\s*[.\w]+\s*(,[^{}]*)?\}|<[a-z][a-z0-9_]*>")
 """Wildcards and path variables of Snakemake, which has no way to escape them."""
 
 _UNPRINTABLE = re.compile(r"[\r\n\ud800-\udfff]")
-
-
-def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
-    """Return the job that scans a scene with the sensor settings of a data set."""
-    return Scan(**settings.scan_settings(scene, seed))
 
 
 def scene_faults(
@@ -146,8 +141,8 @@ def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> 
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
-        scan = planned(scan_record(settings, name, seed=0))
-        job += (scan.record, scan.code)
+        scan = planned(Scan.of_entry(settings, name, seed=0), {})
+        job += (scan.settings, scan.fingerprint)
     return hashlib.sha256(repr((job, digest)).encode()).hexdigest()[:16]
 
 
@@ -178,7 +173,7 @@ def _check_scene(
         corners = scene.mesh.vertices[scene.mesh.triangles].reshape(-1, 3)
         check_extent(corners, what)
         if settings.is_scan:
-            scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
+            Scan.of_entry(settings, name, seed=0).check(scene.mesh, scene.origin)
             return None, {}
     except InputError as error:
         return " ".join(str(error).split()), {}

@@ -24,8 +24,7 @@ from puckbench.datasets.units import check_units, is_named
 from puckbench.datasets.user_files import is_file_or_lost
 from puckbench.geometry.scaling import METRIC
 from puckbench.planning.config import checked, trusted
-from puckbench.planning.plan import Plan
-from puckbench.planning.report_contents import spread_out
+from puckbench.planning.plan import Plan, spread_out
 from puckbench.planning.scene_checks import printable
 
 Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]

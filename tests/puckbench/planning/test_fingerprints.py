@@ -6,7 +6,7 @@ import pytest
 
 from pointkit.registry import load, trust
 from puckbench.planning import fingerprints
-from puckbench.planning.fingerprints import covered
+from puckbench.steps.fingerprints import covered
 
 
 def code_version(*names: str | Path) -> str:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import pytest
 import yaml
 
-from puckbench.planning.fingerprints import covered
+from puckbench.steps.fingerprints import covered
 from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
 from tests.support.bench import ROOT, Bench

@@ -1,0 +1,1 @@
+"""Results of steps on disk: streams, rows and tables."""
