@@ -24,10 +24,10 @@ from puckbench.planning.rules import Rules, or_stop
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
-    check_snakemake_folder,
     held_since,
     hold_results,
     left_out_lines,
+    mark_planning,
 )
 from puckbench.planning.workflow import Workflow, run_jobs_with
 from puckbench.steps.fork_server import start_fork_server
@@ -62,7 +62,7 @@ if workflow.is_main_process:
     interrupt_with_run()
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
-    or_stop(check_snakemake_folder)
+    or_stop(mark_planning)
 flow = or_stop(Workflow, config, True)
 plan = flow.plan
 RESULTS = str(plan.results)
@@ -72,8 +72,6 @@ TIMED = shlex.join(["env", *map("=".join, flow.costs.threads_environment.items()
 CORES = workflow.resource_settings.cores
 # In the environment, not in the settings of steps, since it changes no result.
 os.environ[TIMEOUT] = str(plan.config.timing.timeout_s or "")
-# An input of jobs whose present results were made with other settings or code.
-OTHERWISE = ".snakemake/made_otherwise"
 
 
 provenance = None  # if Snakemake alone knows it
@@ -83,7 +81,7 @@ if workflow.is_main_process and workflow.storage_settings.default_storage_provid
     if provenance.is_lost:
         line = f"puckbench: {RESULTS}: no log says how results were made: all are made again"
         print(line, file=sys.stderr, flush=True)
-rules_of = Rules(flow, provenance, local(OTHERWISE), ancient)
+rules_of = Rules(flow, provenance, ancient, local)
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     bar.expect(
         job_s=job_seconds(flow),
@@ -147,11 +145,3 @@ wildcard_constraints:
     scene=r"[A-Za-z0-9_.-]+",
     figure=r"[a-z0-9_]+",
     rate=r"[A-Za-z0-9_.-]+",
-
-
-# Runs before jobs whose present results were made with other settings or code, so that these jobs run
-# again although nothing that they read is newer.
-rule made_otherwise:
-    output:
-        temp(touch(local(OTHERWISE))),
-    localrule: True

@@ -33,6 +33,7 @@ from puckbench.planning.config import (
 )
 from puckbench.planning.failures import described
 from puckbench.planning.file_digests import file_digests
+from puckbench.planning.memory import Memory
 from puckbench.planning.scene_checks import (
     SceneCheck,
     printable,
@@ -245,6 +246,7 @@ class Plan:
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
         self.config, self._check_scenes = config, check_scenes
+        self.memory = Memory(self.results)
         self.scenes = {
             name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
         }
@@ -713,11 +715,7 @@ class Plan:
     @cached_property
     def digests(self) -> dict[Path, str]:
         """Digest of the content of each input file that is known before the run, by path."""
-        return file_digests(self._input_files(), self._digests_file)
-
-    @property
-    def _digests_file(self) -> Path:
-        return self.results / ".digests.json"
+        return file_digests(self._input_files(), self.memory)
 
     def digest_of(self, paths: Iterable[str | Path]) -> str:
         """Return 16 hexadecimal digits that change with the content of any of some input files.
@@ -726,7 +724,7 @@ class Plan:
         """
         files = [Path(path) for path in paths]
         if unplanned := [file for file in files if file not in self.digests]:
-            self.digests.update(file_digests(unplanned, self._digests_file))
+            self.digests.update(file_digests(unplanned, self.memory))
         digests = [self.digests[file] for file in files]
         return hashlib.sha256(" ".join(digests).encode()).hexdigest()[:16] if digests else ""
 
@@ -740,18 +738,15 @@ class Plan:
         for capture in config.sensor_study.captures.values() if config.sensor_study else ():
             yield from recording_files(Path(capture.path))
 
-    def _checks_file(self, dataset: str) -> Path:
-        return self.results / "checks" / f"{dataset}.json"
-
     def _checks(self, dataset: str, scenes: Iterable[str]) -> dict[str, SceneCheck]:
-        checks = read_checks(self._checks_file(dataset))
+        checks = read_checks(self.memory, f"checks/{dataset}.json")
         return {scene: checks[scene] for scene in scenes if scene in checks}
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
         if not self._check_scenes:
             return scenes.chosen
-        settings, file = self.config.datasets[name], self._checks_file(name)
-        faults = scene_faults(scenes.scenes, scenes.chosen, settings, file, self.digest_of)
+        settings, checks = self.config.datasets[name], (self.memory, f"checks/{name}.json")
+        faults = scene_faults(scenes.scenes, scenes.chosen, settings, *checks, self.digest_of)
         usable = tuple(scene for scene in scenes.chosen if scene not in faults)
         if faults and self.config.strict:
             raise _unusable(name, faults)

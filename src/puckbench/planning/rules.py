@@ -12,6 +12,7 @@ from typing import Any, NoReturn, ParamSpec, TypeVar
 from pointkit.errors import InputError
 from pointkit.files import refusing_paths, write_bytes
 from puckbench.planning.provenance import Provenance
+from puckbench.planning.running import SNAKEMAKE_FOLDER
 from puckbench.planning.workflow import Workflow
 from puckbench.steps.step import PlannedStep
 
@@ -46,21 +47,20 @@ class Rules:
         The planned run.
     provenance
         Tells how present results were made; None if only Snakemake knows.
-    otherwise
-        Input of a rule whose present results were made with other settings or code.
-    ancient
-        Snakemake's function of this name, which makes the times of files not count.
+    ancient, local
+        Snakemake's functions of these names. The first makes the times of inputs not count, and the
+        second says that they are not in remote storage.
     """
 
     def __init__(
         self,
         flow: Workflow,
         provenance: Provenance | None,
-        otherwise: Any,
         ancient: Callable[[Any], Any],
+        local: Callable[[Any], Any],
     ) -> None:
         self.flow, self.provenance = flow, provenance
-        self.otherwise, self.ancient = otherwise, ancient
+        self.ancient, self.local = ancient, local
         self.has_begun = False
         """Whether the run has begun, so that files may be written."""
         self._long: dict[Path, str] = {}
@@ -87,8 +87,9 @@ class Rules:
         return shlex.quote(f"@{path}")
 
     def begin(self) -> None:
-        """Write the files with long settings, now and from now on."""
+        """Write what planning has learned, and files with long settings, now and from now on."""
         self.has_begun = True
+        self.flow.plan.memory.save()
         for path, settings in self._long.items():
             write_bytes(path, settings.encode())
         self._long.clear()
@@ -123,13 +124,14 @@ class RuleStep:
         """Return the files that the step reads, by input name."""
         step = self.step(wildcards)
         content = {name: self._rules.ancient(files) for name, files in step.content.items()}
-        return {**step.inputs, **content, **self._made_otherwise(wildcards, step)}
+        return {**step.inputs, **content, "planned": self._planned(wildcards, step)}
 
-    def _made_otherwise(self, wildcards: Any, step: PlannedStep) -> dict[str, Any]:
-        provenance, job = self._rules.provenance, self._place.format(**wildcards)
-        if provenance is None or not provenance.is_made_otherwise(job, step.key):
-            return {}
-        return {"made_otherwise": self._rules.otherwise}
+    def _planned(self, wildcards: Any, step: PlannedStep) -> Any:
+        """Return Snakemake's folder, whose time counts if present results were made otherwise."""
+        rules, job = self._rules, self._place.format(**wildcards)
+        if rules.provenance is not None and rules.provenance.is_made_otherwise(job, step.key):
+            return rules.local(str(SNAKEMAKE_FOLDER))
+        return rules.local(rules.ancient(str(SNAKEMAKE_FOLDER)))
 
     def settings(self, wildcards: Any) -> str:
         """Return the settings of the step as one word of a command."""

@@ -160,6 +160,7 @@ class UserRun:
             "timing": {"repeats": 1, **({"timeout_s": self.timeout_s} if self.timeout_s else {})},
         }
         plan = Plan(trusted(config), check_scenes=True)
+        plan.memory.save()  # so that the run does not read the files again
         for codec, rates in self._chosen_rates(plan).items():
             config["codecs"][codec] |= rates
         if unused := {**self.unused(), **self._reductions}:
