@@ -184,7 +184,7 @@ def test_the_thesis_is_planned_at_full_size_without_its_data(
     assert points["scans_clean"] == points["scans_noisy"] == 1_152_000
     assert {f"fig_6_{number}" for number in range(1, 10)} <= set(bench.outputs.figures)
     assert not any(
-        plan.files(scene) for plan in bench.plan.scenes.values() for scene in plan.chosen[:3]
+        plan.files(scene) for plan in bench.plan.scene_sets.values() for scene in plan.chosen[:3]
     )
     assert bench.config.results == "results/thesis_stand_in"
     assert (

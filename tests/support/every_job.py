@@ -149,7 +149,7 @@ def jobs_of(flow: Workflow) -> dict[str, PlannedJob]:
 
 def _of_clouds(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
     plan, jobs = flow.plan, flow.clouds
-    for name, scenes in plan.scenes.items():
+    for name, scenes in plan.scene_sets.items():
         yield from ((f"scene {name}", jobs.scene(name, scene)) for scene in scenes.chosen)
     for dataset, cloud in plan.clouds:
         data = plan.datasets[dataset]

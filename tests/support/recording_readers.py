@@ -47,7 +47,7 @@ def _weights(path: Path) -> None:
 
 
 def _checkpoint(path: Path) -> None:
-    from puckbench.datasets.tensorflow_checkpoints import read_variables
+    from puckbench.scene_sets.tensorflow_checkpoints import read_variables
 
     read_variables(path.read_bytes(), bytes(1000))
 

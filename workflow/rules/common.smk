@@ -197,7 +197,7 @@ container: bench.config.container
 
 
 wildcard_constraints:
-    scenes=one_of(plan.scenes),
+    scene_set=one_of(plan.scene_sets),
     drives=one_of(drives.entries),
     drive=r"[A-Za-z0-9_.-]+",
     dataset=one_of(plan.datasets),

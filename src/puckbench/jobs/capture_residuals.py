@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from puckbench.core.code import MESH_FILES
-from puckbench.datasets.recordings import decompressed
 from puckbench.jobs.registry import JOBS, Job
+from puckbench.scene_sets.recordings import decompressed
 
 if TYPE_CHECKING:
     from virtual_lidar.walls.residuals import RecordedPlanes, RecordingOptions
 
 CODE = (
     *MESH_FILES,
-    "puckbench.datasets.recordings",
+    "puckbench.scene_sets.recordings",
     "virtual_lidar.residual_table",
     "virtual_lidar.walls.*",
 )

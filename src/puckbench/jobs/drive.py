@@ -14,15 +14,15 @@ from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import clock_steps
 from pointkit.terminal import Progress
 from puckbench.core.code import MESH_FILES, SENSOR
-from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import Scene
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.jobs.scan import Scanning
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
+from puckbench.scene_sets.registry import open_scene_set
+from puckbench.scene_sets.scene import Scene
 from virtual_lidar.sweep import Sweep
 
 CODE = (
-    *(*MESH_FILES, *SENSOR, "cloud_files.poses", "puckbench.datasets.scene"),
+    *(*MESH_FILES, *SENSOR, "cloud_files.poses", "puckbench.scene_sets.scene"),
     *("puckbench.geometry.extent", "puckbench.jobs.scan", "puckbench.metrics.tasks.odometry"),
     "puckbench.recordings",
 )

@@ -15,9 +15,9 @@ from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.pcap import refuse_stream
 from puck.recordings.ros_bags import bag_format
 from puck.recordings.topics import refuse_topic
-from puckbench.datasets.recordings import RECORDING_SUFFIXES, decompressed
 from puckbench.jobs.prepare_returns import PrepareReturns, select_turns
 from puckbench.jobs.registry import JOBS
+from puckbench.scene_sets.recordings import RECORDING_SUFFIXES, decompressed
 from virtual_lidar.scan_table import ScanTable
 
 _log = logging.getLogger(__name__)

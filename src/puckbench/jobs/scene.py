@@ -11,11 +11,11 @@ from cloud_files.clouds import write_cloud
 from cloud_files.descriptions import write_description
 from cloud_files.meshes import write_mesh
 from puckbench.core.code import MESH_FILES
-from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import Scene
 from puckbench.jobs.registry import JOBS, Job
+from puckbench.scene_sets.registry import open_scene_set
+from puckbench.scene_sets.scene import Scene
 
-CODE = (*MESH_FILES, "puckbench.datasets.base")
+CODE = (*MESH_FILES, "puckbench.scene_sets.base")
 
 
 @JOBS.register("scene")

@@ -7,8 +7,6 @@ from pathlib import Path
 from cloud_files import clouds
 from cloud_files.content import plain_suffix
 from cloud_files.meshes import reading as meshes
-from puckbench.datasets import recordings
-from puckbench.datasets.registry import LOADERS
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns
 from puckbench.jobs.sample import Sample
@@ -17,6 +15,8 @@ from puckbench.planning.plan import DataSetPlan, Plan
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import scan_record
 from puckbench.planning.sensing import Code, code_of_scan, files_of_scan
+from puckbench.scene_sets import recordings
+from puckbench.scene_sets.registry import LOADERS
 
 _BYTES_PER_POINT = 1_000
 """Estimated memory of a job per point, bytes."""
@@ -41,13 +41,13 @@ class CloudJobs:
         """
         data = self.dataset(dataset)
         scene, _ = data.source_of(cloud)
-        suffix = suffix or ("parquet" if data.scenes in self.of_returns else "ply")
-        return f"{self.plan.results}/scenes/{data.scenes}/{scene}.{suffix}"
+        suffix = suffix or ("parquet" if data.scene_set in self.of_returns else "ply")
+        return f"{self.plan.results}/scenes/{data.scene_set}/{scene}.{suffix}"
 
     @cached_property
     def of_returns(self) -> list[str]:
         """Names of the scene sets whose scenes are a sensor's returns."""
-        return [name for name, scenes in self.plan.scenes.items() if scenes.scenes.of_returns]
+        return [name for name, scenes in self.plan.scene_sets.items() if scenes.scenes.of_returns]
 
     def prepared(self, has_returns: bool) -> list[str]:
         """Return the names of the data sets whose clouds have, or lack, a sensor's returns."""
@@ -83,7 +83,7 @@ class CloudJobs:
 
     def scene(self, scenes: str, name: str) -> PlannedJob:
         """Plan the job that writes a scene of a scene set as a mesh or cloud."""
-        scene_set = self.plan.scenes[scenes]
+        scene_set = self.plan.scene_sets[scenes]
         is_generated = "seed" in type(scene_set.scenes).model_fields
         record = WriteScene(
             loader=scene_set.loader,
@@ -99,7 +99,7 @@ class CloudJobs:
         """Plan the job that samples the points of a cloud on its scene's mesh."""
         data = self.dataset(dataset)
         _, seed = data.source_of(cloud)
-        return planned(Sample(points=data.settings.points, seed=seed), also=data.scenes)
+        return planned(Sample(points=data.settings.points, seed=seed), also=data.scene_set)
 
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Plan the job that scans a scene's mesh with the virtual sensor.

@@ -17,7 +17,7 @@ from puckbench.metrics.task_registry import TASKS, checked_task
 from puckbench.planning.clouds import loader_modules
 from puckbench.planning.coding import codec_job, timed
 from puckbench.planning.config import DriveConfig
-from puckbench.planning.plan import Plan, ScenePlan
+from puckbench.planning.plan import Plan, SceneSetPlan
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import refuse_paths
 from puckbench.planning.sensing import code_of_scan, files_of_scan
@@ -53,7 +53,7 @@ class DrivePlan:
 
     name: str
     settings: DriveConfig
-    scenes: ScenePlan
+    scenes: SceneSetPlan
     scans: Mapping[str, tuple[str, int]]
     clouds: Mapping[str, tuple[str, ...]]
     rates: Mapping[str, tuple[str, ...]]
@@ -239,7 +239,7 @@ class DriveJobs:
                 rates=self._rates(value, scenes),
             )
 
-    def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
+    def _rates(self, value: DriveConfig, scenes: SceneSetPlan) -> dict[str, tuple[str, ...]]:
         returns = value.is_scan or scenes.scenes.of_returns
         packets = scenes.scenes.of_packets
         rates = {}
@@ -257,7 +257,7 @@ class DriveJobs:
         return rates
 
 
-def _driven(value: DriveConfig, scenes: ScenePlan) -> tuple[str, ...]:
+def _driven(value: DriveConfig, scenes: SceneSetPlan) -> tuple[str, ...]:
     for scene in value.trajectories:
         if scene not in scenes.chosen:
             choices = among(scene, scenes.chosen)

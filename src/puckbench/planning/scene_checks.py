@@ -19,13 +19,13 @@ from pointkit.files import read_object, write_json
 from pointkit.geometry.cloud import Floats, PointCloud, bounds, check_extent
 from pointkit.models import Model, parsed
 from pointkit.terminal import Progress
-from puckbench.datasets.base import DataSet
-from puckbench.datasets.scene import Scene
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
+from puckbench.scene_sets.base import SceneSet
+from puckbench.scene_sets.scene import Scene
 
 _PATTERN = re.compile(r"\{\s*[.\w]+\s*(,[^{}]*)?\}|<[a-z][a-z0-9_]*>")
 """Wildcards and path variables of Snakemake, which has no way to escape them."""
@@ -39,7 +39,7 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 
 
 def scene_faults(
-    scenes: DataSet,
+    scenes: SceneSet,
     names: Iterable[str],
     settings: DataSetConfig,
     results_file: Path,
@@ -142,7 +142,7 @@ def read_checks(results_file: Path) -> dict[str, SceneCheck]:
     }
 
 
-def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> str:
+def _state(scenes: SceneSet, digest: str, settings: DataSetConfig, name: str) -> str:
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
@@ -152,7 +152,7 @@ def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> 
 
 
 def _check_scene(
-    scenes: DataSet, name: str, settings: DataSetConfig
+    scenes: SceneSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, Any]]:
     from pointkit.geometry.mesh import check_mesh
 
@@ -196,7 +196,7 @@ def _extent(points: Floats) -> float:
     return float((high - low).max())
 
 
-def _remark_extent(scenes: DataSet, scene: Scene, settings: DataSetConfig) -> None:
+def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
         warn_of_implausible_extent(path, scene.mesh.bounds())

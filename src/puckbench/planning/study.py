@@ -16,13 +16,13 @@ from typing import ClassVar
 
 from pointkit.errors import InputError
 from pointkit.registry import Registry
-from puckbench.datasets.recordings import recording_files
 from puckbench.jobs.calibrate import Calibrate
 from puckbench.jobs.capture_residuals import CaptureResiduals
 from puckbench.planning.clouds import reader_modules
 from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.sensing import files_named
+from puckbench.scene_sets.recordings import recording_files
 
 
 class StudyJobs(ABC):

@@ -18,15 +18,15 @@ from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.facts import check_lengths, find_rate
 from puckbench.codecs.registry import codec_class, open_codec
-from puckbench.datasets import captured_rooms, recordings
-from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.units import check_units, is_named
-from puckbench.datasets.user_files import is_file_or_lost
 from puckbench.geometry.scaling import METRIC
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.scene_checks import printable
+from puckbench.scene_sets import captured_rooms, recordings
+from puckbench.scene_sets.registry import open_scene_set
+from puckbench.scene_sets.units import check_units, is_named
+from puckbench.scene_sets.user_files import is_file_or_lost
 
 Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]
 Options = dict[str, Any]

@@ -14,8 +14,8 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject, scaled_mesh
 from puckbench.cli import main
-from puckbench.datasets.registry import open_scene_set
 from puckbench.planning.user_files import UserRun
+from puckbench.scene_sets.registry import open_scene_set
 
 GRID = np.random.default_rng(2).integers(0, 4000, (1500, 3))
 """Points of a room, in whole millimetres."""

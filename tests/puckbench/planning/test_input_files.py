@@ -67,7 +67,7 @@ CONFIG: dict[str, Any] = {
 def jobs() -> Iterator[tuple[str, PlannedJob]]:
     """Plan every job that reads files of the user, as a new process does."""
     workflow = Workflow(CONFIG)
-    for scenes in workflow.plan.scenes.values():
+    for scenes in workflow.plan.scene_sets.values():
         for name in scenes.chosen:
             yield f"scene {name}", workflow.clouds.scene(scenes.name, name)
     yield "drive", workflow.drives.drive("way", "turn")

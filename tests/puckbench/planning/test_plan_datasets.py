@@ -13,7 +13,7 @@ from puckbench.jobs.scan import Scan
 from puckbench.planning.workflow import Workflow
 
 CLOUDS = """
-from puckbench.datasets.base import GeneratedSet
+from puckbench.scene_sets.base import GeneratedSet
 
 
 class Clouds(GeneratedSet):

@@ -82,7 +82,7 @@ def test_a_mesh_is_looked_at_again_only_when_it_changed(
 ) -> None:
     plan(meshes)
     looked: list[str] = []
-    from puckbench.datasets.mesh_files import MeshFiles
+    from puckbench.scene_sets.mesh_files import MeshFiles
 
     load = MeshFiles.load
     monkeypatch.setattr(

@@ -22,10 +22,11 @@ Scene = tuple[str, int, str]
 def scenes_of(config: Path) -> set[Scene]:
     """Loader, seed and name of each generated scene from which a configuration makes clouds."""
     plan = Plan(checked(read_config(config)))
-    sets = {entry.scenes for entry in (*plan.datasets.values(), *plan.config.drives.values())}
+    sets = {data.scene_set for data in plan.datasets.values()}
+    sets |= {drive.scenes for drive in plan.config.drives.values()}
     return {
         (chosen.loader, chosen.seed, name)
-        for chosen in (plan.scenes[name] for name in sets)
+        for chosen in (plan.scene_sets[name] for name in sets)
         for name in chosen.chosen
     }
 

@@ -30,7 +30,7 @@ def workflow() -> Workflow:
         ("dataset=d cloud=ofice_1", "data set d has no cloud 'ofice_1'; did you mean 'office_1'"),
         ("drives=push drive=x codec=draco", "push has no drive 'x'"),
         ("drives=push drive=office_1-1 codec=gpcc", "codec gpcc does not code push"),
-        ("scenes=rooms scene=x", "rooms has no scene 'x'"),
+        ("scene_set=rooms scene=x", "rooms has no scene 'x'"),
     ],
 )
 def test_a_result_that_a_plan_lacks_is_told_in_one_line(
@@ -46,7 +46,7 @@ def test_a_result_that_a_plan_lacks_is_told_in_one_line(
         "dataset=d cloud=office_1 codec=draco rate=r8",
         "drives=push drive=office_1-1 codec=draco",
         "drives=push drive=office_1-1",
-        "scenes=rooms scene=storage_1",
+        "scene_set=rooms scene=storage_1",
         "figure=fig_6_6",
     ],
 )
