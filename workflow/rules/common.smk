@@ -18,6 +18,7 @@ from puckbench.core.interrupts import interrupt_with_run
 from puckbench.figures.registry import figure_entry
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.core.packages import packages_alone
+from puckbench.core.renamed_keys import renaming_line
 from puckbench.jobs.process import TIMEOUT
 from puckbench.metrics.table_registry import table_entry
 from puckbench.planning.config import check_config_files
@@ -123,6 +124,8 @@ if workflow.is_main_process:
     interrupt_with_run()
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
+    if line := or_stop(renaming_line, config):
+        print(f"puckbench: {line}", file=sys.stderr, flush=True)
     or_stop(check_records)
 PLANNED_AT = or_stop(time_of_planning, Path(".snakemake"))
 bench = or_stop(Workflow, config, True)

@@ -11,6 +11,7 @@ from puckbench.jobs.registry import JOBS, Job
 CODE = (
     *CLOUD_FILES,
     *TABLES,
+    "puckbench.core.renamed_keys",
     "puckbench.jobs.cost",
     "puckbench.metrics.tables.uses",
 )

@@ -115,7 +115,7 @@ class CloudJobs:
         settings = self.dataset(dataset).settings
         modules, also = code_of_scan(settings)
         files = self.plan.digest_of(files_of_scan(settings))
-        return modules, f"{also} {settings.scenes} {files}"
+        return modules, f"{also} {settings.scene_set} {files}"
 
     def sensing_files(self, dataset: str) -> list[str]:
         """Return the user's files that define the sensor, its motion or its errors."""
@@ -124,7 +124,7 @@ class CloudJobs:
     def prepare(self, dataset: str) -> PlannedJob:
         """Plan the job that crops, scales and describes a cloud of a data set."""
         settings = self.dataset(dataset).settings
-        source = f"{settings.make} {settings.scenes}"
+        source = f"{settings.make} {settings.scene_set}"
         if self.dataset(dataset).has_returns:
             model = settings.errors if settings.is_scan else ""
             returns = PrepareReturns(neighbours=settings.neighbours, error_model=model)

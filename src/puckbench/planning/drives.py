@@ -149,7 +149,7 @@ class DriveJobs:
             modules, also = code_of_scan(settings)
             record = VirtualDrive(**settings.scan_settings(scene, seed))
             digest = self.plan.digest_of(files_of_scan(settings))
-            return planned(record, *modules, also=f"{also} {settings.scenes} {digest}")
+            return planned(record, *modules, also=f"{also} {settings.scene_set} {digest}")
         scenes = entry.scenes
         record_of_clouds = DriveOfClouds(
             loader=scenes.loader,

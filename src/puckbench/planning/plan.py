@@ -243,7 +243,7 @@ class Plan:
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
         self.config, self._check_scenes = config, check_scenes
         self.scene_sets = {
-            name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
+            name: open_scenes(name, value, config.seed) for name, value in config.scene_sets.items()
         }
         self.left_out: dict[str, dict[str, str]] = {}
         """For each data set, the names of the excluded scenes, with the reasons."""
@@ -300,7 +300,7 @@ class Plan:
 
     def _scenes_left_out(self) -> Iterator[dict[str, str]]:
         for dataset, faults in self.left_out.items():
-            scenes = self.scene_sets[self.config.datasets[dataset].scenes].scenes
+            scenes = self.scene_sets[self.config.datasets[dataset].scene_set].scenes
             for scene, fault in faults.items():
                 file = _file_of(dataset, scenes, scene)
                 reason = fault.removeprefix(f"{file}: ")
@@ -633,10 +633,10 @@ class Plan:
             There is no such scene set, ``make`` does not suit its scenes (meshes are sampled or
             scanned, clouds are taken as they are), or the entry names an unknown codec.
         """
-        scenes = self.scene_sets.get(value.scenes)
+        scenes = self.scene_sets.get(value.scene_set)
         if scenes is None:
-            choices = among(value.scenes, self.scene_sets)
-            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
+            choices = among(value.scene_set, self.scene_sets)
+            raise InputError(f"{where}.scene_set: no scene set '{value.scene_set}'{choices}")
         is_cloud = scenes.scenes.of_clouds
         if is_cloud != (value.make == "cloud"):
             made = get_args(type(value).model_fields["make"].annotation)
@@ -681,7 +681,7 @@ class Plan:
 
     def _input_files(self) -> Iterator[Path]:
         config = self.config
-        used = {entry.scenes for entry in (*config.datasets.values(), *config.drives.values())}
+        used = {entry.scene_set for entry in (*config.datasets.values(), *config.drives.values())}
         for scenes in self.scene_sets.values():
             if scenes.name in used:
                 yield from (file for name in scenes.chosen for file in scenes.scenes.files(name))
@@ -763,7 +763,7 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> SceneSetPlan:
         The loader or its options are invalid, files are missing, or a selected scene is unknown.
     """
     scene_seed = seed if value.seed is None else value.seed
-    with naming(f"scenes.{name}"):
+    with naming(f"scene_sets.{name}"):
         scenes = open_scene_set(value.loader, value.options, scene_seed)
         names = scenes.names()
     selected = _chosen(name, value, names)
@@ -798,7 +798,7 @@ def _chosen(name: str, value: SceneSetConfig, names: list[str]) -> tuple[str, ..
     missing = [scene for scene in selected if scene not in names]
     if missing:
         raise InputError(
-            f"scenes.{name}.select: no scene '{missing[0]}' among its {len(names)}"
+            f"scene_sets.{name}.select: no scene '{missing[0]}' among its {len(names)}"
             f"{closest(missing[0], names)}"
         )
     return tuple(selected[: value.limit])

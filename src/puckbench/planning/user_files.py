@@ -154,7 +154,7 @@ class UserRun:
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
-            "scenes": scenes,
+            "scene_sets": scenes,
             "datasets": datasets,
             "codecs": codec_entries(self.codecs or self._default_codecs(set(paths_by_kind))),
             **({"metrics": list(self.metrics)} if self.metrics else {}),
@@ -275,15 +275,15 @@ class UserRun:
 
     def _dataset(self, kind: Kind, scenes: Options) -> Options:
         if kind == "recordings":
-            return {"scenes": kind, "make": "cloud", "size": METRIC}
+            return {"scene_set": kind, "make": "cloud", "size": METRIC}
         frame = self.frame or self._default_frame(kind, scenes)
         size = {"size": METRIC if frame == "metric" else _CUBE}
         if kind in ("clouds", "recorded_clouds"):
-            return {"scenes": kind, "make": "cloud", **size}
+            return {"scene_set": kind, "make": "cloud", **size}
         if not self.scan:
-            return {"scenes": kind, "make": "sample", "points": self.points or _POINTS, **size}
+            return {"scene_set": kind, "make": "sample", "points": self.points or _POINTS, **size}
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
-        return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
+        return {"scene_set": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
     def _default_frame(self, kind: Kind, scenes: Options) -> CoordinateFrame:
         if kind == "recorded_clouds":

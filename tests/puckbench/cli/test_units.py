@@ -161,7 +161,7 @@ def test_units_of_some_files_go_to_their_sets() -> None:
     config = UserRun(
         ("m.xyz", "mm.xyz", "mm.off"), ("draco",), "out", options={"metres_per_unit": units}
     )
-    scenes = config.configuration()["scenes"]
+    scenes = config.configuration()["scene_sets"]
     assert scenes["clouds"]["options"]["metres_per_unit"] == {"mm.xyz": 0.001}
     assert scenes["meshes"]["options"]["metres_per_unit"] == {"mm.off": 0.002}
 

@@ -7,11 +7,11 @@ import pytest
 from pointkit.errors import InputError
 from puckbench.planning.workflow import Workflow
 
-ROOMS = {"scenes": "rooms", "rates": ["50mm"], "codecs": ["draco"]}
+ROOMS = {"scene_set": "rooms", "rates": ["50mm"], "codecs": ["draco"]}
 SWEEP = {"preset": "spin", "trajectory": [[0, 0, 0, 0, 0, 0, 0], [0.4, 0, 0.3, 0, 0, 0, 0]]}
 CONFIG = {
-    "scenes": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
-    "datasets": {"d": {"scenes": "rooms", "make": "sample", "points": 10, "codecs": ["draco"]}},
+    "scene_sets": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
+    "datasets": {"d": {"scene_set": "rooms", "make": "sample", "points": 10, "codecs": ["draco"]}},
     "drives": {"push": {**ROOMS, "sweep": SWEEP}},
     "codecs": {"draco": {"rates": ["r1", "r8"]}, "gpcc": {}},
 }

@@ -83,8 +83,8 @@ def test_what_cannot_be_listed_is_named(path: Any, fault: str | None) -> None:
 
 def plan(**top: Any) -> Plan:
     scenes = {"mine": {"loader": "point_clouds", "options": {"path": "mine"}}}
-    datasets = {"mine": {"scenes": "mine", "make": "cloud"}}
-    return Plan(checked({"scenes": scenes, "datasets": datasets, **top}), check_scenes=True)
+    datasets = {"mine": {"scene_set": "mine", "make": "cloud"}}
+    return Plan(checked({"scene_sets": scenes, "datasets": datasets, **top}), check_scenes=True)
 
 
 @pytest.mark.usefixtures("mine")
@@ -134,8 +134,9 @@ def test_points_that_are_not_finite_are_dropped_where_that_is_asked_for() -> Non
 def test_a_scenes_job_does_not_change_with_the_other_files() -> None:
     def record() -> str:
         scenes = {"mine": {"loader": "point_clouds", "options": {"path": "mine"}}}
-        datasets = {"mine": {"scenes": "mine", "make": "cloud"}}
-        return Workflow({"scenes": scenes, "datasets": datasets}).clouds.scene("mine", "b").record
+        datasets = {"mine": {"scene_set": "mine", "make": "cloud"}}
+        workflow = Workflow({"scene_sets": scenes, "datasets": datasets})
+        return workflow.clouds.scene("mine", "b").record
 
     before = record()
     np.save("mine/c.npy", POINTS)
