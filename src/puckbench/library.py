@@ -101,9 +101,9 @@ def turns(
     InputError
         The recording cannot be read, or its sensor is unknown.
     """
-    from puckbench.datasets.recordings import decompressed
     from puckbench.recordings import cloud_messages
     from puckbench.recordings.reading import read_turns
+    from puckbench.scene_sets.recordings import decompressed
 
     path = Path(recording)
     if cloud_messages.has_clouds(path, topic):

@@ -21,6 +21,7 @@ _MOVED = {
     "puckbench.core.seeding": "pointkit.seeding",
     "puckbench.core.threads": "pointkit.threads",
     "puckbench.core.yaml_files": "pointkit.yaml_files",
+    "puckbench.datasets": "puckbench.scene_sets, where DataSet is SceneSet",
     "puckbench.geometry": "pointkit.geometry",
     "puckbench.geometry.bounded_search": "primitive_codec.bounded_search",
     "puckbench.geometry.missing_returns": "cloud_files.missing_returns",

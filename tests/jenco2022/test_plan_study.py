@@ -19,7 +19,7 @@ CHAPTER_5 = {name for name in FIGURES.names() if name.startswith("fig_5_")}
 
 
 def workflow(study: dict[str, Any] | None) -> Workflow:
-    return Workflow({"scenes": {}, "datasets": {}, "sensor_study": study})
+    return Workflow({"scene_sets": {}, "datasets": {}, "sensor_study": study})
 
 
 def test_an_empty_study_makes_all_of_chapter_5() -> None:
@@ -41,7 +41,7 @@ def test_an_empty_study_makes_all_of_chapter_5() -> None:
 
 def test_without_a_study_nothing_of_chapter_5_is_made() -> None:
     scenes = {"a": {"loader": "embedded_objects", "select": ["chair_01"]}}
-    config = {"scenes": scenes, "datasets": {"d": {"scenes": "a", "make": "sample"}}}
+    config = {"scene_sets": scenes, "datasets": {"d": {"scene_set": "a", "make": "sample"}}}
     for off in ({}, {"sensor_study": None}, {"sensor_study": False}):
         bench = Workflow({**config, **off})
         assert set(bench.outputs.figures) & CHAPTER_5 == set()

@@ -24,8 +24,8 @@ _SPIN = {"preset": "spin", "azimuth_step_deg": 2.0}
 
 CONFIG: dict[str, Any] = {
     "seed": 1,
-    "scenes": {
-        **bench.CONFIG["scenes"],
+    "scene_sets": {
+        **bench.CONFIG["scene_sets"],
         "meshes": {"loader": "mesh_files", "options": {"path": "box.off"}},
         "clouds": {"loader": "point_clouds", "options": {"path": "points.csv"}},
         "turns": {"loader": "recordings", "options": {"path": "box.pcap"}},
@@ -33,7 +33,7 @@ CONFIG: dict[str, Any] = {
     },
     "datasets": {
         "sampled": {
-            "scenes": "objects",
+            "scene_set": "objects",
             "make": "sample",
             "points": 2000,
             "codecs": [
@@ -42,23 +42,23 @@ CONFIG: dict[str, Any] = {
             ],
         },
         "noisy": {
-            "scenes": "rooms",
+            "scene_set": "rooms",
             "make": "scan",
             "errors": "vlp16_divergence",
             "sweep": {"duration_s": 0.02},
             "codecs": ["draco", "primitives"],
         },
-        "own": {"scenes": "meshes", "make": "sample", "points": 500, "codecs": ["draco"]},
-        "points": {"scenes": "clouds", "make": "cloud", "codecs": ["draco"]},
+        "own": {"scene_set": "meshes", "make": "sample", "points": 500, "codecs": ["draco"]},
+        "points": {"scene_set": "clouds", "make": "cloud", "codecs": ["draco"]},
         "spin": {
-            "scenes": "rooms",
+            "scene_set": "rooms",
             "make": "scan",
             "sweep": _SPIN,
             "size": "metric",
             "codecs": ["puck", "gpcc_angular", "laz", "jpegxl"],
         },
         "recorded": {
-            "scenes": "one_turn",
+            "scene_set": "one_turn",
             "make": "cloud",
             "size": "metric",
             "codecs": ["puck", "packets_xz"],
@@ -66,7 +66,7 @@ CONFIG: dict[str, Any] = {
     },
     "drives": {
         "virtual": {
-            "scenes": "meshes",
+            "scene_set": "meshes",
             "errors": "vlp16",
             "seeds": [1],
             "sweep": {**_SPIN, "trajectory": "path.csv"},
@@ -75,7 +75,7 @@ CONFIG: dict[str, Any] = {
             "tasks": {"registration": {}},
         },
         "real": {
-            "scenes": "turns",
+            "scene_set": "turns",
             "make": "cloud",
             "poses": "poses.txt",
             "codecs": ["puck"],
@@ -149,7 +149,7 @@ def jobs_of(flow: Workflow) -> dict[str, PlannedJob]:
 
 def _of_clouds(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
     plan, jobs = flow.plan, flow.clouds
-    for name, scenes in plan.scenes.items():
+    for name, scenes in plan.scene_sets.items():
         yield from ((f"scene {name}", jobs.scene(name, scene)) for scene in scenes.chosen)
     for dataset, cloud in plan.clouds:
         data = plan.datasets[dataset]

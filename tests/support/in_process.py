@@ -38,7 +38,7 @@ def _prepare(bench: Workflow, dataset: str, cloud: str) -> None:
     source = Path(jobs.source(dataset, cloud))
     target = results / "clouds" / dataset / f"{cloud}.ply"
     if not scene.exists():
-        _do(jobs.scene(jobs.dataset(dataset).scenes, scene.stem), scene=scene)
+        _do(jobs.scene(jobs.dataset(dataset).scene_set, scene.stem), scene=scene)
     if jobs.dataset(dataset).settings.is_scan:
         _do(jobs.scan(dataset, cloud), mesh=scene, table=source)
     else:

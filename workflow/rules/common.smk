@@ -14,6 +14,7 @@ if SOURCE.is_dir():
 
 from puckbench.core.interrupts import interrupt_with_run
 from puckbench.core.packages import packages_alone
+from puckbench.core.renamed_keys import renaming_line
 from puckbench.figures.registry import figure_entry
 from puckbench.metrics.table_registry import table_entry
 from puckbench.planning.config import check_config_files
@@ -62,6 +63,8 @@ if workflow.is_main_process:
     interrupt_with_run()
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
+    if line := or_stop(renaming_line, config):
+        print(f"puckbench: {line}", file=sys.stderr, flush=True)
     or_stop(mark_planning)
 flow = or_stop(Workflow, config, True)
 plan = flow.plan
@@ -133,7 +136,7 @@ container: plan.config.container
 
 
 wildcard_constraints:
-    scenes=one_of(plan.scenes),
+    scene_set=one_of(plan.scene_sets),
     drives=one_of(flow.drives.entries),
     drive=r"[A-Za-z0-9_.-]+",
     dataset=one_of(plan.datasets),

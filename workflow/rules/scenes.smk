@@ -1,17 +1,17 @@
 # Scenes: meshes (some with labels) or captured clouds, in metres, z up.
-scene = rules_of("scene", "scenes/{scenes}/{scene}")
+scene = rules_of("scene", "scenes/{scene_set}/{scene}")
 
 
 rule scene:
     input:
         unpack(scene.inputs),
     output:
-        scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.ply",
-        about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
+        scene=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.ply",
+        about=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.json",
     log:
         scene.log,
     wildcard_constraints:
-        scenes=one_of(set(plan.scenes) - set(flow.files.of_returns)),
+        scene_set=one_of(set(plan.scene_sets) - set(flow.files.of_returns)),
     priority: 1
     conda:
         "../../envs/puckbench.yaml"
@@ -28,7 +28,7 @@ rule scene:
 # Returns of real sensors, in the frame of the sensor.
 use rule scene as scene_of_returns with:
     output:
-        scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.parquet",
-        about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
+        scene=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.parquet",
+        about=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.json",
     wildcard_constraints:
-        scenes=one_of(flow.files.of_returns),
+        scene_set=one_of(flow.files.of_returns),

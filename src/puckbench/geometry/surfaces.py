@@ -11,7 +11,7 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Mesh, scaled_mesh
 from pointkit.lazy import imported
 
-_CAPTURES = "puckbench.datasets.captured_rooms:read_capture"
+_CAPTURES = "puckbench.scene_sets.captured_rooms:read_capture"
 
 
 def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:

@@ -13,12 +13,13 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
-from pointkit.errors import InputError, among
+from pointkit.errors import InputError, among, naming
 from pointkit.files import read_json
 from pointkit.models import Model, checked_model
 from pointkit.registry import is_place, trust
 from pointkit.yaml_files import read_yaml
 from puckbench.codecs.facts import Line
+from puckbench.core.renamed_keys import with_new_keys
 from puckbench.steps.coding import TimingSettings
 from puckbench.steps.evaluate import MeasuringSettings
 from puckbench.steps.prepare import PreparationSettings
@@ -78,7 +79,7 @@ class Sensing(SensorSettings):
     """Configuration keys of both data sets and drives; most describe the virtual sensor."""
 
     title: str | None = Field(None, description="Title in figures; by default the entry's name.")
-    scenes: str = Field(description="Name of a scene set.")
+    scene_set: str = Field(description="Name of a scene set.")
     make: str
     origin: Position | dict[str, Position] | None = Field(
         None,
@@ -417,8 +418,8 @@ class Config(Model):
         "to `RESULTS/failed.yaml`; a run with this second configuration file makes tables and "
         "report of the rest.",
     )
-    scenes: dict[Name, SceneSetConfig] = Field(
-        description="Scene sets by name: sources of geometry."
+    scene_sets: dict[Name, SceneSetConfig] = Field(
+        description="Scene sets by name: sources of scenes."
     )
     datasets: dict[Name, DataSetConfig] = Field(
         description="Data sets by name, in the order of figures: clouds made from a scene set."
@@ -491,8 +492,8 @@ class Config(Model):
         yield from filter(is_place, self._plugins())
 
     def _plugins(self) -> Iterator[str | None]:
-        for scenes in self.scenes.values():
-            yield from (source.loader for source in (scenes, scenes.stand_in) if source)
+        for scene_set in self.scene_sets.values():
+            yield from (source.loader for source in (scene_set, scene_set.stand_in) if source)
         yield from (data.errors for data in self.datasets.values())
         for drive in self.drives.values():
             yield from (drive.errors, *drive.tasks)
@@ -511,17 +512,18 @@ class Config(Model):
 def checked(config: Mapping[str, Any]) -> Config:
     """Check the keys and values of a configuration, and return it as a `Config`.
 
-    If ``stand_in`` is true, generated data first replace data from files (`with_stand_ins`).
+    Keys with old names are read as the new ones (`puckbench.core.renamed_keys`). If ``stand_in`` is
+    true, generated data first replace data from files (`with_stand_ins`).
     Whether named loaders, codecs, rates and clouds exist is checked later, by
     `puckbench.planning.plan.Plan`.
 
     Raises
     ------
     InputError
-        A key is unknown or a value is not allowed. The message tells the key, its value and the
-        allowed values.
+        A key is unknown or there by two names, or a value is not allowed. The message tells the
+        key, its value and the allowed values.
     """
-    return checked_model(Config, with_stand_ins(config))
+    return checked_model(Config, with_stand_ins(with_new_keys(config)))
 
 
 def trusted(config: Mapping[str, Any]) -> Config:
@@ -545,11 +547,11 @@ def with_stand_ins(config: Mapping[str, Any]) -> Options:
     if changed.get("stand_in") is not True:
         return changed
     changed["results"] = f"{changed.get('results', 'results')}_stand_in"
-    for scenes in _mappings(changed.get("scenes")):
-        stand_in = scenes.get("stand_in")
+    for scene_set in _mappings(changed.get("scene_sets")):
+        stand_in = scene_set.get("stand_in")
         if isinstance(stand_in, dict):
-            scenes.clear()
-            scenes.update(stand_in)
+            scene_set.clear()
+            scene_set.update(stand_in)
     for entry in (*_mappings(changed.get("datasets")), *_mappings([changed.get("figures")])):
         stand_in = entry.get("stand_in")
         if isinstance(stand_in, dict):
@@ -576,12 +578,16 @@ def read_config(path: Path) -> Options:
 def check_config_files(paths: Iterable[str | Path]) -> None:
     """Raise InputError if a configuration file, which Snakemake has read already, is not valid.
 
-    A file is valid if it is YAML or JSON, and YAML 1.1 and 1.2 read all its values alike.
+    A file is valid if it is YAML or JSON, YAML 1.1 and 1.2 read all its values alike, and no key is
+    there by both its old and its new name.
     A file without any key of puckbench is ignored, since it belongs to a workflow that imports
     puckbench's.
     """
     for path in map(Path, paths):
-        if set(Config.model_fields) & set(_read(path, alike=False)):
+        values = _read(path, alike=False)
+        with naming(path):
+            keys = with_new_keys(values)
+        if set(Config.model_fields) & set(keys):
             _read(path, alike=True)
 
 

@@ -13,7 +13,7 @@ from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import checked_task
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.costs import CodingCosts
-from puckbench.planning.plan import Plan, ScenePlan
+from puckbench.planning.plan import Plan, SceneSetPlan
 from puckbench.planning.scene_checks import refuse_paths
 from virtual_lidar import open_error_model, open_sweep
 
@@ -46,7 +46,7 @@ class DrivePlan:
 
     name: str
     settings: DriveConfig
-    scenes: ScenePlan
+    scenes: SceneSetPlan
     scans: Mapping[str, tuple[str, int]]
     clouds: Mapping[str, tuple[str, ...]]
     rates: Mapping[str, tuple[str, ...]]
@@ -166,7 +166,7 @@ class Drives:
                 rates=self._rates(value, scenes),
             )
 
-    def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
+    def _rates(self, value: DriveConfig, scenes: SceneSetPlan) -> dict[str, tuple[str, ...]]:
         returns = value.is_scan or scenes.scenes.of_returns
         packets = scenes.scenes.of_packets
         rates = {}
@@ -184,7 +184,7 @@ class Drives:
         return rates
 
 
-def _driven(value: DriveConfig, scenes: ScenePlan) -> tuple[str, ...]:
+def _driven(value: DriveConfig, scenes: SceneSetPlan) -> tuple[str, ...]:
     for scene in value.trajectories:
         if scene not in scenes.chosen:
             choices = among(scene, scenes.chosen)

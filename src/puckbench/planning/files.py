@@ -34,8 +34,8 @@ class Files:
         """
         data = self.plan.datasets[dataset]
         scene, _ = data.source_of(cloud)
-        suffix = suffix or ("parquet" if data.scenes in self.of_returns else "ply")
-        return f"{self._results}/scenes/{data.scenes}/{scene}.{suffix}"
+        suffix = suffix or ("parquet" if data.scene_set in self.of_returns else "ply")
+        return f"{self._results}/scenes/{data.scene_set}/{scene}.{suffix}"
 
     def scene_and_about(self, dataset: str, cloud: str) -> dict[str, str]:
         """Return the file of a cloud's scene, and its description as ``about``."""
@@ -47,7 +47,7 @@ class Files:
     @cached_property
     def of_returns(self) -> list[str]:
         """Names of the scene sets whose scenes are a sensor's returns."""
-        return [name for name, scenes in self.plan.scenes.items() if scenes.scenes.of_returns]
+        return [name for name, scenes in self.plan.scene_sets.items() if scenes.scenes.of_returns]
 
     def prepared(self, has_returns: bool) -> list[str]:
         """Return the names of the data sets whose clouds have, or lack, a sensor's returns."""

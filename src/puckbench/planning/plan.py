@@ -15,9 +15,6 @@ from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned import require_networks
 from puckbench.codecs.registry import open_training
-from puckbench.datasets.base import DataSet
-from puckbench.datasets.recordings import recording_files
-from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.metrics.metric_registry import METRICS
@@ -41,6 +38,9 @@ from puckbench.planning.scene_checks import (
     refuse_paths,
     scene_faults,
 )
+from puckbench.scene_sets.base import SceneSet
+from puckbench.scene_sets.recordings import recording_files
+from puckbench.scene_sets.registry import open_scene_set
 from puckbench.steps.coding import TimingSettings
 from puckbench.steps.scan import SensorSettings
 from puckbench.steps.sensing import SensingCode, code_of_scan
@@ -53,7 +53,7 @@ _NOWHERE = {"dataset": "", "scene": ""}
 
 
 @dataclass(frozen=True)
-class ScenePlan:
+class SceneSetPlan:
     """An opened scene set, with the names of the scenes that a run uses.
 
     Parameters
@@ -73,7 +73,7 @@ class ScenePlan:
     loader: str
     seed: int
     options: dict[str, Any]
-    scenes: DataSet
+    scenes: SceneSet
     chosen: tuple[str, ...]
 
     @cached_property
@@ -99,7 +99,7 @@ class DataSetPlan:
     ----------
     name
         Name of the data set.
-    scenes
+    scene_set
         Name of the scene set from which the clouds are made.
     sources
         For each cloud's name, the name of its scene and the seed with which it is made.
@@ -114,7 +114,7 @@ class DataSetPlan:
     """
 
     name: str
-    scenes: str
+    scene_set: str
     sources: Mapping[str, tuple[str, int]]
     points: int
     settings: DataSetConfig
@@ -247,8 +247,8 @@ class Plan:
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
         self.config, self._check_scenes = config, check_scenes
         self.memory = Memory(self.results)
-        self.scenes = {
-            name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
+        self.scene_sets = {
+            name: open_scenes(name, value, config.seed) for name, value in config.scene_sets.items()
         }
         self._scan_codes: dict[str, SensingCode] = {}
         self.left_out: dict[str, dict[str, str]] = {}
@@ -306,7 +306,7 @@ class Plan:
 
     def _scenes_left_out(self) -> Iterator[dict[str, str]]:
         for dataset, faults in self.left_out.items():
-            scenes = self.scenes[self.config.datasets[dataset].scenes].scenes
+            scenes = self.scene_sets[self.config.datasets[dataset].scene_set].scenes
             for scene, fault in faults.items():
                 file = _file_of(dataset, scenes, scene)
                 reason = fault.removeprefix(f"{file}: ")
@@ -314,7 +314,7 @@ class Plan:
 
     def _attributes_left_out(self) -> Iterator[dict[str, str]]:
         for data in self.datasets.values():
-            if not self.scenes[data.scenes].scenes.read_first:
+            if not self.scene_sets[data.scene_set].scenes.read_first:
                 continue
             checks, reasons = list(self._checks(data.name, data.used_scenes).values()), []
             coded_by: dict[str, list[str]] = {}
@@ -392,7 +392,8 @@ class Plan:
             most = max(self.opened[codec].most_extent(rate) for rate in rates)
             width = f"the cloud is {extent:,.0f} m wide, more than {most:,.0f} m"
             reason = f"codec {codec} at {', '.join(rates)}: {width}{NARROWER}"
-            file = _file_of(dataset, self.scenes[self.datasets[dataset].scenes].scenes, cloud)
+            scenes = self.scene_sets[self.datasets[dataset].scene_set].scenes
+            file = _file_of(dataset, scenes, cloud)
             yield {"dataset": dataset, "scene": cloud, "file": file, "reason": reason}
 
     @cached_property
@@ -487,7 +488,7 @@ class Plan:
             if data.settings.recovery
             and data.frame == "scaled"
             and data.settings.make != "cloud"
-            and self.scenes[data.scenes].scenes.primitives
+            and self.scene_sets[data.scene_set].scenes.primitives
         }
         curves = (c for c in self.curves if c[0] in labelled and c[2] in coders)
         return tuple(curve for curve in curves if not self.has_failed("recovery", *curve))
@@ -659,7 +660,7 @@ class Plan:
         """Return SHA-256 digests of a codec's weights files; empty for a codec without weights."""
         return " ".join(map(sha256, self.weights[codec]))
 
-    def checked_scenes(self, where: str, value: Sensing) -> ScenePlan:
+    def checked_scenes(self, where: str, value: Sensing) -> SceneSetPlan:
         """Return the scene set from which a data set or drive is made, after checking the entry.
 
         Parameters
@@ -675,10 +676,10 @@ class Plan:
             There is no such scene set, ``make`` does not suit its scenes (meshes are sampled or
             scanned, clouds are taken as they are), or the entry names an unknown codec.
         """
-        scenes = self.scenes.get(value.scenes)
+        scenes = self.scene_sets.get(value.scene_set)
         if scenes is None:
-            choices = among(value.scenes, self.scenes)
-            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
+            choices = among(value.scene_set, self.scene_sets)
+            raise InputError(f"{where}.scene_set: no scene set '{value.scene_set}'{choices}")
         is_cloud = scenes.scenes.of_clouds
         if is_cloud != (value.make == "cloud"):
             made = get_args(type(value).model_fields["make"].annotation)
@@ -710,7 +711,7 @@ class Plan:
         if key not in self._scan_codes:
             self._scan_codes[key] = code_of_scan(entry)
         code = self._scan_codes[key]
-        return code, f"{code.parameters} {entry.scenes} {self.digest_of(code.files)}"
+        return code, f"{code.parameters} {entry.scene_set} {self.digest_of(code.files)}"
 
     @cached_property
     def digests(self) -> dict[Path, str]:
@@ -730,8 +731,8 @@ class Plan:
 
     def _input_files(self) -> Iterator[Path]:
         config = self.config
-        used = {entry.scenes for entry in (*config.datasets.values(), *config.drives.values())}
-        for scenes in self.scenes.values():
+        used = {entry.scene_set for entry in (*config.datasets.values(), *config.drives.values())}
+        for scenes in self.scene_sets.values():
             if scenes.name in used:
                 yield from (file for name in scenes.chosen for file in scenes.scenes.files(name))
         yield from (Path(drive.poses) for drive in config.drives.values() if drive.poses)
@@ -742,7 +743,7 @@ class Plan:
         checks = read_checks(self.memory, f"checks/{dataset}.json")
         return {scene: checks[scene] for scene in scenes if scene in checks}
 
-    def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
+    def _usable(self, name: str, scenes: SceneSetPlan) -> tuple[str, ...]:
         if not self._check_scenes:
             return scenes.chosen
         settings, checks = self.config.datasets[name], (self.memory, f"checks/{name}.json")
@@ -783,7 +784,7 @@ def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
     return runnable
 
 
-def _file_of(dataset: str, scenes: DataSet, scene: str) -> str:
+def _file_of(dataset: str, scenes: SceneSet, scene: str) -> str:
     return printable(next(iter(scenes.files(scene)), f"{dataset}/{scene}"))
 
 
@@ -793,7 +794,7 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
     return InputError(f"datasets.{dataset}: scene {scene}: {fault}{more}")
 
 
-def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
+def open_scenes(name: str, value: SceneSetConfig, seed: int) -> SceneSetPlan:
     """Open a scene set of the configuration, and select its scenes.
 
     Parameters
@@ -809,11 +810,11 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
         The loader or its options are invalid, files are missing, or a selected scene is unknown.
     """
     scene_seed = seed if value.seed is None else value.seed
-    with naming(f"scenes.{name}"):
+    with naming(f"scene_sets.{name}"):
         scenes = open_scene_set(value.loader, value.options, scene_seed)
         names = scenes.names()
     selected = _chosen(name, value, names)
-    return ScenePlan(name, value.loader, scene_seed, value.options, scenes, selected)
+    return SceneSetPlan(name, value.loader, scene_seed, value.options, scenes, selected)
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
@@ -844,7 +845,7 @@ def _chosen(name: str, value: SceneSetConfig, names: list[str]) -> tuple[str, ..
     missing = [scene for scene in selected if scene not in names]
     if missing:
         raise InputError(
-            f"scenes.{name}.select: no scene '{missing[0]}' among its {len(names)}"
+            f"scene_sets.{name}.select: no scene '{missing[0]}' among its {len(names)}"
             f"{closest(missing[0], names)}"
         )
     return tuple(selected[: value.limit])

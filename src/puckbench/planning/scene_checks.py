@@ -17,12 +17,12 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud, bounds, check_extent
 from pointkit.models import Model, parsed
 from pointkit.terminal import Progress
-from puckbench.datasets.base import DataSet
-from puckbench.datasets.scene import Scene
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.memory import Memory
+from puckbench.scene_sets.base import SceneSet
+from puckbench.scene_sets.scene import Scene
 from puckbench.steps.scan import Scan
 from puckbench.steps.step import planned
 
@@ -33,7 +33,7 @@ _UNPRINTABLE = re.compile(r"[\r\n\ud800-\udfff]")
 
 
 def scene_faults(
-    scenes: DataSet,
+    scenes: SceneSet,
     names: Iterable[str],
     settings: DataSetConfig,
     memory: Memory,
@@ -134,7 +134,7 @@ def read_checks(memory: Memory, name: str) -> dict[str, SceneCheck]:
     return {scene: parsed(SceneCheck, check, f"{name}: {scene}") for scene, check in checks}
 
 
-def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> str:
+def _state(scenes: SceneSet, digest: str, settings: DataSetConfig, name: str) -> str:
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
@@ -144,7 +144,7 @@ def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> 
 
 
 def _check_scene(
-    scenes: DataSet, name: str, settings: DataSetConfig
+    scenes: SceneSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, Any]]:
     from pointkit.geometry.mesh import check_mesh
 
@@ -188,7 +188,7 @@ def _extent(points: Floats) -> float:
     return float((high - low).max())
 
 
-def _remark_extent(scenes: DataSet, scene: Scene, settings: DataSetConfig) -> None:
+def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
         warn_of_implausible_extent(path, scene.mesh.bounds())

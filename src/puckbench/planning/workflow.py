@@ -103,10 +103,10 @@ class Workflow:
         if codec is not None and codec not in entry.rates:
             raise InputError(f"codec {codec} does not code {drives}")
 
-    def _check_scene(self, scenes: str, scene: str) -> None:
-        names = self.plan.scenes[scenes].names
+    def _check_scene(self, scene_set: str, scene: str) -> None:
+        names = self.plan.scene_sets[scene_set].names
         if scene not in names:
-            raise InputError(f"{scenes} has no scene '{scene}'{closest(scene, list(names))}")
+            raise InputError(f"{scene_set} has no scene '{scene}'{closest(scene, list(names))}")
 
 
 def run_jobs_with(source: str) -> None:

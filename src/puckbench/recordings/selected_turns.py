@@ -13,7 +13,7 @@ from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.pcap import refuse_stream
 from puck.recordings.ros_bags import bag_format
 from puck.recordings.topics import refuse_topic
-from puckbench.datasets.recordings import RECORDING_SUFFIXES, decompressed
+from puckbench.scene_sets.recordings import RECORDING_SUFFIXES, decompressed
 
 _log = logging.getLogger(__name__)
 _LONGEST_MARK = 24

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from puckbench.core.code import MESH_FILES
-from puckbench.datasets.loader_code import reader_modules
-from puckbench.datasets.recordings import decompressed, recording_files
+from puckbench.scene_sets.loader_code import reader_modules
+from puckbench.scene_sets.recordings import decompressed, recording_files
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 CODE = (
     *MESH_FILES,
-    "puckbench.datasets.recordings",
+    "puckbench.scene_sets.recordings",
     "virtual_lidar.residual_table",
     "virtual_lidar.walls.*",
 )

@@ -13,10 +13,10 @@ from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import clock_steps
 from puckbench.core.code import MESH_FILES, SENSOR
-from puckbench.datasets.loader_code import loader_modules
-from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import Scene
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
+from puckbench.scene_sets.loader_code import loader_modules
+from puckbench.scene_sets.registry import open_scene_set
+from puckbench.scene_sets.scene import Scene
 from puckbench.steps.scene import LoaderSettings
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
 
 CODE = (
-    *(*MESH_FILES, *SENSOR, "cloud_files.poses", "puckbench.datasets.scene"),
+    *(*MESH_FILES, *SENSOR, "cloud_files.poses", "puckbench.scene_sets.scene"),
     *("puckbench.metrics.tasks.odometry", "puckbench.recordings"),
 )
 

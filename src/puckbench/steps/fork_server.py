@@ -34,7 +34,7 @@ VARIABLE = "PUCKBENCH_FORK_SERVER"
 MODULES = (
     *("pandas", "pyarrow.parquet", "matplotlib.figure", "matplotlib.backends.backend_agg", "numba"),
     *("scipy.spatial", "pykdtree.kdtree", "open3d", "pointkit", "virtual_lidar", "gpcc", "puck"),
-    *("primitive_codec", "cloud_files", "puckbench.recordings", "puckbench.datasets"),
+    *("primitive_codec", "cloud_files", "puckbench.recordings", "puckbench.scene_sets"),
     *("puckbench.metrics", "puckbench.codecs", "puckbench.figures", "puckbench.report"),
     "puckbench.steps",
 )

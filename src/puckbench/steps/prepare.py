@@ -73,7 +73,7 @@ class Prepare(PreparationSettings, Step):
         return planned(
             cls(crop=crop, size=settings.size, neighbours=settings.neighbours),
             files.sources(dataset, cloud),
-            also=f"{settings.make} {settings.scenes}",
+            also=f"{settings.make} {settings.scene_set}",
             memory_mb=files.memory_mb(dataset),
         )
 

@@ -50,7 +50,7 @@ class PrepareReturns(Step):
         return planned(
             cls(neighbours=settings.neighbours, error_model=model),
             files.sources(dataset, cloud),
-            also=f"{settings.make} {settings.scenes}",
+            also=f"{settings.make} {settings.scene_set}",
             memory_mb=files.memory_mb(dataset),
         )
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 CODE = (
     *CLOUD_FILES,
     *TABLES,
+    "puckbench.core.renamed_keys",
     "puckbench.steps.cost",
     "puckbench.metrics.tables.uses",
 )

@@ -42,7 +42,7 @@ class Sample(SamplingSettings, Step):
         _, seed = data.source_of(cloud)
         inputs = files.scene_and_about(dataset, cloud)
         step = cls(points=data.settings.points, seed=seed)
-        return planned(step, inputs, also=data.scenes, memory_mb=files.memory_mb(dataset))
+        return planned(step, inputs, also=data.scene_set, memory_mb=files.memory_mb(dataset))
 
     def run(self, mesh: Path, cloud: Path) -> dict[str, Any]:
         """Sample the file `mesh`, write the points to `cloud`, and return facts about them."""

@@ -12,15 +12,15 @@ from cloud_files.descriptions import write_description
 from cloud_files.meshes import write_mesh
 from pointkit.models import Model
 from puckbench.core.code import MESH_FILES
-from puckbench.datasets.loader_code import loader_modules
-from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.scene import Scene
+from puckbench.scene_sets.loader_code import loader_modules
+from puckbench.scene_sets.registry import open_scene_set
+from puckbench.scene_sets.scene import Scene
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
 
-CODE = (*MESH_FILES, "puckbench.datasets.base")
+CODE = (*MESH_FILES, "puckbench.scene_sets.base")
 
 
 class LoaderSettings(Model):
@@ -49,20 +49,20 @@ class WriteScene(LoaderSettings, Step):
     seed: int = 0
 
     @classmethod
-    def of_plan(cls, flow: Workflow, /, scenes: str, scene: str) -> PlannedStep:
-        scene_set = flow.plan.scenes[scenes]
-        is_generated = "seed" in type(scene_set.scenes).model_fields
+    def of_plan(cls, flow: Workflow, /, scene_set: str, scene: str) -> PlannedStep:
+        source = flow.plan.scene_sets[scene_set]
+        is_generated = "seed" in type(source.scenes).model_fields
         step = cls(
-            loader=scene_set.loader,
+            loader=source.loader,
             name=scene,
-            options=scene_set.options_of(scene),
-            seed=scene_set.seed if is_generated else 0,
+            options=source.options_of(scene),
+            seed=source.seed if is_generated else 0,
         )
-        files = scene_set.files(scene)
+        files = source.files(scene)
         return planned(
             step,
             {},
-            *loader_modules(scene_set.loader, files),
+            *loader_modules(source.loader, files),
             content={"files": files},
             also=flow.plan.digest_of(files),
             memory_mb=2000,

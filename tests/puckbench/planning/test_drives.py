@@ -10,7 +10,7 @@ from puckbench.planning.drives import consecutive
 from puckbench.planning.workflow import Workflow
 
 DRIVE = {
-    "scenes": "street",
+    "scene_set": "street",
     "sweep": {"preset": "spin", "trajectory": [[0, 0, 0, 0, 0, 0, 0], [1, 5, 0, 0, 0, 0, 0]]},
     "rates": ["200mm", "2cm"],
 }
@@ -18,7 +18,7 @@ DRIVE = {
 
 def workflow(**drive: Any) -> Workflow:
     config: dict[str, Any] = {
-        "scenes": {
+        "scene_sets": {
             "street": {"loader": "street", "options": {"streets": 1}},
             "streets": {"loader": "street", "options": {"streets": 3}},
         },
@@ -46,7 +46,7 @@ def test_each_scene_has_its_trajectory() -> None:
         "street_1": {"duration_s": 3, "speed_m_s": 5},
         "street_3": {"duration_s": 4, "speed_m_s": 8, "start": [-20, 0]},
     }
-    config = workflow(trajectories=motions, scenes="streets").drives
+    config = workflow(trajectories=motions, scene_set="streets").drives
     assert config.entries["way"].drives == ("street_1-1", "street_3-1")
     first, third = (config.drive("way", f"street_{number}-1") for number in (1, 3))
     assert '"speed_m_s":5' in first.record
@@ -60,11 +60,11 @@ def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Pat
         (tmp_path / f"turn_{number}.xyz").write_text("0 0 1\n1 0 1\n")
     clouds = {"loader": "point_clouds", "options": {"path": str(tmp_path)}}
     config = {
-        "scenes": {"clouds": clouds},
+        "scene_sets": {"clouds": clouds},
         "datasets": {},
         "drives": {
             "real": {
-                "scenes": "clouds",
+                "scene_set": "clouds",
                 "make": "cloud",
                 "tasks": {"odometry": {"max_range_m": 20, "voxel_m": 0.2}},
             }
@@ -86,7 +86,7 @@ def test_table_and_figure_of_odometry_are_made_if_it_is_a_task() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"scenes": "road"}, "drives.way.scenes: no scene set 'road'"),
+        ({"scene_set": "road"}, "drives.way.scene_set: no scene set 'road'"),
         ({"sweep": "spin"}, "drives.way: sweep: needs a trajectory"),
         ({"sweep": {**DRIVE["sweep"], "duration_s": 0.2}}, "1 frames, 5 turns a second: a drive"),
         ({"make": "cloud"}, "make is 'cloud', but street has meshes: scan"),

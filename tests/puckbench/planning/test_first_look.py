@@ -10,8 +10,8 @@ from puckbench.planning.workflow import Workflow
 
 def first_look(**codecs: Any) -> Gathering:
     config = {
-        "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
-        "datasets": {"d": {"scenes": "a", "make": "sample"}},
+        "scene_sets": {"a": {"loader": "embedded_objects", "limit": 1}},
+        "datasets": {"d": {"scene_set": "a", "make": "sample"}},
         "codecs": codecs,
     }
     return Workflow(config).outputs.first_look

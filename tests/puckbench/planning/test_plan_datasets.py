@@ -13,7 +13,7 @@ from puckbench.jobs.scan import Scan
 from puckbench.planning.workflow import Workflow
 
 CLOUDS = """
-from puckbench.datasets.base import GeneratedSet
+from puckbench.scene_sets.base import GeneratedSet
 
 
 class Clouds(GeneratedSet):
@@ -29,8 +29,8 @@ class Clouds(GeneratedSet):
 
 def workflow(loader: str = "embedded_rooms", **settings: Any) -> Workflow:
     rooms = {"loader": loader, "select": ["office_1"]}
-    dataset = {"scenes": "rooms", "make": "scan", **settings}
-    return Workflow({"scenes": {"rooms": rooms}, "datasets": {"d": dataset}})
+    dataset = {"scene_set": "rooms", "make": "scan", **settings}
+    return Workflow({"scene_sets": {"rooms": rooms}, "datasets": {"d": dataset}})
 
 
 def test_a_scan_from_anywhere_is_asked_for() -> None:

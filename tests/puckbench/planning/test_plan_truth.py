@@ -11,8 +11,8 @@ from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[3]
 ROOMS = {"loader": "embedded_rooms", "select": ["office_1"]}
-SCAN = {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}}
-SAMPLE = {"scenes": "rooms", "make": "sample"}
+SCAN = {"scene_set": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}}
+SAMPLE = {"scene_set": "rooms", "make": "sample"}
 TRUTH_FIGURES = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff", "truth_accuracy"}
 
 
@@ -21,7 +21,7 @@ def workflow(
 ) -> Workflow:
     codecs = codecs or {"primitives": {"rates": ["r4"]}, "draco": {"rates": ["r1"]}}
     scenes = {"rooms": ROOMS, **scenes}
-    return Workflow({"scenes": scenes, "datasets": datasets, "codecs": codecs})
+    return Workflow({"scene_sets": scenes, "datasets": datasets, "codecs": codecs})
 
 
 def tables_of_rows(bench: Workflow) -> dict[str, tuple[str, ...]]:
@@ -60,7 +60,7 @@ def test_primitives_are_compared_where_scenes_and_codec_have_them() -> None:
     ("data", "codecs"),
     [
         ({**SCAN, "recovery": False}, None),
-        ({**SCAN, "scenes": "meshes"}, None),
+        ({**SCAN, "scene_set": "meshes"}, None),
         (SCAN, {"draco": {"rates": ["r1"]}}),
     ],
     ids=["switched off", "scenes without primitives", "codec of points"],

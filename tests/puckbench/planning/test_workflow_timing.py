@@ -13,8 +13,8 @@ from puckbench.planning.workflow import Workflow
 
 def workflow(timing: Any) -> Workflow:
     config = {
-        "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
-        "datasets": {"d": {"scenes": "a", "make": "sample", "truth": False}},
+        "scene_sets": {"a": {"loader": "embedded_objects", "limit": 1}},
+        "datasets": {"d": {"scene_set": "a", "make": "sample", "truth": False}},
         "timing": timing,
     }
     return Workflow(config)

@@ -23,8 +23,8 @@ def test_files_of_commands_are_quoted(rules: Path) -> None:
 @pytest.mark.parametrize("folder", ["my results", "Ergebnisse für München", "a/b-1.0"])
 def test_a_folder_of_results_may_have_any_letters(folder: str) -> None:
     config = {
-        "scenes": {"rooms": {"loader": "embedded_rooms"}},
-        "datasets": {"d": {"scenes": "rooms", "make": "sample", "points": 10}},
+        "scene_sets": {"rooms": {"loader": "embedded_rooms"}},
+        "datasets": {"d": {"scene_set": "rooms", "make": "sample", "points": 10}},
         "results": folder,
     }
     assert checked(config).results == folder

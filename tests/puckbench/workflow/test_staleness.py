@@ -224,9 +224,9 @@ CHANGED_BY: dict[str, set[str]] = {
     "puckbench/codecs/learned.py": _curves(*NETWORKS) | {"train small"},
     "mine.py": MINE,
     # Data sets and readers of files.
-    "puckbench/datasets/mesh_files.py": {"scene meshes"},
-    "puckbench/datasets/point_clouds.py": {"scene clouds"},
-    "puckbench/datasets/recordings.py": RECORDED,
+    "puckbench/scene_sets/mesh_files.py": {"scene meshes"},
+    "puckbench/scene_sets/point_clouds.py": {"scene clouds"},
+    "puckbench/scene_sets/recordings.py": RECORDED,
     "virtual_lidar/scenes/rooms.py": {"scene objects", "scene rooms"} | STUDY | MINE,
     "virtual_lidar/scenes/rooms.yaml": {"scene objects", "scene rooms"} | STUDY | MINE,
     "virtual_lidar/scenes/furniture/seating.py": {"scene objects", "scene rooms"} | STUDY | MINE,
