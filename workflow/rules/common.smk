@@ -31,7 +31,7 @@ from puckbench.planning.running import (
     mark_planning,
 )
 from puckbench.planning.workflow import Workflow, run_jobs_with
-from puckbench.steps.fork_server import start_fork_server
+from puckbench.steps.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.steps.process import TIMEOUT
 from puckbench.steps.step import words_of
 from snakemake_logger_plugin_puckbench import BARS
@@ -103,7 +103,8 @@ onstart:
             print(f"puckbench: {line}", file=sys.stderr, flush=True)
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:
         # For jobs that run on this machine and in this environment.
-        start_fork_server(plan.config.timing.threads, learned=any(plan.weights.values()))
+        learned = LEARNED if any(plan.weights.values()) else ()
+        start_fork_server(plan.config.timing.threads, (*MODULES, *learned))
 
 
 onsuccess:

@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.recordings.cloud_messages import has_clouds
     from puckbench.recordings.export import export, export_points, read_source
     from puckbench.recordings.message_returns import read_message_columns
-    from puckbench.recordings.selected_turns import is_recording, read_selected_turns
+    from puckbench.scene_sets.selected_turns import is_recording, read_selected_turns
 
     source, out, selection = options.source, options.out, turns(options.turns)
     if is_recording(source) and has_clouds(source, options.topic):

@@ -27,7 +27,7 @@ from puckbench.cli.units import (
 )
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import GRID, METRIC
-from puckbench.recordings.selected_turns import check_selection, is_recording, read_selected_turns
+from puckbench.scene_sets.selected_turns import check_selection, is_recording, read_selected_turns
 from puckbench.steps.prepare import Prepare, box_of, in_metres, names_and_groups, points_of_scan
 from puckbench.steps.prepare_returns import (
     MeasuredReturns,
@@ -37,7 +37,7 @@ from puckbench.steps.prepare_returns import (
 from virtual_lidar.scan_table import ScanTable
 
 if TYPE_CHECKING:
-    from puckbench.geometry.preparation import MeasuredPoints
+    from puckbench.steps.preparation import MeasuredPoints
 
 _SHOWN = (
     *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
@@ -136,7 +136,7 @@ def _peak(options: argparse.Namespace) -> dict[str, float]:
 
 
 def _measured(options: argparse.Namespace, cloud: UncheckedCloud) -> MeasuredPoints:
-    from puckbench.geometry.preparation import MeasuredPoints
+    from puckbench.steps.preparation import MeasuredPoints
 
     converted = in_unit_of(options, in_metres(checked_cloud(cloud, options.cloud)))
     return MeasuredPoints(converted, clean=converted)

@@ -52,7 +52,7 @@ _servers: list[Any] = []
 """Servers of this process, each of which ends when the pipe to its standard input closes."""
 
 
-def start_fork_server(threads: int, learned: bool = False) -> None:
+def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     """Start a server that runs the jobs of this process's child processes.
 
     The server ends when this process ends. No server is started on systems other than Linux, on
@@ -63,8 +63,8 @@ def start_fork_server(threads: int, learned: bool = False) -> None:
     ----------
     threads
         Maximum number of threads of the imported libraries.
-    learned
-        Whether the jobs run learned codecs, so that the server imports PyTorch too.
+    modules
+        Names of what the server imports: modules, and packages with all their modules.
     """
     import subprocess
     from pathlib import Path
@@ -75,9 +75,8 @@ def start_fork_server(threads: int, learned: bool = False) -> None:
     is_off = os.environ.get(VARIABLE) == "off"
     if is_off or sys.platform != "linux" or Path(_GPU).exists() or is_serving(threads):
         return
-    modules = (*MODULES, *(LEARNED if learned else ()))
     os.environ[VARIABLE] = f"puckbench-{token_hex(8)}"
-    program = f"from puckbench.steps.fork_server import serve; serve({modules!r})"
+    program = f"from puckbench.steps.fork_server import serve; serve({tuple(modules)!r})"
     server = subprocess.Popen(
         [sys.executable, "-c", program],
         env={**os.environ, **thread_environment(threads)},

@@ -18,13 +18,13 @@ from puckbench.geometry.scaling import METRIC
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 
 if TYPE_CHECKING:
-    from puckbench.geometry.preparation import MeasuredPoints
+    from puckbench.steps.preparation import MeasuredPoints
     from puckbench.planning.workflow import Workflow
 
 CODE = (
     *CLOUD_FILES,
     "puckbench.geometry.extent",
-    "puckbench.geometry.preparation",
+    "puckbench.steps.preparation",
     "virtual_lidar.scan_table",
 )
 
@@ -122,7 +122,7 @@ class Prepare(PreparationSettings, Step):
         more
             Further entries of the description.
         """
-        from puckbench.geometry.preparation import prepare
+        from puckbench.steps.preparation import prepare
 
         size = 0 if self.size == METRIC else self.size
         prepared = prepare(points.cloud, size, self.neighbours)
@@ -135,7 +135,7 @@ class Prepare(PreparationSettings, Step):
 
 def measured_points(path: Path) -> MeasuredPoints:
     """Return the points of a scan (``.parquet``) or of a cloud, in m, with their true points."""
-    from puckbench.geometry.preparation import MeasuredPoints
+    from puckbench.steps.preparation import MeasuredPoints
 
     if path.suffix == ".parquet":
         return points_of_scan(path)
@@ -163,7 +163,7 @@ def points_of_scan(path: Path, clean: bool = False) -> MeasuredPoints:
 
     With `clean`, the points without the sensor's errors are returned as measured points.
     """
-    from puckbench.geometry.preparation import MeasuredPoints
+    from puckbench.steps.preparation import MeasuredPoints
     from virtual_lidar.scan_table import read_scan
 
     table = read_scan(path)

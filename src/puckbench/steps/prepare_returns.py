@@ -11,7 +11,7 @@ from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, read_firings, write_firings
-from puckbench.recordings.selected_turns import select_turns
+from puckbench.scene_sets.selected_turns import select_turns
 from puckbench.steps.prepare import names_and_groups
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 from virtual_lidar.scan_table import ScanTable
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 CODE = (
     *("puckbench.steps.prepare", "puckbench.metrics.sensor_metrics"),
-    "puckbench.recordings.selected_turns",
+    "puckbench.scene_sets.selected_turns",
     *("virtual_lidar.scan_returns", "virtual_lidar.sweep", "virtual_lidar.trajectory"),
 )
 
@@ -99,7 +99,7 @@ class PrepareReturns(Step):
         more
             Further entries of the description of the cloud.
         """
-        from puckbench.geometry.preparation import prepare
+        from puckbench.steps.preparation import prepare
 
         points = measured.returns.points()
         if len(points) == 0:

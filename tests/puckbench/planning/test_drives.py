@@ -30,15 +30,18 @@ def workflow(**drive: Any) -> Workflow:
 
 
 def test_each_scene_and_seed_is_a_drive_and_each_codec_codes_it() -> None:
-    drives = workflow(seeds=[4, 7]).drives
+    flow = workflow(seeds=[4, 7])
+    drives = flow.drives
     entry = drives.entries["way"]
     assert entry.drives == ("street_1-4", "street_1-7")
     assert entry.rates["draco"] == entry.rates["puck"] == ("200mm", "20mm")
     assert entry.rates["gpcc_predictive"] == ("128mm", "32mm", "16mm", "4mm", "2mm", "1mm")
     assert "packets_xz" not in entry.rates
     assert len(drives.rows) == 2 + len(drives.curves) == 2 * 4
-    assert '"seed":7' in drives.drive("way", "street_1-7").record
-    assert drives.encode("way", "puck").record != drives.encode("way", "draco").record
+    names = {"drives": "way", "drive": "street_1-7"}
+    assert flow.step("drive", **names).step.seed == 7
+    steps = (flow.step("encode_drive", **names, codec=codec) for codec in ("puck", "draco"))
+    assert len({step.settings for step in steps}) == 2
 
 
 def test_each_scene_has_its_trajectory() -> None:
@@ -46,13 +49,15 @@ def test_each_scene_has_its_trajectory() -> None:
         "street_1": {"duration_s": 3, "speed_m_s": 5},
         "street_3": {"duration_s": 4, "speed_m_s": 8, "start": [-20, 0]},
     }
-    config = workflow(trajectories=motions, scene_set="streets").drives
-    assert config.entries["way"].drives == ("street_1-1", "street_3-1")
-    first, third = (config.drive("way", f"street_{number}-1") for number in (1, 3))
-    assert '"speed_m_s":5' in first.record
-    assert '"start":[-20' in third.record
-    assert first.code != third.code
-    assert config.encode("way", "puck").record == config.encode("way", "puck").record
+    flow = workflow(trajectories=motions, scene_set="streets")
+    assert flow.drives.entries["way"].drives == ("street_1-1", "street_3-1")
+    both = [{"drives": "way", "drive": f"street_{number}-1"} for number in (1, 3)]
+    first, third = (flow.step("drive", **names) for names in both)
+    assert '"speed_m_s":5' in first.settings
+    assert '"start":[-20' in third.settings
+    assert first.fingerprint != third.fingerprint
+    first, third = (flow.step("encode_drive", **names, codec="puck") for names in both)
+    assert first.settings == third.settings
 
 
 def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Path) -> None:
@@ -71,8 +76,8 @@ def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Pat
         },
         "codecs": {"draco": {}},
     }
-    record = Workflow(config).drives.drive("real", "turn").record
-    assert '"odometry":{"max_range_m":20,"voxel_m":0.2}' in record
+    step = Workflow(config).step("drive_of_clouds", drives="real", drive="turn").step
+    assert step.odometry == {"max_range_m": 20, "voxel_m": 0.2}
 
 
 def test_table_and_figure_of_odometry_are_made_if_it_is_a_task() -> None:

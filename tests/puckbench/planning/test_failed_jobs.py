@@ -84,10 +84,10 @@ def files(bench: Workflow) -> set[str]:
     outputs = bench.outputs
     rows = {name for table in outputs.gathered.values() for name in table.names}
     study = bench.study.gathered if bench.plan.study else {}
-    rows |= {name for table in study.values() for name in table.names}
+    rows |= {name for names in study.values() for name in names}
     tables = {f"tables/{name}" for name in (*outputs.gathered, *outputs.tables)}
     figures = {f"figures/{name}" for name in outputs.figures}
-    coded = {*bench.coding.artefacts(), *bench.drives.artefacts()}
+    coded = {*bench.plan.artefacts(), *bench.drives.artefacts()}
     return rows | tables | figures | coded | {f"weights/{name}" for name in bench.plan.trainings}
 
 

@@ -25,13 +25,13 @@ def workflow(
 
 
 def tables_of_rows(bench: Workflow) -> dict[str, tuple[str, ...]]:
-    return {kind: tuple(item.names) for kind, item in bench.outputs.gathered.items()}
+    return {kind: item.names for kind, item in bench.outputs.gathered.items()}
 
 
 def test_scans_are_measured_against_the_truth_and_the_clean_scan() -> None:
     bench = workflow({"scanned": SCAN, "sampled": SAMPLE})
-    assert set(bench.coding.truth("scanned", "office_1")) == {"truth", "clean"}
-    assert set(bench.coding.truth("sampled", "office_1")) == {"truth", "visible"}
+    assert set(bench.files.truth("scanned", "office_1")) == {"truth", "clean"}
+    assert set(bench.files.truth("sampled", "office_1")) == {"truth", "visible"}
     assert tables_of_rows(bench)["scan_errors"] == ("scan_errors/scanned/office_1.json",)
     assert set(bench.outputs.figures) >= TRUTH_FIGURES
     assert set(bench.outputs.tables["nearest_truth"]) == {"metrics", "scan_errors"}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -146,10 +145,12 @@ def test_a_peak_is_that_of_clouds_in_metres() -> None:
     config = made("mine", "utm.las", "drive.pcap", frame="scaled", peak=59.7)
     peaks = {name: data.get("peak") for name, data in config["datasets"].items()}
     assert peaks == {"clouds": None, "meshes": None, "recordings": 59.7}
-    jobs = Workflow(config).coding
-    measured = {
-        curve[0]: json.loads(jobs.evaluate(*curve).record).get("peak") for curve in jobs.plan.curves
-    }
+    flow = Workflow(config)
+    steps = (
+        flow.step("evaluate", dataset=dataset, cloud=cloud, codec=codec)
+        for dataset, cloud, codec in flow.plan.curves
+    )
+    measured = {step.step.dataset: step.step.peak for step in steps}
     assert measured == {"clouds": 1023, "meshes": 1023, "recordings": 59.7}
 
 

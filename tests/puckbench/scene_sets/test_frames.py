@@ -7,9 +7,9 @@ import pytest
 
 from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.errors import InputError
-from puckbench.jobs.preparation import prepare
 from puckbench.scene_sets.kitti import Kitti
 from puckbench.scene_sets.voxelised8i import Voxelised8i
+from puckbench.steps.preparation import prepare
 from tests.support.files import put
 
 FRAME = np.array([[10, -2, 0.5, 0.3], [-4, 3, -1.7, 0]], dtype="<f4")

@@ -15,13 +15,13 @@ from pointkit.errors import InputError
 from pointkit.files import read_json
 from pointkit.geometry.cloud import PointCloud
 from puckbench.geometry.scaling import origin_shift
-from puckbench.jobs.prepare import Prepare
-from puckbench.jobs.scene import WriteScene
 from puckbench.planning.config import checked
 from puckbench.planning.plan import Plan
 from puckbench.planning.workflow import Workflow
 from puckbench.scene_sets.registry import open_scene_set
 from puckbench.scene_sets.user_files import scene_names
+from puckbench.steps.prepare import Prepare
+from puckbench.steps.scene import WriteScene
 
 RNG = np.random.default_rng(3)
 POINTS = RNG.random((60, 3))
@@ -136,7 +136,7 @@ def test_a_scenes_job_does_not_change_with_the_other_files() -> None:
         scenes = {"mine": {"loader": "point_clouds", "options": {"path": "mine"}}}
         datasets = {"mine": {"scene_set": "mine", "make": "cloud"}}
         workflow = Workflow({"scene_sets": scenes, "datasets": datasets})
-        return workflow.clouds.scene("mine", "b").record
+        return workflow.step("scene", scene_set="mine", scene="b").settings
 
     before = record()
     np.save("mine/c.npy", POINTS)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from puckbench.jobs import fork_server
+from puckbench.steps import fork_server
 
 WAITS = """
 import os

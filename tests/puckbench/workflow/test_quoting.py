@@ -14,7 +14,7 @@ RULES = sorted((ROOT / "workflow" / "rules").glob("*.smk"))
 @pytest.mark.parametrize("rules", RULES, ids=lambda path: path.stem)
 def test_files_of_commands_are_quoted(rules: Path) -> None:
     lines = [line for line in rules.read_text().splitlines() if re.match(r'\s+"', line)]
-    commands = [line for line in lines if "puckbench.jobs" in line or "{log" in line]
+    commands = [line for line in lines if "puckbench.steps" in line or "{log" in line]
     assert not [line for line in commands if re.search(r"\{(input|output|log)[.\w]*\}", line)], (
         rules
     )

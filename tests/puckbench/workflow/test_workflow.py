@@ -25,9 +25,9 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
-from puckbench.jobs.curve_files import read_curve
 from puckbench.metrics.table_registry import SENSOR, table_entries
 from puckbench.planning.workflow import Workflow
+from puckbench.results.curves import read_curve
 from tests.support.bench import BOX_CODEC, RAW_CODEC, ROOT, Bench
 from tests.support.same_results import after_a_kill, differences
 
@@ -357,7 +357,7 @@ def test_rules_are_named_on_the_command_line_as_in_any_workflow(fresh: Bench) ->
     assert done.returncode == 0
     assert "mem_mb=123" in text
     assert "threads: 2" in text
-    (command,) = re.findall(r"python -m puckbench.jobs encode_curve .*", text)
+    (command,) = re.findall(r"python -m puckbench.steps encode_curve .*", text)
     assert ".snakemake/records/encode_curve-" in command
     assert "{" not in command
 

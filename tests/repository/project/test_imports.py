@@ -58,7 +58,7 @@ REGISTRIES = [
     "puckbench.codecs.registry import CODECS",
     "puckbench.scene_sets.registry import LOADERS",
     "puckbench.figures.registry import FIGURES",
-    "puckbench.jobs.registry import JOBS",
+    "puckbench.steps.step import JOBS",
     "virtual_lidar.errors import ERROR_MODELS",
     "puckbench.metrics.metric_registry import METRICS",
     "puckbench.metrics.table_registry import TABLES",

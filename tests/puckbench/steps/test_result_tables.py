@@ -6,8 +6,8 @@ import pytest
 
 from pointkit.errors import InputError
 from pointkit.tables import write_table
-from puckbench.jobs.curve_files import write_rows
-from puckbench.jobs.tables.results import (
+from puckbench.results.curves import write_rows
+from puckbench.steps.tables.results import (
     CLOUD_KEYS,
     METRIC_KEYS,
     RECOVERY_KEYS,

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pointkit.errors import InputError
-from puckbench.jobs.drive import DriveOfClouds
 from puckbench.metrics.tasks.odometry import estimated_poses
 from puckbench.recordings.drives import read_drive
+from puckbench.steps.drive import DriveOfClouds
 
 TURNS = 4
 CAMERA = np.array([[0.0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, 0.3], [0, 0, 0, 1]])

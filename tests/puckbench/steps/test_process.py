@@ -11,7 +11,7 @@ import pytest
 from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
-from puckbench.jobs.process import main
+from puckbench.steps.process import main
 
 OWN = """
 import os

@@ -134,7 +134,7 @@ def test_what_a_plugin_names_is_its_code() -> None:
     def names(*modules: str) -> set[str]:
         return {f"{file.parent.name}/{file.name}" for file in covered(*modules)}
 
-    draco = names("puckbench.jobs.encode_curve", "puckbench.codecs.draco")
+    draco = names("puckbench.steps.encode", "puckbench.codecs.draco")
     assert {"codecs/draco.py", "codecs/base.py", "cloud_files/ply.py"} <= draco
     assert not draco & {"gpcc/octree.py", "figures/style.py", "cloud_files/las.py"}
     predictive = names("puckbench.codecs.gpcc_predictive")

@@ -8,7 +8,7 @@ from puckbench.geometry.crop import inside_box
 from puckbench.geometry.normals import estimate_normals
 from puckbench.geometry.sampling import sample_surface
 from puckbench.geometry.scaling import cube_scaling
-from puckbench.jobs.preparation import MeasuredPoints, prepare
+from puckbench.steps.preparation import MeasuredPoints, prepare
 
 
 def _two_triangles() -> Mesh:

@@ -18,7 +18,7 @@ import pytest
 import puckbench
 from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
-from puckbench.jobs import fork_server
+from puckbench.steps import fork_server
 
 OWN = """
 import json, os, sys, time
@@ -56,7 +56,7 @@ class Own(Codec):
 KILLED = "puckbench: this job was killed, and runs again\n"
 STARTER = """
 import os, sys
-from puckbench.jobs.fork_server import VARIABLE, start_fork_server
+from puckbench.steps.fork_server import VARIABLE, start_fork_server
 start_fork_server(1, ["numpy"])
 print(os.environ[VARIABLE], flush=True)
 sys.stdin.read()
@@ -116,7 +116,7 @@ def job(tmp_path: Path) -> list[str]:
     record = {"codec": "own", "rate": "r1", "changes": {"class": f"{tmp_path}/own.py:Own"}}
     files = [f"cloud={tmp_path}/cloud.ply", f"stream={tmp_path}/out.bin"]
     (tmp_path / "record.json").write_text(json.dumps(record))
-    return [sys.executable, "-m", "puckbench.jobs", "encode", f"{tmp_path}/record.json", *files]
+    return [sys.executable, "-m", "puckbench.steps", "encode", f"{tmp_path}/record.json", *files]
 
 
 def _run(

@@ -19,16 +19,14 @@ from primitive_codec import mode_decision
 from puckbench.cli import main
 from puckbench.codecs.registry import codec_class
 from puckbench.core.archives import read_archive, write_archive
-from puckbench.jobs.curve_files import Coded, read_curve, read_rows, write_curve, write_rows
-from puckbench.jobs.decode import Decode
-from puckbench.jobs.decode_shown import DecodeShown
-from puckbench.jobs.decoding import Decoded
-from puckbench.jobs.encode import Encode
-from puckbench.jobs.encode_curve import EncodeCurve
-from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
 from puckbench.library import compare, open_codec
 from puckbench.metrics import geometry
 from puckbench.report.column_labels import is_time
+from puckbench.results.curves import Coded, read_curve, read_rows, write_curve, write_rows
+from puckbench.steps.coding import Decoded
+from puckbench.steps.decode_shown import DecodeShown
+from puckbench.steps.encode import Encode
+from puckbench.steps.evaluate import Evaluate, Measuring, Originals
 
 RATES = ("r1", "r4", "r8")
 NAME = "airplane_01"
@@ -83,20 +81,22 @@ def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
 ) -> None:
     cloud, truth = Path("cloud.ply"), {"truth": Path("floor.ply"), "visible": Path("seen.ply")}
     curve, rows, clouds = Path("curve.zip"), Path("rows.parquet"), Path("clouds.zip")
-    EncodeCurve(codec=codec, changes=entry(codec)).run(cloud, curve)
-    done = EvaluateCurve(codec=codec, dataset="d").run(cloud, curve, rows, **truth)
+    Encode(codec=codec, entry=entry(codec)).run(cloud, curve)
+    done = Evaluate(codec=codec, dataset="d").run(cloud, curve, rows, **truth)
     DecodeShown(codec=codec, rates=RATES[1:]).run(curve, clouds)
     results, shown = read_rows([rows]), read_archive(clouds)
     assert [row["rate"] for row in results] == [*RATES]
     for coded, row in zip(read_curve(curve).values(), results, strict=True):
         rate = row["rate"]
         stream, alone = (Path(f"{rate}{suffix}") for suffix in (".bin", ".json"))
-        Encode(codec=codec, rate=rate).run(cloud, stream)
-        Evaluate(codec=codec, dataset="d").run(cloud, stream, alone, **truth)
+        words = [str(cloud), str(stream), "--codec", codec, "--rate", rate]
+        assert main(["encode", *words]) == 0
+        words = [str(cloud), str(stream), "--dataset", "d", "--row", str(alone)]
+        assert main(["evaluate", *words, "--truth", "floor.ply", "--visible", "seen.ply"]) == 0
         assert stream.read_bytes() == coded.stream
         assert timeless(read_json(alone)) == timeless(row)
         if rate in shown:
-            Decode(codec=codec).run(stream, Path("alone.ply"))
+            assert main(["decode", str(stream), "alone.ply"]) == 0
             assert Path("alone.ply").read_bytes() == shown[f"{rate}.ply"]
     assert list(shown) == [f"{rate}.ply" for rate in RATES[1:]]
     assert done == {"rates": 3}
@@ -114,7 +114,7 @@ def test_the_rates_of_a_curve_share_the_search_for_a_surface(
 
     monkeypatch.setattr(mode_decision, "_best_surface", counted)
     changes, cloud = {"rates": ["r5", "r6", "r8"]}, read_cloud(Path("cloud.ply"))
-    EncodeCurve(codec="primitives", changes=changes).run(Path("cloud.ply"), Path("c.zip"))
+    Encode(codec="primitives", entry=changes).run(Path("cloud.ply"), Path("c.zip"))
     loading = 1  # compiles the search
     assert len(searches) == loading + 1
     compare(cloud, [open_codec("primitives", changes)])
@@ -126,7 +126,7 @@ def timeless(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_commands_read_a_rate_of_a_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    EncodeCurve(codec="draco", changes=entry("draco")).run(Path("cloud.ply"), Path("c.zip"))
+    Encode(codec="draco", entry=entry("draco")).run(Path("cloud.ply"), Path("c.zip"))
     assert main(["decode", "c.zip", "out.ply", "--rate", "r4"]) == 0
     assert main(["evaluate", "cloud.ply", "c.zip", "--rate", "r4", "--json"]) == 0
     assert '"rate": "r4"' in capsys.readouterr().out
@@ -165,7 +165,7 @@ def test_a_decoded_cloud_is_made_ready_once_for_all_that_it_is_compared_with(
         return distinct_points(points)
 
     monkeypatch.setattr(geometry, "distinct_points", counted)
-    row = Evaluate(dataset="d").row(originals, Decoded(read_cloud(Path("cloud.ply")), {}))
+    row = Measuring(dataset="d").row(originals, Decoded(read_cloud(Path("cloud.ply")), {}))
     assert row["cd_point"] == 0 < row["truth_cd_point"]
     assert made == [3000]
 
@@ -175,7 +175,7 @@ def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:
     changes: dict[str, Any] = {"class": "counting.py:Counting"}
     curve, rows = Path("c.zip"), Path("c.parquet")
     changes["rates"] = {rate: {} for rate in RATES}
-    EncodeCurve.create(codec="mine", changes=changes).run(Path("cloud.ply"), curve)
+    Encode.create(codec="mine", entry=changes).run(Path("cloud.ply"), curve)
     assert Path("loads").read_text() == "x"
-    EvaluateCurve(codec="mine", changes=changes).run(Path("cloud.ply"), curve, rows)
+    Evaluate(codec="mine", entry=changes).run(Path("cloud.ply"), curve, rows)
     assert Path("loads").read_text() == "xx"

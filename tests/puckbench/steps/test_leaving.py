@@ -9,7 +9,7 @@ import sys
 def test_a_job_s_process_ends_with_its_status_and_all_that_it_said() -> None:
     program = """
 import atexit
-from puckbench.jobs.process import leave
+from puckbench.steps.process import leave
 atexit.register(print, "taken apart")
 print("done")
 leave(3)
