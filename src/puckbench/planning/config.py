@@ -51,7 +51,7 @@ Places = Annotated[tuple[str, ...], Distinct]
 
 
 class SceneSource(Model):
-    """A loader of scenes, and the scenes to use."""
+    """A loader with its options, and which of its scenes are used."""
 
     loader: str = Field(
         description="Name of a loader (`puckbench datasets` lists them with their options), or "
@@ -68,7 +68,7 @@ class SceneSource(Model):
 
 
 class SceneSetConfig(SceneSource):
-    """A set of scenes, from which clouds are made."""
+    """A scene set, from whose scenes clouds are made."""
 
     stand_in: SceneSource | None = Field(
         None, description="Scene set that replaces this one with `stand_in: true`."
@@ -127,7 +127,7 @@ class Sensing(Model):
 
 
 class DataSetConfig(Sensing):
-    """Clouds made from the scenes of a scene set."""
+    """A data set: clouds made from the scenes of a scene set."""
 
     make: Literal["sample", "scan", "cloud"] = Field(
         description="How a cloud is made from a scene. `sample`: random points on the surface; "
@@ -231,7 +231,7 @@ class DriveConfig(Sensing):
         None,
         description="File of poses, one for each turn (`make: cloud`): TUM or KITTI. KITTI's own "
         "are those of a camera: they need KITTI's `calib.txt` beside them or in its folder. By "
-        "default those of the data set or, without any, those of odometry on the undecoded turns.",
+        "default those of the scenes or, without any, those of odometry on the undecoded turns.",
     )
     tasks: dict[str, Options] = Field(
         {"odometry": {}, "gicp_odometry": {}},
@@ -498,7 +498,7 @@ class Config(Model):
         description="Scene sets by name: sources of scenes."
     )
     datasets: dict[Name, DataSetConfig] = Field(
-        description="Data sets by name, in the order of figures: clouds made from a scene set."
+        description="Data sets by name, in the order of figures: clouds made from scenes."
     )
     drives: dict[Name, DriveConfig] = Field(
         {}, description="Drives by name: turns of a moving sensor, on which tasks are measured."
