@@ -236,7 +236,7 @@ def sensors() -> str:
     )
 
 
-def data_sets() -> str:
+def scene_sets() -> str:
     """Every loader with what it reads, and its options."""
     from puckbench.scene_sets.registry import LOADERS
 
@@ -394,7 +394,7 @@ SHOWN = (
     error_models,
     capture_options,
     sensors,
-    data_sets,
+    scene_sets,
     tables,
     figures,
     results,

@@ -1,4 +1,4 @@
-"""Plug-ins that are found by name: codecs, data sets, error models, tables, figures and others.
+"""Plug-ins that are found by name: codecs, scene sets, error models, tables, figures and others.
 
 A plug-in is one file with one class or function, registered where it is defined::
 

@@ -43,7 +43,7 @@ _HELP = {
     "codecs": "list the codecs: what each is for, and whether it can run here",
     "conformance": "test a G-PCC decoder on stored streams of the reference software",
     "datasets": "list the loaders of scene sets and their options",
-    "data": "download the free data sets",
+    "data": "download the free published data sets",
     "completion": "print a shell script that completes commands, options and names",
 }
 """Help texts of this package's commands, by name."""

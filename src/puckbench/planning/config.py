@@ -56,7 +56,7 @@ Places = Annotated[tuple[str, ...], Distinct]
 
 
 class SceneSource(LoaderSettings):
-    """A loader of scenes, and the scenes to use."""
+    """A loader with its options, and which of its scenes are used."""
 
     seed: Seed | None = Field(None, description="Seed of generated scenes; by default the run's.")
     select: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
@@ -68,7 +68,7 @@ class SceneSource(LoaderSettings):
 
 
 class SceneSetConfig(SceneSource):
-    """A set of scenes, from which clouds are made."""
+    """A scene set, from whose scenes clouds are made."""
 
     stand_in: SceneSource | None = Field(
         None, description="Scene set that replaces this one with `stand_in: true`."
@@ -97,7 +97,7 @@ class Sensing(SensorSettings):
 
 
 class DataSetConfig(Sensing, SamplingSettings, PreparationSettings, MeasuringSettings):
-    """Clouds made from the scenes of a scene set."""
+    """A data set: clouds made from the scenes of a scene set."""
 
     make: Literal["sample", "scan", "cloud"] = Field(
         description="How a cloud is made from a scene. `sample`: random points on the surface; "
@@ -162,7 +162,7 @@ class DriveConfig(Sensing):
         None,
         description="File of poses, one for each turn (`make: cloud`): TUM or KITTI. KITTI's own "
         "are those of a camera: they need KITTI's `calib.txt` beside them or in its folder. By "
-        "default those of the data set or, without any, those of odometry on the undecoded turns.",
+        "default those of the scenes or, without any, those of odometry on the undecoded turns.",
     )
     tasks: dict[str, Options] = Field(
         {"odometry": {}, "gicp_odometry": {}},
@@ -422,7 +422,7 @@ class Config(Model):
         description="Scene sets by name: sources of scenes."
     )
     datasets: dict[Name, DataSetConfig] = Field(
-        description="Data sets by name, in the order of figures: clouds made from a scene set."
+        description="Data sets by name, in the order of figures: clouds made from scenes."
     )
     drives: dict[Name, DriveConfig] = Field(
         {}, description="Drives by name: turns of a moving sensor, on which tasks are measured."

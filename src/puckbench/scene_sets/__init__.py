@@ -1,7 +1,7 @@
-"""Data sets of scenes (meshes or point clouds), generated or on disk.
+"""Scene sets: scenes (meshes, clouds or returns) of one source, generated or on disk.
 
-To add a data set, register a class in a file here or elsewhere (``path/to/file.py:Class``). A
-folder of mesh files needs only::
+To add a scene set, register its loader, which is a class in a file here or elsewhere
+(``path/to/file.py:Class``). A folder of mesh files needs only::
 
     @LOADERS.register("mine")
     class Mine(MeshFolderSet):

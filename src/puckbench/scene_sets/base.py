@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 class Count(NamedTuple):
-    """A comparison of a local copy of a data set with its publication, by number of items.
+    """A comparison of a local copy of published scenes with the publication, by number of items.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ class Count(NamedTuple):
 
 
 class SceneSet(Model, ABC):
-    """Base class of data sets, which list scenes by name and load them.
+    """Base class of scene sets, which list scenes by name and load them.
 
-    Fields are the options of the data set, and the text below a field documents the option. Four
+    Fields are the options of the scene set, and the text below a field documents the option. Four
     class variables describe the scenes. ``primitives``: whether labels contain each triangle's
     geometric primitive. ``of_clouds``: whether scenes are clouds instead of meshes. ``of_packets``:
     whether returns come from recorded data packets. ``read_first``: whether clouds are read before
@@ -80,7 +80,7 @@ class SceneSet(Model, ABC):
         """Return the scene with a name; raise InputError if it is unknown or damaged."""
 
     def options_of(self, name: str) -> dict[str, Any] | None:
-        """Return options with which the data set has this scene only, or None if there are none.
+        """Return options with which the scene set has this scene only, or None if there are none.
 
         A job that uses these options is not repeated when other scenes change.
         """
@@ -89,14 +89,14 @@ class SceneSet(Model, ABC):
     def counts(self) -> list[Count]:
         """Return how many items the local copy has, and how many were published.
 
-        The whole data set is counted, without the options that select scenes. The list is empty if
+        The whole copy is counted, without the options that select scenes. The list is empty if
         nothing is known.
         """
         return []
 
 
 class GeneratedSet(SceneSet):
-    """Base class of data sets whose scenes puckbench generates, so that they need no files."""
+    """Base class of scene sets whose scenes puckbench generates, so that they need no files."""
 
     def files(self, name: str) -> list[Path]:
         return []
@@ -106,7 +106,7 @@ class GeneratedSet(SceneSet):
 
 
 class FolderSet(SceneSet):
-    """Base class of data sets in a folder with a file or subfolder for each scene.
+    """Base class of scene sets in a folder with a file or subfolder for each scene.
 
     A subclass sets three class variables: `licence`, `credit`, and `expected`. The last is the end
     of messages about missing files, such as "expected KITTI, with ...".
@@ -117,7 +117,7 @@ class FolderSet(SceneSet):
     expected: ClassVar[str]
 
     path: str
-    """Folder that holds the data set."""
+    """Folder that holds the scenes."""
 
     @abstractmethod
     def _listed(self, folder: Path) -> Mapping[str, Path]:
@@ -147,7 +147,7 @@ class FolderSet(SceneSet):
 
 
 class MeshFolderSet(FolderSet):
-    """Base class of data sets in a folder with a mesh file for each scene."""
+    """Base class of scene sets in a folder with a mesh file for each scene."""
 
     @abstractmethod
     def _group(self, path: Path) -> str:

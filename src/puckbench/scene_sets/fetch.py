@@ -16,7 +16,7 @@ _CREDITS = "CREDITS.md"
 
 @dataclass(frozen=True)
 class FetchResult:
-    """The result of downloading a data set.
+    """The result of downloading a published data set.
 
     `status` is "fetched", "present" (the folder was complete already) or "failed". `message` is a
     warning or an error, or empty.
@@ -29,7 +29,7 @@ class FetchResult:
 
 
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
-    """Download free data sets, each into a folder with its name.
+    """Download free published data sets, each into a folder with its name.
 
     A folder that is complete and unchanged is kept. A failure does not stop other downloads.
 

@@ -8,7 +8,7 @@ from puckbench.scene_sets.base import FolderSet
 
 
 class FrameSet(FolderSet):
-    """Base class of data sets of LiDAR frames, i.e. single revolutions, in a folder."""
+    """Base class of scene sets of LiDAR frames, i.e. single revolutions, in a folder."""
 
     of_clouds: ClassVar[bool] = True
 

@@ -41,7 +41,7 @@ _MOST_KEPT = 1 << 28
 
 
 class RecordingSet(SceneSet):
-    """Base class of data sets whose scenes are numbered clouds in recordings of a sensor."""
+    """Base class of scene sets whose scenes are numbered clouds in recordings of a sensor."""
 
     of_clouds: ClassVar[bool] = True
     read_first: ClassVar[bool] = True

@@ -9,12 +9,12 @@ from pointkit.registry import Registry
 from puckbench.scene_sets.base import SceneSet
 
 LOADERS: Registry[type[SceneSet]] = Registry("loader", "scene_sets")
-"""Registry of the classes that read or generate data sets. A configuration names them as
+"""Registry of the classes that read or generate scene sets. A configuration names them as
 `loader`."""
 
 
 def loader_class(loader: str) -> type[SceneSet]:
-    """Return the class that reads or generates a data set.
+    """Return the class that reads or generates a scene set.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def loader_class(loader: str) -> type[SceneSet]:
 
 
 def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> SceneSet:
-    """Create a data set.
+    """Open a scene set.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
     options
         Values of the options by name.
     seed
-        Value of the option ``seed``, if the data set has this option and `options` does not set it.
+        Value of the option ``seed``, if the loader has this option and `options` does not set it.
 
     Raises
     ------

@@ -25,7 +25,7 @@ _PUBLISHED = 1513
 class ScanNet(MeshFolderSet):
     """The scenes are rooms in files ``scene0000_00/scene0000_00_vh_clean_2.ply``.
 
-    They are in metres with z up. Rooms' folders are in the data set's folder, or in the subfolder
+    They are in metres with z up. Rooms' folders are in the folder `path`, or in the subfolder
     ``scans``. Scenes are named scene0000_00. They are grouped by ``sceneType`` in scene0000_00.txt
     or, without it, as "unknown".
     """

@@ -22,7 +22,7 @@ class Scene:
     Parameters
     ----------
     name
-        Name, valid as a file name and unique in the data set.
+        Name, valid as a file name and unique in the scene set.
     group
         Class, room type or area.
     mesh, cloud, returns

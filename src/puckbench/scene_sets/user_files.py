@@ -21,7 +21,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class FileSet(SceneSet):
-    """Base class of data sets in which each scene is one of the user's files.
+    """Base class of scene sets in which each scene is one of the user's files.
 
     Scenes are grouped by folder and named after their files. Equal names are distinguished by
     folder or suffix.

@@ -34,11 +34,11 @@ _TURN_S = 0.1
 
 @STEPS.register("drive_of_clouds")
 class DriveOfClouds(LoaderSettings, Step):
-    """Collect consecutive clouds of a data set into a drive.
+    """Collect consecutive scenes of a scene set into a drive.
 
     A drive is a sequence of turns (revolutions) of a moving sensor with a pose in the middle of
-    each. The poses are those of the file `poses`. Without a file, they are those of the data set;
-    if it has none, the odometry KISS-ICP estimates them from the undecoded turns. Such estimates
+    each. The poses are those of the file `poses`. Without a file, they are those of the scenes; if
+    they have none, the odometry KISS-ICP estimates them from the undecoded turns. Such estimates
     are not the truth: errors of decoded turns are then deviations from the undecoded trajectory.
 
     Parameters

@@ -8,8 +8,10 @@ import pytest
 
 from pointkit.errors import InputError
 from puckbench.core.renamed_keys import renaming_line, with_new_keys
+from puckbench.figures.style import FigureStyle
 from puckbench.planning.config import checked
 from puckbench.planning.workflow import Workflow
+from puckbench.report.run_description import describe_run
 from tests.support.every_job import jobs_of
 
 SCAN = {"make": "scan", "errors": "vlp16", "sweep": {"duration_s": 0.02}}
@@ -89,6 +91,15 @@ def test_an_old_key_beside_the_new_one_is_refused() -> None:
     config["drives"]["push"]["scenes"] = "rooms"
     with pytest.raises(InputError, match=r"drives\.push has 'scenes' and 'scene_set', which"):
         checked(config)
+
+
+def test_a_report_of_a_run_with_old_keys_shows_the_new_ones() -> None:
+    kept = {"scans": {"scenes": "rooms", "make": "scan", "errors": "vlp16"}}
+    run = {"scenes": {"rooms": {"loader": "embedded_rooms"}}, "datasets": kept}
+    described = describe_run(run, None, None, {}, FigureStyle())
+    assert described.datasets[0]["Scene set"] == "rooms (embedded_rooms)"
+    assert "scene_set: rooms" in described.configuration
+    assert "scenes:" not in described.configuration
 
 
 def test_values_of_a_wrong_type_are_left_to_the_check() -> None:

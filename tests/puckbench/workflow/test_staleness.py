@@ -220,7 +220,7 @@ CHANGED_BY: dict[str, set[str]] = {
     "puckbench/codecs/draco.py": _curves("draco"),
     "puckbench/codecs/learned.py": _curves(*NETWORKS) | {"train small"},
     "mine.py": MINE,
-    # Data sets and readers of files.
+    # Scene sets and readers of files.
     "puckbench/scene_sets/mesh_files.py": {"scene meshes"},
     "puckbench/scene_sets/point_clouds.py": {"scene clouds"},
     "puckbench/scene_sets/recordings.py": RECORDED,

@@ -53,7 +53,7 @@ def test_the_reference_knows_the_commands_codecs_and_functions(site: Path) -> No
         "command_line": ("puckbench scan", "--error-options", "puckbench calibrate"),
         "codecs": ("gpcc_lossless", "compression_level", "quantization_bits"),
         "error_models": ("vlp16_divergence", "bias_sigma_m", "HDL-64E"),
-        "data_sets": ("mesh_files", "metres_per_unit"),
+        "scene_sets": ("mesh_files", "metres_per_unit"),
         "tables_and_figures": ("truth_rd", "bd_rate_clouds", "residual_statistics"),
         "python": ("puckbench.library.compare", "puckbench.codecs.base.Codec"),
         "configuration": ("error_options", "sensor_study"),
