@@ -14,7 +14,7 @@ from jenco2022.tables.printed_tables import table_4_1, table_4_2, table_5_1
 from jenco2022.tables.thesis_numbers import DISTANCE, FAR, NEAR, distance_to_normal, thesis_numbers
 from pointkit.errors import InputError
 from pointkit.seeding import generator
-from puckbench.metrics.table_registry import table_entries, table_entry
+from puckbench.tables.registry import table_entries, table_entry
 
 HALF_NORMAL = np.sqrt(2 / np.pi)
 THESIS_4_2 = {  # as printed: laser 13 is missing

@@ -19,7 +19,7 @@ from puckbench.figures.registry import figure_entry
 from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.core.packages import packages_alone
 from puckbench.jobs.process import TIMEOUT
-from puckbench.metrics.table_registry import table_entry
+from puckbench.tables.registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
 from puckbench.planning.launch import CALLER_GOES_ON, command_for_the_rest

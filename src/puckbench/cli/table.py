@@ -6,7 +6,7 @@ from typing import Any
 
 from puckbench.cli.types import files_by_name, json_object, made_of_tables, selected
 from puckbench.jobs.table import Table
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -29,9 +29,10 @@ STATISTICS = (
     *("puckbench.metrics.statistics", "puckbench.metrics.timing"),
 )
 """Code that computes statistics of results."""
-FIGURES = (*(*STATISTICS, "puckbench.figures", "puckbench.codecs.facts", "virtual_lidar.errors"),)
-"""Code that all figures share."""
-TABLES = (
-    *(*FIGURES, "puckbench.metrics.tables", "puckbench.report", "puckbench.jobs.table_files"),
+FIGURES = (
+    *(*STATISTICS, "puckbench.results.columns", "puckbench.figures", "puckbench.codecs.facts"),
+    "virtual_lidar.errors",
 )
+"""Code that all figures share."""
+TABLES = (*FIGURES, "puckbench.tables")
 """Code that all tables share, with that of their columns and file formats."""

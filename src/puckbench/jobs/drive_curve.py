@@ -21,15 +21,16 @@ from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import run_environment
 from puckbench.geometry.digest import cloud_digest
 from puckbench.jobs.codec_jobs import TimedJob, ready
-from puckbench.jobs.curve_files import RECORD, STREAM, write_rows
+from puckbench.jobs.curve_files import RECORD, STREAM
 from puckbench.jobs.registry import JOBS
-from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import task_results
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
+from puckbench.results.row_files import write_rows
+from puckbench.tables.registry import UNDECODED
 
 CODE = (
     *(*CLOUD_FILES, *CODEC, "cloud_files.poses", "puckbench.geometry.digest"),
-    "puckbench.recordings",
+    *("puckbench.recordings", "puckbench.results.row_files"),
 )
 
 _UNDECODED_RATES = {KEPT: "times", AZIMUTH: "azimuth times", NONE: "no times"}

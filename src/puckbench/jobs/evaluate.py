@@ -15,14 +15,15 @@ from pointkit.lidar.returns import with_returns
 from pointkit.terminal import Progress
 from puckbench import __version__
 from puckbench.core.code import CODEC, MESH_FILES
-from puckbench.jobs.curve_files import REMARK, read_coded, read_curve, write_rows
+from puckbench.jobs.curve_files import REMARK, read_coded, read_curve
 from puckbench.jobs.decoding import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
-from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.metric_registry import further_metrics
 from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_metrics
+from puckbench.results.columns import FRAME
+from puckbench.results.row_files import write_rows
 
 if TYPE_CHECKING:
     from pointkit.geometry.cloud import PointCloud
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 CODE = (
     *(*MESH_FILES, *CODEC, "puckbench.jobs.decoding", "puckbench.jobs.surfaces"),
     *("puckbench.metrics.cloud_metrics", "puckbench.metrics.truth", "puckbench.geometry.sampling"),
+    "puckbench.results.row_files",
 )
 
 _FEW_POINTS = 0.01

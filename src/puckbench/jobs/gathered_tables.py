@@ -5,10 +5,10 @@ from typing import Any, Literal
 
 from puckbench.core.code import TABLES
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.jobs.table_files import write_result
-from puckbench.jobs.tables.results import PLAN_TABLES, ROWS, table_of
+from puckbench.tables.files import write_result
+from puckbench.tables.registry import table_entry
 
-CODE = (*TABLES, "puckbench.jobs.curve_files", "puckbench.jobs.tables", "puckbench.core.archives")
+CODE = (*TABLES, "puckbench.tables.gathered")
 
 
 class OfNames(Job):
@@ -40,8 +40,8 @@ class RowsTable(OfNames):
 
         If `columns` is set, the meanings of the columns are written to it.
         """
-        make, keys = ROWS[self.kind]
-        return write_result(table_of(make(self.files(results)), keys), columns, csv, parquet)
+        table = table_entry(self.kind).make(self.files(results))
+        return write_result(table, columns, csv, parquet)
 
 
 @JOBS.register("plan_table")
@@ -66,4 +66,4 @@ class PlanTable(Job):
 
         If `columns` is set, the meanings of the columns are written to it. `results` is not used.
         """
-        return write_result(PLAN_TABLES[self.table](self.rows), columns, csv, parquet)
+        return write_result(table_entry(self.table).make(self.rows), columns, csv, parquet)

@@ -14,12 +14,13 @@ from pointkit.geometry.mesh import Labels, Mesh
 from puckbench import __version__
 from puckbench.core.code import CODEC, MESH_FILES
 from puckbench.jobs.codec_jobs import CodecJob
-from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
+from puckbench.jobs.curve_files import Coded, read_coded, read_curve
 from puckbench.jobs.registry import JOBS
+from puckbench.results.row_files import write_rows
 
 CODE = (
     *(*MESH_FILES, *CODEC, "puckbench.geometry.closest", "puckbench.metrics.recovery"),
-    "puckbench.metrics.primitive_differences",
+    *("puckbench.metrics.primitive_differences", "puckbench.results.row_files"),
 )
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")

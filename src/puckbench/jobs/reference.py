@@ -9,8 +9,9 @@ from puckbench.jobs.registry import JOBS, Job
 
 CODE = (
     *TABLES,
+    "puckbench.report",
     "puckbench.jobs.cost",
-    "puckbench.metrics.tables.rate_deltas",
+    "puckbench.tables.rate_deltas",
 )
 
 _AFTERWARDS = {"report", "reference"}

@@ -11,8 +11,9 @@ from puckbench.jobs.registry import JOBS, Job
 CODE = (
     *CLOUD_FILES,
     *TABLES,
+    "puckbench.report",
     "puckbench.jobs.cost",
-    "puckbench.metrics.tables.uses",
+    "puckbench.tables.uses",
 )
 
 

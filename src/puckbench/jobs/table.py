@@ -10,7 +10,7 @@ from pydantic import Field
 from pointkit.errors import InputError
 from puckbench.core.code import TABLES
 from puckbench.jobs.registry import JOBS, Job
-from puckbench.metrics.table_registry import TableEntry, table_entry
+from puckbench.tables.registry import TableEntry, table_entry
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +54,7 @@ class Table(Job):
             Files of the tables that the function reads, by the names of its parameters.
         """
         from pointkit.tables import read_table
-        from puckbench.jobs.table_files import write_result
+        from puckbench.tables.files import write_result
 
         entry = table_entry(self.table)
         if missing := [needed for needed in entry.inputs if needed not in inputs]:

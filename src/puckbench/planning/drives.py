@@ -12,7 +12,6 @@ from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.facts import find_rate
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
-from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import TASKS, checked_task
 from puckbench.planning.clouds import loader_modules
 from puckbench.planning.coding import codec_job, timed
@@ -21,6 +20,7 @@ from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import refuse_paths
 from puckbench.planning.sensing import code_of_scan, files_of_scan
+from puckbench.tables.registry import UNDECODED
 from virtual_lidar import open_error_model, open_sweep
 
 Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]

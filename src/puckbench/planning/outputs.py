@@ -20,7 +20,6 @@ from puckbench.jobs.gathered_tables import PlanTable, RowsTable
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
-from puckbench.metrics.table_registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.drives import DriveJobs
 from puckbench.planning.needs.registry import Options, met_needs
@@ -32,6 +31,7 @@ from puckbench.planning.study import STUDIES, StudyJobs
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
 from puckbench.report.sections import SECTIONS, sections_of
+from puckbench.tables.registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
 from virtual_lidar import open_error_model
 
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}

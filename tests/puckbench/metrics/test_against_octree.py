@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pointkit.errors import InputError
-from puckbench.metrics.tables.against_octree import against_octree
+from puckbench.tables.against_octree import against_octree
 
 
 def _rows() -> pd.DataFrame:

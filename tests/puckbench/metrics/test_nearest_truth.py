@@ -7,7 +7,7 @@ from scipy import stats
 
 from pointkit.errors import InputError
 from puckbench.metrics.interpolation import bits_to_reach
-from puckbench.metrics.tables.nearest_truth import nearest_truth, truth_bits
+from puckbench.tables.nearest_truth import nearest_truth, truth_bits
 
 SCALE = 100.0  # units per metre: 1 unit² is 10 mm squared
 SCAN_MM = {"a": 10.0, "b": 20.0, "c": 40.0, "d": 20.0}

@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from pointkit.errors import InputError
-from puckbench.metrics.tables.noise_bits import noise_bits
+from puckbench.tables.noise_bits import noise_bits
 
 MODELS = {"none": 0.0, "vlp16": 4.0}
 CURVES = {

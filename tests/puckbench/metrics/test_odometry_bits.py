@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 
 from pointkit.errors import InputError
-from puckbench.metrics.tables.odometry_bits import odometry_bits
-from puckbench.metrics.tables.odometry_differences import ALL, odometry_differences
+from puckbench.tables.odometry_bits import odometry_bits
+from puckbench.tables.odometry_differences import ALL, odometry_differences
 
 BEFORE = np.array([0.3, 0.5, 0.4, 0.9, 0.6, 0.3])
 NOISE = np.array([0.02, -0.01, 0.03, 0.0, -0.02, 0.01])

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from puckbench.metrics.tables.rates import rates
+from puckbench.tables.rates import rates
 
 
 def _rows() -> pd.DataFrame:

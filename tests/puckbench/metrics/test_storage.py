@@ -7,7 +7,7 @@ import pytest
 from pointkit.errors import InputError
 from puckbench.metrics.coordinate_frames import rows_in_frame
 from puckbench.metrics.interpolation import bits_at_error
-from puckbench.metrics.tables.storage import storage
+from puckbench.tables.storage import storage
 
 
 def _rows() -> pd.DataFrame:

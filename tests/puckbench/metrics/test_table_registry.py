@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from puckbench.metrics.table_registry import TableEntry, table_entries, table_entry
+from puckbench.tables.registry import TableEntry, table_entries, table_entry
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from puckbench.metrics.tables.uses import uses
+from puckbench.tables.uses import uses
 
 SCENES = ("a", "b", "c", "d", "e", "f")
 SPREAD = np.exp(0.01 * np.array([-1, 1, -2, 2, -1, 1]))

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from puckbench.metrics.metric_registry import METRICS, metric_columns
-from puckbench.report.column_dictionary import column_dictionary
-from puckbench.report.latex import latex_table
+from puckbench.tables.column_dictionary import column_dictionary
+from puckbench.tables.latex import latex_table
 from puckbench.report.reference_results import read_reference
 
 

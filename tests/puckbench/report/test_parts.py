@@ -21,14 +21,14 @@ from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.registry import CODECS
 from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
-from puckbench.metrics.tables.uses import uses
+from puckbench.tables.rate_deltas import bd_rate, bd_rate_pairs
+from puckbench.tables.uses import uses
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text
 from puckbench.report.build import TableShown, build_page
 from puckbench.report.captions import caption_html
-from puckbench.report.cells import cell_text
+from puckbench.tables.cells import cell_text
 from puckbench.report.column_labels import column_label, table_heading
 from puckbench.report.contents import Contents
 from puckbench.report.findings import UseRow, findings, ranking_text

@@ -266,7 +266,7 @@ CHANGED_BY: dict[str, set[str]] = {
     "puckbench/metrics/tasks/registration.py": {
         *("measure_drive puck", "measure_undecoded virtual", "measure_undecoded real"),
     },
-    "puckbench/metrics/tables/nearest_truth.py": {"table nearest_truth", "table truth_bits"},
+    "puckbench/tables/nearest_truth.py": {"table nearest_truth", "table truth_bits"},
     "puckbench/figures/truth_rd.py": {
         f"figure truth_{name}" for name in ("rd", "rd_point", "rd_hausdorff", "accuracy")
     },

@@ -26,7 +26,7 @@ from pointkit.errors import InputError
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
 from puckbench.jobs.curve_files import read_curve
-from puckbench.metrics.table_registry import SENSOR, table_entries
+from puckbench.tables.registry import SENSOR, table_entries
 from puckbench.planning.workflow import Workflow
 from tests.support.bench import BOX_CODEC, RAW_CODEC, ROOT, Bench
 from tests.support.same_results import after_a_kill, differences
@@ -494,7 +494,7 @@ def test_an_unreadable_mesh_stops_what_needs_it_and_no_more(fresh: Bench) -> Non
 
 TABLE = '''"""One more table."""
 
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 
 @TABLES.register("streams", title="Streams")

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from pointkit.tables import read_table
-from puckbench.metrics.tables.odometry_bits import odometry_bits
-from puckbench.metrics.tables.odometry_differences import ALL, odometry_differences
+from puckbench.tables.odometry_bits import odometry_bits
+from puckbench.tables.odometry_differences import ALL, odometry_differences
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE
 from puckbench.report.reference_results import OF_DRIVES
 from tests.support.bench import ROOT

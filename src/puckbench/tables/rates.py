@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.metrics.table_registry import TABLES
+from puckbench.results.columns import HIGHER, Column
+from puckbench.tables.registry import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -13,7 +14,12 @@ _SQUARED = {"d1_rms_mm": "d1_rms_m", "d2_rms_mm": "d2_rms_m", "truth_d2_rms_mm":
 _LARGEST = {"q99_mm": "q99_point_m", "largest_mm": "hausdorff_point_m"}
 
 
-@TABLES.register("rates", title="Bits, errors and times at each rate")
+_RATIO = Column(
+    "file_ratio", "Bytes of files per byte of streams", better=HIGHER, printed="file / stream"
+)
+
+
+@TABLES.register("rates", title="Bits, errors and times at each rate", columns=[_RATIO])
 def rates(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table shows bits per point, errors and coding times for each data set, codec and rate.
 

@@ -1,9 +1,14 @@
 from __future__ import annotations
 
 from math import floor, log10
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from puckbench.results.columns import column_named
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def cell_text(value: Any) -> str:
@@ -34,6 +39,11 @@ def interval_text(value: float, low: float, high: float) -> str:
     """
     decimals = max(0, 1 - floor(log10(high - low))) if high > low else 2
     return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
+
+
+def is_bookkeeping(values: pd.Series[Any]) -> bool:
+    """Return whether a column is empty, or tells only how other values were obtained."""
+    return column_named(str(values.name)).bookkeeping or bool(values.isna().all())
 
 
 def _number_text(value: float) -> str:

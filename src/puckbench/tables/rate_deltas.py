@@ -20,7 +20,8 @@ from puckbench.metrics.bjontegaard import (
 from puckbench.metrics.lossless import LOSSLESS, is_shape_metric, lossless_rows
 from puckbench.metrics.peaks import check_peaks
 from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
-from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
+from puckbench.results.columns import GRID, HIGHER, LOWER, Column, column_named
+from puckbench.tables.registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,9 +32,8 @@ MARGIN_PERCENT = 5.0
 _GROUP = ["dataset", "metric", "codec"]
 _OF_CURVE = ("points", "pooled", LOSSLESS)
 """Columns that describe the codec's curve; ``anchor_...`` describes the anchor's."""
-_LENGTHS = ("_m", "_mm")
-"""Ends of the names of lengths, and parts of the names of those in the cloud's unit."""
-_LENGTHS_IN_UNITS = ("hausdorff_p", "q99_p")
+_LENGTHS = ("m", "mm", GRID)
+"""Units of lengths."""
 _STATUS = {
     "no_common_range": NO_COMMON_RANGE,
     "little_overlap": LITTLE_OVERLAP,
@@ -42,7 +42,35 @@ _STATUS = {
 """Columns that count clouds without a delta, and their status."""
 
 
-@TABLES.register("bd_rate_clouds", title="Bjontegaard deltas per cloud", needs=(SEVERAL_CODECS,))
+def _columns() -> Iterator[Column]:
+    """Yield the columns of this table and of the two tables below."""
+    too_little = "the curves have too little in common (columns of counts)"
+    yield Column("bd_rate_percent", "BD-rate", "%", LOWER, missing=too_little)
+    yield Column("bd_quality_db", "BD-PSNR", "dB", HIGHER, missing=too_little)
+    for name, words in (("log_ratio", "Log ratio of rates"), ("shared_range", "Shared range")):
+        yield Column(name, words, missing=too_little, bookkeeping=True)
+    for name, words in (
+        ("bd_rate_status", "Status of the BD-rate"),
+        ("bd_quality_status", "Status of the BD-PSNR"),
+        ("compared", "Compared"),
+        ("quality_compared", "Quality compared"),
+        ("no_common_range", "No common range"),
+        ("little_overlap", "Little overlap"),
+        ("too_few_points", "Too few points"),
+        ("pooled", "Pooled"),
+        ("anchor_points", "Anchor points"),
+        ("anchor_pooled", "Anchor pooled"),
+        ("anchor_lossless", "Anchor lossless"),
+    ):
+        yield Column(name, words, bookkeeping=True)
+
+
+@TABLES.register(
+    "bd_rate_clouds",
+    title="Bjontegaard deltas per cloud",
+    needs=(SEVERAL_CODECS,),
+    columns=_columns(),
+)
 def bd_rate_clouds(
     metrics: pd.DataFrame, anchor: str, qualities: Sequence[str] = METRICS
 ) -> pd.DataFrame:
@@ -59,9 +87,8 @@ def bd_rate_clouds(
     anchor
         Name of the codec with which the others are compared.
     qualities
-        Columns of the results that measure quality. Those that end in ``_psnr`` are in dB. A length
-        d (``_m``, ``_mm``) is converted to -20 log10 d, and any other column, a squared distance d,
-        to -10 log10 d.
+        Columns of the results that measure quality, by their units: dB are kept, a length d is
+        converted to -20 log10 d, and any other column, a squared distance d, to -10 log10 d.
 
     Returns
     -------
@@ -221,9 +248,9 @@ def _curves(metrics: pd.DataFrame, qualities: Sequence[str]) -> Iterator[_Curves
             yield _Curves(names, part)
 
 
-def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
-    lossless = lossless_rows(metrics) & is_shape_metric(column)
-    quality = np.where(lossless, np.nan, _quality(metrics, column))
+def _with_quality(metrics: pd.DataFrame, name: str) -> pd.DataFrame:
+    lossless = lossless_rows(metrics) & is_shape_metric(name)
+    quality = np.where(lossless, np.nan, _quality(metrics, name))
     rows = metrics.assign(**{LOSSLESS: lossless, "quality": quality})
     is_usable = rows["quality"].notna() | rows[LOSSLESS]
     has_gaps = (~is_usable).groupby(rows["dataset"]).transform("any")
@@ -231,14 +258,14 @@ def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
     return rows[is_usable & (has_quality | ~has_gaps)]
 
 
-def _quality(metrics: pd.DataFrame, column: str) -> Floats:
-    if column not in metrics:  # all rows are lossless
+def _quality(metrics: pd.DataFrame, name: str) -> Floats:
+    if name not in metrics:  # all rows are lossless
         return np.full(len(metrics), np.nan)
-    values = metrics[column].to_numpy(dtype=float)
-    if column.endswith("_psnr"):
+    values = metrics[name].to_numpy(dtype=float)
+    unit = column_named(name).unit
+    if unit == "dB":
         return values
-    is_length = column.endswith(_LENGTHS) or any(name in column for name in _LENGTHS_IN_UNITS)
-    factor = -20 if is_length else -10
+    factor = -20 if unit in _LENGTHS else -10
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(values > 0, factor * np.log10(values), np.nan)
 

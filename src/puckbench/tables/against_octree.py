@@ -1,18 +1,21 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.metrics.coordinate_frames import rows_in_metres
 from puckbench.metrics.interpolation import bits_at_error
-from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
-from puckbench.metrics.tables.storage import rounding_mm
+from puckbench.results.columns import HIGHER, Column, column_named
+from puckbench.tables.registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
+from puckbench.tables.storage import rounding_mm
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("puckbench.metrics.tables.storage",)
+CODE = ("puckbench.tables.storage",)
 
 OCTREE = "gpcc"
 """Name of G-PCC's octree coder, which papers on LiDAR compression take as anchor. It does not
@@ -25,10 +28,25 @@ GRIDS_MM = (2.0, 1.0)
 """Steps, in mm, of the grids on which lossless coding is compared."""
 
 
+def _columns() -> list[str]:
+    return [f"at_{mm:g}_mm" for mm in ERRORS_MM] + [f"grid_{mm:g}_mm" for mm in GRIDS_MM]
+
+
+def _own_columns() -> Iterator[Column]:
+    yield Column("coarsest_mm", "Largest D1 error of the rates", "mm")
+    yield Column("finest_mm", "Smallest D1 error of the rates", "mm")
+    for name in _columns():
+        saved = column_named(name)
+        yield replace(
+            saved, name=f"saved_{name}", words=f"{saved.words}: saved", unit="%", better=HIGHER
+        )
+
+
 @TABLES.register(
     "against_octree",
     title="Bits against those of G-PCC's octree",
     needs=(SPINS_OR_RECORDINGS, OCTREE_AND_OTHERS),
+    columns=_own_columns(),
 )
 def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table compares the bits per return of each codec with those of ``gpcc``.
@@ -61,10 +79,6 @@ def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
         table[f"saved_{column}"] = 100 * (1 - table[column] / anchor)
     order = pd.factorize(table["dataset"])[0]
     return table.assign(order=order).sort_values(["order", "grid_1_mm"]).drop(columns="order")
-
-
-def _columns() -> list[str]:
-    return [f"at_{mm:g}_mm" for mm in ERRORS_MM] + [f"grid_{mm:g}_mm" for mm in GRIDS_MM]
 
 
 def _row(dataset: str, codec: str, rows: pd.DataFrame) -> dict[str, Any]:

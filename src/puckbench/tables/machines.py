@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -10,7 +10,10 @@ if TYPE_CHECKING:
 _RUN_ENVIRONMENT = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "libraries")
 
 
-@TABLES.register("machines", title="Machines and versions")
+_COLUMNS = {"results": "Results", "codec_versions": "Codec versions"}
+
+
+@TABLES.register("machines", title="Machines and versions", columns=_COLUMNS)
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table lists the environments in which times were measured.
 

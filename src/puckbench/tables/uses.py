@@ -17,14 +17,15 @@ from puckbench.metrics.statistics import (
     Estimate,
     with_scenes,
 )
-from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
-from puckbench.metrics.tables.rate_deltas import MARGIN_PERCENT
 from puckbench.metrics.timing import ranked_rows
+from puckbench.results.columns import LOWER, Column
+from puckbench.tables.rate_deltas import MARGIN_PERCENT
+from puckbench.tables.registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("puckbench.metrics.tables.rate_deltas",)
+CODE = ("puckbench.tables.rate_deltas",)
 
 _NOISE_MM = 1.5
 """RMS error (D2) above which scans have errors other than the rounding of ranges."""
@@ -158,7 +159,16 @@ USES: Mapping[str, Use] = {
 FEWEST, NEAREST = "fewest bits", "nearest"
 
 
-@TABLES.register("uses", title="Which codec for what", needs=(SEVERAL_CODECS,))
+@TABLES.register(
+    "uses",
+    title="Which codec for what",
+    needs=(SEVERAL_CODECS,),
+    columns=[
+        Column("use", "Use"),
+        Column("error_mm", "Error", "mm", LOWER),
+        Column("ratio", "Ratio to the best codec", better=LOWER, missing="not in every scene"),
+    ],
+)
 def uses(
     metrics: pd.DataFrame,
     scan_errors: pd.DataFrame | None = None,

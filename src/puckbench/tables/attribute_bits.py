@@ -3,7 +3,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pointkit.errors import InputError
-from puckbench.metrics.table_registry import ATTRIBUTES, TABLES
+from puckbench.tables.registry import ATTRIBUTES, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

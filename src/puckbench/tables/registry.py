@@ -8,8 +8,9 @@ A table is a function; its docstring up to the first section is the caption::
 
 DataFrame parameters are inputs, optional if they have a default: "metrics" (all results), "clouds",
 "residuals" and "scans" (of all error models), "compared" (real walls and error models on the same
-rays), or another table. Other parameters are options. Import pandas in functions, since planning
-imports modules of tables.
+rays), or another table. Other parameters are options. ``columns=`` declares the columns that only
+this table has (`puckbench.results.columns`). Import pandas in functions, since planning imports
+modules of tables.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any
 
 from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
+from puckbench.results.columns import Columns, declare, declared_by
 
 SENSOR = "Sensor, tables"
 """Category of tables of the sensor study."""
@@ -97,7 +99,15 @@ class TableEntry:
         return caption_of(self.make)
 
 
-TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
+def _registered(
+    name: str, make: Callable[..., Any], columns: Columns = (), **more: Any
+) -> TableEntry:
+    declare(columns)
+    return TableEntry(name, make, **more)
+
+
+TABLES: Registry[TableEntry] = Registry("table", "tables", make=_registered)
+declared_by(TABLES.names)
 
 
 def table_entry(name: str) -> TableEntry:

@@ -9,7 +9,8 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from puckbench.metrics.interpolation import bits_to_reach
 from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
-from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES, TRUTH
+from puckbench.results.columns import GRID, HIGHER, LOWER, Column, column_named
+from puckbench.tables.registry import SEVERAL_CODECS, TABLES, TRUTH
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,14 +27,20 @@ DISTANCES = {
     "99 %": "truth_q99_point",
     "largest": "truth_hausdorff_point",
 }
-_LENGTHS = ("99 %", "largest")
-"""These distances are lengths; the others are squared lengths."""
 _CLOUD = ["dataset", "cloud"]
 _EXACT_MM = 0.1
 """Distance below which a scan counts as error-free."""
 
 
-@TABLES.register("nearest_truth", title="How near to the true surface", needs=(TRUTH,))
+@TABLES.register(
+    "nearest_truth",
+    title="How near to the true surface",
+    needs=(TRUTH,),
+    columns=[
+        Column("scan_mm", "Distance of the scan", "mm"),
+        Column("percent_of_scan", "Distance relative to the scan's", "%", LOWER),
+    ],
+)
 def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame:
     """The table shows how far decoded clouds are from the true surface, beside the noisy scan.
 
@@ -73,6 +80,11 @@ def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFr
     "truth_bits",
     title="Bits for an equal distance to the truth",
     needs=(TRUTH, SEVERAL_CODECS),
+    columns=[
+        Column("anchor_bpp", "Bits per point of the anchor", "bpp"),
+        Column("bits_ratio", "Bits of the anchor per bit", better=HIGHER, missing="no scene"),
+        Column("of", "Scenes that both coded"),
+    ],
 )
 def truth_bits(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str) -> pd.DataFrame:
     """The table shows how many times a codec's bits the anchor needs to be as near to the truth.
@@ -129,18 +141,18 @@ def _distances(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame
     """Return bits and distances in mm by data set, codec, kind of distance, rate and scene."""
     import pandas as pd
 
-    columns = {name: column for name, column in DISTANCES.items() if column in scan_errors}
-    columns = {name: column for name, column in columns.items() if column in metrics}
+    columns = {name: source for name, source in DISTANCES.items() if source in scan_errors}
+    columns = {name: source for name, source in columns.items() if source in metrics}
     scans = scan_errors.dropna(subset=list(columns.values()), how="all")
     rows = metrics.merge(scans[[*_CLOUD, *columns.values()]], on=_CLOUD, suffixes=("", "_scan"))
     if not columns or rows.empty:
         raise InputError("scan errors table: no scan with a true surface")
     parts = []
-    for name, column in columns.items():
+    for name, source in columns.items():
         scaled = rows.assign(
             distance=name,
-            mm=_millimetres(rows, column, name),
-            scan_mm=_millimetres(rows, f"{column}_scan", name),
+            mm=_millimetres(rows, rows[source], column_named(source).unit),
+            scan_mm=_millimetres(rows, rows[f"{source}_scan"], column_named(source).unit),
         )
         parts.append(scaled[scaled["scan_mm"] > _EXACT_MM])
     scaled = pd.concat(parts)
@@ -150,7 +162,7 @@ def _distances(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame
     return means_over_seeds(scaled, keys, ["bpp", "mm", "scan_mm"])
 
 
-def _millimetres(rows: pd.DataFrame, column: str, distance: str) -> Floats:
-    values = rows[column].to_numpy(float)
-    lengths = values if distance in _LENGTHS else np.sqrt(values)
+def _millimetres(rows: pd.DataFrame, distances: pd.Series[float], unit: str) -> Floats:
+    values = distances.to_numpy(float)
+    lengths = values if unit == GRID else np.sqrt(values)
     return np.asarray(1000 * lengths / rows["scale"].to_numpy(float))

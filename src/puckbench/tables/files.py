@@ -22,8 +22,8 @@ def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> dic
         Files to write, in the formats of their suffixes (``.csv``, ``.parquet``, ``.tex``).
     """
     from pointkit.tables import write_table
-    from puckbench.report.column_dictionary import column_dictionary
-    from puckbench.report.latex import latex_table
+    from puckbench.tables.column_dictionary import column_dictionary
+    from puckbench.tables.latex import latex_table
 
     write_table(table, *(path for path in paths if path.suffix != ".tex"))
     for path in paths:

@@ -8,9 +8,9 @@ import numpy as np
 
 from pointkit.errors import InputError
 from puckbench.metrics.statistics import SCENE, UNDECIDED, Estimate, means_over_seeds
-from puckbench.metrics.table_registry import ODOMETRY, TABLES, UNDECODED
 from puckbench.metrics.tasks.odometry import GICP
 from puckbench.recordings.drives import KEPT
+from puckbench.tables.registry import ODOMETRY, TABLES, UNDECODED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +60,10 @@ _DIGITS = 6
 
 
 @TABLES.register(
-    "odometry_differences", title="Odometry after decoding, against before", needs=(ODOMETRY,)
+    "odometry_differences",
+    title="Odometry after decoding, against before",
+    needs=(ODOMETRY,),
+    columns={"least": "Least difference", "most": "Greatest difference"},
 )
 def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
     """The table shows how much coding changes the errors of odometry on the same trajectory.

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.metrics.coordinate_frames import rows_in_metres
 from puckbench.metrics.interpolation import bits_at_error
-from puckbench.metrics.table_registry import SPINS_OR_RECORDINGS, TABLES
+from puckbench.results.columns import LOWER, NO_COMMON_ERROR, Column
+from puckbench.tables.registry import SPINS_OR_RECORDINGS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,13 +42,28 @@ _IN_METRES = {
     "largest_mm": "hausdorff_point_m",
     "truth_d2_rms_mm": "truth_d2_rms_m",
 }
-AT_ERROR = {"bits_at_5_mm": "d1_rms_mm", "bits_at_5_mm_d2": "d2_rms_mm"}
+AT_ERROR = {
+    "bits_at_5_mm": "d1_rms_mm",
+    "bits_at_5_mm_d2": "d2_rms_mm",
+    "bits_at_5_mm_range": "range_rms_mm",
+}
 """Columns of bits at an equal error, and the error of each."""
-AT_ERROR |= {"bits_at_5_mm_range": "range_rms_mm"}
-"""Columns of bits at an equal error, and the error."""
 
 
-@TABLES.register("storage", title="What to store a sensor's data in", needs=(SPINS_OR_RECORDINGS,))
+def _columns() -> Iterator[Column]:
+    yield Column("kept", "Kept")
+    yield Column("bits_per_return", "Bits per return", "bits", LOWER)
+    for name, error in zip(AT_ERROR, ("D1", "D2", "range"), strict=True):
+        words = f"Bits per return at a {error} error of {ERROR_MM:g} mm"
+        yield Column(name, words, "bits", LOWER, missing=NO_COMMON_ERROR)
+
+
+@TABLES.register(
+    "storage",
+    title="What to store a sensor's data in",
+    needs=(SPINS_OR_RECORDINGS,),
+    columns=_columns(),
+)
 def storage(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table shows codecs on clouds in metres, at their most exact rate and at an error of 5 mm.
 

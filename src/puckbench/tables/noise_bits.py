@@ -1,19 +1,22 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pointkit.errors import InputError
 from puckbench.metrics.coordinate_frames import rows_in_frame
 from puckbench.metrics.interpolation import bits_at_error
 from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds, with_scenes
-from puckbench.metrics.table_registry import SEVERAL_NOISES, TABLES
-from puckbench.metrics.tables.against_octree import bits_on_grid
-from puckbench.metrics.tables.storage import ERROR_MM
+from puckbench.results.columns import Column, column_named
+from puckbench.tables.against_octree import bits_on_grid
+from puckbench.tables.registry import SEVERAL_NOISES, TABLES
+from puckbench.tables.storage import ERROR_MM
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("puckbench.metrics.tables.against_octree",)
+CODE = ("puckbench.tables.against_octree",)
 
 _GRID_MM = 1.0
 BITS = ("grid_1_mm", "at_5_mm")
@@ -25,7 +28,22 @@ _RAYS = (SCENE, "sensor", "turns", "firings")
 _CLOUD = ["dataset", "cloud"]
 
 
-@TABLES.register("noise_bits", title="What the sensor's noise costs", needs=(SEVERAL_NOISES,))
+def _columns() -> Iterator[Column]:
+    yield Column("models", "Error models")
+    for name in BITS:
+        bits = column_named(name)
+        words = f"{bits.words}: added by the noise"
+        yield replace(bits, name=f"added_{name}", words=words)
+        words = f"{bits.words}: saved with the least noise"
+        yield replace(bits, name=f"saved_{name}_percent", words=words, unit="%", better=None)
+
+
+@TABLES.register(
+    "noise_bits",
+    title="What the sensor's noise costs",
+    needs=(SEVERAL_NOISES,),
+    columns=_columns(),
+)
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     """The table shows the bits per return that the same rays need under several error models.
 

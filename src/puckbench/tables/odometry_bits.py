@@ -6,13 +6,13 @@ import numpy as np
 
 from pointkit.errors import InputError
 from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
-from puckbench.metrics.table_registry import ODOMETRY, TABLES, UNDECODED
-from puckbench.metrics.tables.odometry_differences import odometry_differences
+from puckbench.tables.odometry_differences import odometry_differences
+from puckbench.tables.registry import ODOMETRY, TABLES, UNDECODED
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("puckbench.metrics.tables.odometry_differences",)
+CODE = ("puckbench.tables.odometry_differences",)
 
 NONE_SUFFICES = "no rate suffices"
 _KEYS = ["dataset", "odometry", "codec", "times"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from math import isnan, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
+from puckbench.results.columns import column_named
+from puckbench.tables.cells import cell_text, interval_text, is_bookkeeping
 
-from puckbench.report.cells import cell_text, interval_text
-from puckbench.report.column_labels import table_heading
-from puckbench.report.tables import is_bookkeeping
+if TYPE_CHECKING:
+    import pandas as pd
 
 _SPECIAL = re.compile(r"[&%$#_{}]")
 _REPLACED = {
@@ -31,11 +31,12 @@ def latex_table(table: pd.DataFrame) -> str:
     At most twelve columns are written. Empty columns are left out, and so are columns that tell how
     values were obtained.
     """
+    import pandas as pd
+
     names = [str(name) for name in table if not is_bookkeeping(table[name])]
     ends = {f"{name}{end}" for name in names for end in _ENDS}
     names = [name for name in names if name not in ends][:MOST_COLUMNS]
-    headings = [table_heading(name, names) for name in names]
-    heads = [_escaped(f"{words} ({unit})" if unit else words) for words, unit in headings]
+    heads = [_escaped(column_named(name, names).label) for name in names]
     alignment = "".join("r" if table[name].dtype.kind in "fiu" else "l" for name in names)
     rows = table.to_dict("records")
     cells = [[_escaped(_cell(row, name) or "--") for name in names] for row in rows]

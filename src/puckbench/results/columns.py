@@ -1,0 +1,569 @@
+"""The columns of results: what each contains, its unit, and which values are better.
+
+This is the only description of columns. Tables, figures, the report and the printed summary use it.
+The columns that several tables share, and those of rows of results, are declared here, each by its
+full name. A plug-in declares the columns that only it makes where it is registered::
+
+    @METRICS.register("centroid", columns={"centroid_m": "Distance between the centroids"})
+    @TABLES.register("cheapest", columns=[Column("cheapest_bpp", "Fewest bits", "bpp", LOWER)])
+
+A column that contains a statistic of another column has the name of the other column and a suffix,
+such as ``bpp_q25`` beside ``bpp``; if the other name ends in a unit, the suffix stands before the
+unit: ``std_half_m`` beside ``std_m``. `column_named` describes such columns from the other column and
+`STATISTICS`. Any other column is shown under its own name, with the unit that its name ends in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from pointkit.errors import InputError
+
+FRAME = "frame"
+"""Column of tables of clouds and results: "metric" for clouds in metres, empty for scaled
+clouds."""
+GRID, SQUARED = "grid units", "grid units²"
+"""Units of lengths and their squares in scaled clouds; for clouds in metres, these are m and m²."""
+HIGHER: Literal["higher"] = "higher"
+LOWER: Literal["lower"] = "lower"
+
+CODED, TRUTH = "Distortion to the coded cloud", "Distortion to the true surface"
+CLEAN = "Distortion to the clean scan"
+COST, SEEN, OTHER = "Size, time and memory", "Rendered views and colour", "Other"
+REFLECTANCE = "Reflectance"
+PLOTTED = (CODED, TRUTH, CLEAN, COST, SEEN, REFLECTANCE, OTHER)
+"""Groups of columns that the report's plot offers, in this order."""
+CLOUD, RUN, TASK = "The cloud", "How it was measured", "Tasks of a robot"
+"""Groups of columns that the plot does not offer."""
+
+_NO_TRUTH, _NO_SCAN = "the true surface is not known", "the cloud is not a virtual scan"
+_NO_RETURNS, _NOT_TIMED = "no returns of a sensor", "not timed"
+_NO_ATTRIBUTE = "no such attribute was coded"
+_LOSSLESS = "lossless, so that the PSNR is infinite"
+_NO_METRES = "the size of the cloud in metres is not known"
+NO_COMMON_ERROR = "no two rates enclose the error"
+"""Why bits at an equal error may be missing."""
+NO_RATE = "no rate reaches the error of the grid"
+"""Why bits on a grid may be missing."""
+_FEW = "fewer than six clouds or scenes"
+_OTHERWISE = "does not apply"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of tables of results.
+
+    Parameters
+    ----------
+    name
+        Name of the column.
+    words
+        What the column contains, in words.
+    unit
+        Unit of the values, or empty.
+    better
+        Whether higher or lower values are better; None if neither is.
+    group
+        Heading under which columns of the same kind are listed.
+    short
+        Name on axes of figures; empty for `words`.
+    printed
+        Heading in the summary that a run prints, with the unit; empty for `words`.
+    digits
+        Format of numbers in ranges that the summary prints.
+    missing
+        Why a value may be missing; empty for the usual reason (`reason`).
+    leads
+        Whether the column is among the first of a table. These are in the order of declaration.
+    summarised
+        Whether a run's summary has the column: as medians over clouds in the table ``summary`` or,
+        for a task, among the first of the printed columns.
+    counts
+        Whether the values stay whole numbers even if some are missing.
+    timed
+        Whether the values depend on the speed of the machine.
+    bookkeeping
+        Whether the column tells only how other values were obtained. It then comes last, hidden.
+    """
+
+    name: str
+    words: str
+    unit: str = ""
+    better: Literal["higher", "lower"] | None = None
+    group: str = OTHER
+    short: str = ""
+    printed: str = ""
+    digits: str = ".2g"
+    missing: str = ""
+    leads: bool = False
+    summarised: bool = False
+    counts: bool = False
+    timed: bool = False
+    bookkeeping: bool = False
+
+    @property
+    def label(self) -> str:
+        """Words and unit in one text."""
+        return f"{self.words} ({self.unit})" if self.unit else self.words
+
+    @property
+    def heading(self) -> str:
+        """Heading in the summary that a run prints."""
+        return self.printed or self.words.lower()
+
+    @property
+    def reason(self) -> str:
+        """Why a value of the column may be missing."""
+        return self.missing or (_NO_METRES if self.unit in ("m", "mm", "mm²") else _OTHERWISE)
+
+
+Columns = Mapping[str, str] | Iterable[Column]
+"""Columns that a plug-in declares: descriptions or, in short, meanings by name of the column."""
+
+STATISTICS = {
+    "low": "interval from",
+    "high": "interval to",
+    "half": "half the interval",
+    "least": "least of the scenes",
+    "most": "greatest of the scenes",
+    "median": "median",
+    "q05": "5 %",
+    "q25": "25 %",
+    "q75": "75 %",
+    "q95": "95 %",
+}
+"""Suffixes of columns that contain a statistic of another column, and their meanings."""
+_ALWAYS_STATISTICS = ("median", "q05", "q25", "q75", "q95")
+"""Suffixes that mark a statistic even if nothing tells what the column without it contains."""
+_OF_SIX = ("low", "high", "half", "q25", "q75")
+"""Suffixes of statistics that need six clouds or scenes."""
+SPREAD = {"q25": 0.25, "q75": 0.75}
+"""Quantiles over clouds that are given beside medians, by suffix."""
+
+_ENDINGS = {
+    "_m2": "1/m²",
+    "_mm": "mm",
+    "_m": "m",
+    "_rad": "rad",
+    "_deg": "°",
+    "_percent": "%",
+    "_db": "dB",
+    "_s": "s",
+}
+"""Units of columns that nobody declared, by the ending of the column's name."""
+
+_declared: dict[str, Column] = {}
+_waiting: list[Callable[[], object]] = []
+"""Functions that import plug-ins which declare columns, until the first is asked for."""
+
+
+def declare(columns: Columns) -> None:
+    """Declare columns of results.
+
+    Raises
+    ------
+    InputError
+        A column is declared already, and described differently.
+    """
+    for each in _described(columns):
+        if _declared.setdefault(each.name, each) != each:
+            raise InputError(f"column '{each.name}' is declared twice, differently: rename it")
+
+
+def declared_by(import_plugins: Callable[[], object]) -> None:
+    """Add a function that imports plug-ins which declare columns; it is called when needed."""
+    _waiting.append(import_plugins)
+
+
+def declared_columns() -> dict[str, Column]:
+    """Return all declared columns, by name and in the order of declaration."""
+    while _waiting:
+        _waiting.pop()()
+    return dict(_declared)
+
+
+def is_declared(name: str) -> bool:
+    """Return whether someone has declared a column with this name."""
+    return name in _declared or name in declared_columns()
+
+
+def column_named(name: str, others: Collection[str] = ()) -> Column:
+    """Return the description of a column.
+
+    Parameters
+    ----------
+    name
+        Name of the column, which may be a statistic of another one, or one that nobody declared.
+    others
+        Names of all columns of the table.
+    """
+    if is_declared(name):
+        return _declared[name]
+    stem, ending = _stem_and_ending(name)
+    base, _, suffix = stem.rpartition("_")
+    if base and suffix in STATISTICS:
+        whole = base + ending
+        if suffix in _ALWAYS_STATISTICS or whole in others or is_declared(whole):
+            return _statistic(column_named(whole), name, suffix)
+    return _undeclared(name)
+
+
+def is_spread(name: str, others: Collection[str]) -> bool:
+    """Return whether a column contains quartiles of another column of the table."""
+    base, _, suffix = name.rpartition("_")
+    return suffix in SPREAD and base in others
+
+
+def leading_columns() -> list[str]:
+    """Return the names of the columns that come first in tables, in their order."""
+    return [name for name, each in declared_columns().items() if each.leads]
+
+
+def unit_in_frames(unit: str, frames: Collection[str]) -> str:
+    """Adapt a unit to the coordinate frames of a table's rows.
+
+    Parameters
+    ----------
+    unit
+        Unit for scaled clouds, which may contain "grid units".
+    frames
+        Coordinate frames of the rows: ``scaled``, ``metric``, or both.
+
+    Returns
+    -------
+    str
+        The unit with "m" in place of "grid units" for metric clouds; both units for both frames.
+    """
+    metres = unit.replace(GRID, "m")
+    if unit == metres or "metric" not in frames:
+        return unit
+    return f"{unit} or {metres}" if "scaled" in frames else metres
+
+
+def name_in_words(name: str) -> str:
+    """Return the name of a column as words: "Codec version" for "codec_version"."""
+    words = name.replace("_", " ").strip()
+    return words[:1].upper() + words[1:]
+
+
+def _statistic(of: Column, name: str, suffix: str) -> Column:
+    words, missing = f"{of.words}, {STATISTICS[suffix]}", of.missing
+    if suffix in _OF_SIX:
+        missing = f"{missing}, or {_FEW}" if missing else _FEW
+    return replace(of, name=name, words=words, short="", printed="", missing=missing)
+
+
+def _undeclared(name: str) -> Column:
+    if name.endswith("_psnr"):
+        return Column(name, name_in_words(name), "dB", HIGHER, missing=_LOSSLESS)
+    stem, ending = _stem_and_ending(name)
+    return Column(name, name_in_words(stem), _ENDINGS.get(ending, ""))
+
+
+def _stem_and_ending(name: str) -> tuple[str, str]:
+    ending = next((each for each in _ENDINGS if name.endswith(each)), "")
+    return name.removesuffix(ending), ending
+
+
+def _described(columns: Columns) -> Iterable[Column]:
+    if not isinstance(columns, Mapping):
+        return columns
+    return (replace(_undeclared(name), words=words) for name, words in columns.items())
+
+
+# ---- what rows of results are about, and their size
+
+
+def _keys_and_sizes() -> Iterator[Column]:
+    yield Column("dataset", "Data set", leads=True)
+    yield Column("cloud", "Cloud", leads=True)
+    yield Column("codec", "Codec", leads=True)
+    yield Column("rate", "Rate", leads=True)
+    yield Column("kind", "Kind", leads=True)
+    yield Column("group", "Group", leads=True, bookkeeping=True)
+    yield Column("points_in", "Points in", group=CLOUD, leads=True)
+    yield Column("points_out", "Points decoded", group=COST, leads=True)
+    yield Column("points", "Points", leads=True)
+    yield Column("bytes", "Size of the stream", "bytes", LOWER, COST, leads=True)
+    yield Column("bpp", "Bits per point", "bpp", LOWER, COST, leads=True, summarised=True)
+    for part, words in (
+        ("geometry", "positions"),
+        ("reflectance", "reflectances"),
+        ("colour", "colours"),
+    ):
+        text = f"Bits per point of {words}"
+        yield Column(f"bpp_{part}", text, "bpp", LOWER, COST, missing=_NO_ATTRIBUTE)
+
+
+# ---- distances of clouds
+
+_POINT, _PLANE = "point to point", "point to plane"
+_KINDS = {"point": _POINT, "plane": _PLANE}
+_MPEG = {"d1": f"D1, {_POINT}", "d2": f"D2, {_PLANE}"}
+_WAYS = {"ba": "decoded to original", "ab": "original to decoded"}
+_WAYS_TO_TRUTH = {
+    "ba": "Accuracy, {}: decoded points to the true surface",
+    "ab": "Completeness, {}: true points to the decoded",
+}
+_IN_SUMMARY = (
+    *("cd_point", "cd_plane", "hausdorff_plane", "hausdorff_sq_plane", "d1_rms_m"),
+    *("truth_cd_point", "truth_cd_plane", "clean_cd_plane"),
+    *(f"truth_acd_{way}_{kind}" for way in _WAYS for kind in _KINDS),
+)
+_ON_AXES = {  # names of distances to the coded cloud
+    "cd_plane": "CD, point-to-plane",
+    "cd_point": "CD, point-to-point",
+    "hausdorff_sq_plane": "HD², point-to-plane",
+}
+
+
+def _distances(prefix: str, to: str, group: str, missing: str) -> Iterator[Column]:
+    """Yield the columns of distances to one reference, whose names have the same prefix."""
+
+    def distance(name: str, words: str, unit: str, **more: Any) -> Column:
+        name, short = prefix + name, _ON_AXES.get(prefix + name, "")
+        more |= {"summarised": name in _IN_SUMMARY, "missing": missing}
+        return Column(name, words, unit, LOWER, group, short, **more)
+
+    for kind, words in _KINDS.items():
+        yield distance(f"cd_{kind}", f"Chamfer distance, {words}{to}", SQUARED)
+    for way, direction in _WAYS.items():
+        for kind, words in _KINDS.items():
+            text = f"Asymmetric Chamfer distance, {direction}, {words}{to}"
+            if group == TRUTH:
+                text = _WAYS_TO_TRUTH[way].format(words)
+            yield distance(f"acd_{way}_{kind}", text, SQUARED, bookkeeping=True)
+    for kind, words in _KINDS.items():
+        for name, text in (
+            ("q99", f"99 % quantile of distances, {words}{to}"),
+            ("hausdorff", f"Hausdorff distance, {words}{to}"),
+        ):
+            yield distance(f"{name}_{kind}", text, GRID)
+            yield distance(f"{name}_{kind}_m", text, "m")
+        text = f"Squared Hausdorff distance, {words}{to}"
+        yield distance(f"hausdorff_sq_{kind}", text, SQUARED)
+    for kind, words in _MPEG.items():
+        yield distance(f"{kind}_mse", f"Mean squared error {words}{to}", SQUARED)
+        printed = "" if prefix else f"{kind.upper()} error, m"
+        text = f"Root mean square error {words}{to}"
+        yield distance(f"{kind}_rms_m", text, "m", printed=printed)
+        if not prefix:
+            yield distance(f"{kind}_mm2", f"Mean squared error {words}", "mm²")
+
+
+def _psnrs() -> Iterator[Column]:
+    psnr: dict[str, Any] = {"unit": "dB", "better": HIGHER, "missing": _LOSSLESS, "digits": ".0f"}
+    for kind, words in _MPEG.items():
+        short = f"{kind.upper()} PSNR"
+        more = {"short": short, "printed": f"{short}, dB", "leads": True, "summarised": True}
+        yield Column(f"{kind}_psnr", f"PSNR {words}", group=CODED, **more, **psnr)
+    for kind, words in _KINDS.items():
+        text = f"PSNR of the Chamfer distance, {words}"
+        yield Column(f"cd_psnr_{kind}", text, group=CODED, **psnr)
+
+
+def _of_the_cloud() -> Iterator[Column]:
+    yield Column("peak", "Peak of the PSNRs", GRID, group=CLOUD, leads=True)
+    yield Column("lossless", "Lossless", leads=True)
+    yield Column("scale", "Scale", group=CLOUD)
+    yield Column("diameter", "Diameter", GRID, group=CLOUD)
+    yield Column("elongation", "Elongation", group=CLOUD)
+    yield Column("points_a", "Distinct points in", group=CLOUD)
+    yield Column("points_b", "Distinct points decoded", group=CLOUD)
+    for name, words in (("a", "Distinct points of the surface"), ("b", "Distinct points decoded")):
+        more = {"counts": True, "missing": _NO_TRUTH, "bookkeeping": True}
+        yield Column(f"truth_points_{name}", f"{words}, true surface", group=CLOUD, **more)
+    yield Column("dropped_points", "Points left out", group=CLOUD, counts=True)
+    yield Column("missing_returns", "Missing returns", group=CLOUD, counts=True)
+    yield Column("scene", "Scene")
+    yield Column(FRAME, "Coordinate frame", missing="the cloud is scaled")
+    yield Column("digest", "Digest", bookkeeping=True)
+    yield Column("file_bytes", "Size of the file", "bytes", group=CLOUD)
+
+
+# ---- times and memory
+
+
+def _times() -> Iterator[Column]:
+    for call, words in (("encode", "Encoding"), ("decode", "Decoding")):
+        time: dict[str, Any] = {"group": COST, "missing": _NOT_TIMED, "timed": True}
+        printed = {"printed": f"{call}, s", "summarised": True, "leads": True}
+        yield Column(f"{call}_s", f"{words} time", "s", LOWER, **printed, **time)
+        for name, which in (("min", "least"), ("max", "most")):
+            text = f"{words} time, {which} of the repetitions"
+            yield Column(f"{call}_s_{name}", text, "s", LOWER, leads=True, **time)
+        time["missing"] = _NO_RETURNS
+        yield Column(f"{call}_ms_per_turn", f"{words} time of a turn", "ms", LOWER, **time)
+        text = f"{words} speed relative to the sensor"
+        yield Column(f"{call}_real_time", text, "", HIGHER, **time)
+    for call, words in (("encode", "encoding"), ("decode", "decoding")):
+        text, more = f"Memory of {words}", {"leads": True, "missing": _NOT_TIMED}
+        yield Column(f"{call}_peak_mib", text, "MiB", LOWER, COST, **more)
+
+
+# ---- the sensor's returns, pictures and attributes
+
+
+def _returns() -> Iterator[Column]:
+    error: dict[str, Any] = {"better": LOWER, "group": CODED, "missing": _NO_RETURNS}
+    text = "Root mean square range error"
+    ranges = {"short": "RMS error of ranges", "printed": "range, mm"}
+    yield Column("range_rms_mm", text, "mm", **ranges, **error)
+    yield Column("range_max_mm", "Largest range error", "mm", **error)
+    yield Column("returns_lost", "Returns lost", **error)
+    yield Column("returns_added", "Returns added", **error)
+    text, more = "Bitrate at the sensor's speed", {"group": COST, "missing": _NO_RETURNS}
+    yield Column("mbit_per_s", text, "Mbit/s", LOWER, **more)
+
+
+def _pictures_and_attributes() -> Iterator[Column]:
+    psnr: dict[str, Any] = {"unit": "dB", "better": HIGHER}
+    lossless = f"lossless, or {_NO_ATTRIBUTE}"
+    yield Column("view_psnr", "PSNR of six rendered views", **psnr, group=SEEN, missing=_LOSSLESS)
+    yield Column("view_ssim", "SSIM of six rendered views", better=HIGHER, group=SEEN)
+    for name, words in (("y", "luma"), ("u", "chroma, U"), ("v", "chroma, V")):
+        yield Column(f"{name}_psnr", f"PSNR of {words}", **psnr, group=SEEN, missing=lossless)
+        text = f"Mean squared error of {words}"
+        yield Column(f"{name}_mse", text, better=LOWER, group=SEEN, missing=_NO_ATTRIBUTE)
+    yield Column("luminance_l2", "Distance of luminance histograms", better=LOWER, group=SEEN)
+    text = "Joint metric of geometry and colour"
+    yield Column("joint_quality", text, better=LOWER, group=SEEN)
+    text = "PSNR of reflectances"
+    yield Column("reflectance_psnr", text, **psnr, group=REFLECTANCE, missing=lossless)
+    for kind, words, largest, group in (
+        ("colour", "colours", "red, green or blue, of 255", SEEN),
+        ("reflectance", "reflectances", "reflectances", REFLECTANCE),
+    ):
+        attribute = {"group": group, "missing": _NO_ATTRIBUTE}
+        text = f"Largest error of {largest}"
+        yield Column(f"{kind}_max_error", text, better=LOWER, **attribute)
+        yield Column(f"{kind}_lossless", f"Whether the {words} come back", **attribute)
+    text, attribute = "Mean squared error of reflectances", {"missing": _NO_ATTRIBUTE}
+    yield Column("reflectance_mse", text, "", LOWER, REFLECTANCE, **attribute)
+    yield Column("reflectance_peak", "Peak of the PSNR of reflectances", group=CLOUD, **attribute)
+
+
+# ---- recovered primitives
+
+
+def _recovery() -> Iterator[Column]:
+    for name in ("true", "found", "matched"):
+        yield Column(name, f"Primitives {name}", leads=True, counts=True)
+    yield Column("precision", "Precision", "", HIGHER, leads=True)
+    yield Column("recall", "Recall", "", HIGHER, leads=True)
+    yield Column("label_accuracy", "Label accuracy", "", HIGHER, leads=True)
+    no_match = "no primitive matched, or its kind has no such parameter"
+    for name, words, unit in (
+        ("residual_m", "Residual", "m"),
+        ("position_m", "Difference of positions", "m"),
+        ("radius_m", "Difference of radii", "m"),
+        ("angle_deg", "Angle between normals or axes", "°"),
+        ("half_angle_deg", "Difference of half angles", "°"),
+    ):
+        yield Column(name, words, unit, LOWER, missing=no_match)
+
+
+# ---- clouds
+
+
+def _clouds() -> Iterator[Column]:
+    yield Column("elongation_oriented", "Elongation of the oriented box", group=CLOUD)
+    for axis in "xyz":
+        yield Column(f"size_{axis}_m", f"Size along {axis}", "m", group=CLOUD)
+    yield Column("spacing_m", "Distance to the nearest point", "m", group=CLOUD)
+    yield Column("density_m2", "Density", "1/m²", group=CLOUD)
+    yield Column("duplicates", "Share of duplicates", group=CLOUD)
+    yield Column("outliers", "Share of outliers", group=CLOUD)
+    yield Column("source", "File", group=CLOUD)
+    yield Column("sensor", "Sensor", missing=_NO_RETURNS)
+    yield Column("turns", "Turns", group=CLOUD, missing=_NO_RETURNS)
+    yield Column("seconds", "Seconds", missing=f"{_NO_RETURNS}, or {_NOT_TIMED}")
+    yield Column("firings", "Firings", group=CLOUD, missing=_NO_RETURNS)
+    yield Column("error_model", "Error model")
+    text, missing = "Entropy of the noise per return", "no virtual sensor with noise"
+    yield Column("noise_bits", text, "bits", group=CLOUD, missing=missing)
+
+
+# ---- drives, and how results were measured
+
+
+def _measurement() -> Iterator[Column]:
+    yield Column("codec_version", "Codec version", group=RUN)
+    yield Column("puckbench_version", "Puckbench version", group=RUN)
+    weights = {"missing": "the codec has no weights", "bookkeeping": True}
+    yield Column("weights", "Weights", group=RUN, **weights)
+    yield Column("cpu", "Processor", group=RUN)
+    yield Column("encode_cpu", "Processor that encoded", group=RUN)
+    yield Column("threads", "Threads", group=RUN)
+    yield Column("timed_alone", "Timed alone", group=RUN)
+    yield Column("repeats", "Repeats", group=RUN)
+    yield Column("libraries", "Libraries", group=RUN)
+    yield Column("remark", "Remark", group=RUN, missing="nothing unusual")
+    yield Column("not_coded", "Attributes that are not coded", group=RUN)
+    yield Column("seed", "Seed", group=RUN)
+    yield Column("poses", "Poses", group=RUN)
+    yield Column("times", "Times of points", group=RUN)
+    yield Column("length_m", "Length of the drive", "m", group=RUN)
+
+
+# ---- what several tables have
+
+
+def _comparisons() -> Iterator[Column]:
+    yield Column("clouds", "Clouds", bookkeeping=True)
+    yield Column("scenes", "Scenes")
+    yield Column("anchor", "Anchor")
+    yield Column("verdict", "Verdict")
+    yield Column("metric", "Metric")
+    yield Column("distance", "Distance")
+    yield Column("odometry", "Odometry", group=RUN)
+    for kind in ("d1", "d2"):
+        text, printed = f"Root mean square error {_MPEG[kind]}", f"{kind.upper()}, mm"
+        yield Column(f"{kind}_rms_mm", text, "mm", LOWER, printed=printed)
+    text = f"Root mean square error {_MPEG['d2']}, to the true surface"
+    yield Column("truth_d2_rms_mm", text, "mm", LOWER, missing=_NO_TRUTH)
+    text = f"99 % quantile of distances, {_POINT}"
+    yield Column("q99_mm", text, "mm", LOWER, printed="99 %, mm")
+    text = f"Largest distance, {_POINT}"
+    yield Column("largest_mm", text, "mm", LOWER, printed="largest, mm")
+    yield Column("mm", "Distance to the true surface", "mm", LOWER)
+    for mm in (1, 2):
+        text = f"Bits per return on a {mm} mm grid"
+        yield Column(f"grid_{mm}_mm", text, "bits", LOWER, missing=NO_RATE)
+    for mm in (5, 10, 20):
+        text = f"Bits per return at a D1 error of {mm} mm"
+        yield Column(f"at_{mm}_mm", text, "bits", LOWER, missing=NO_COMMON_ERROR)
+    for name, words in (
+        ("bits", "Bits per return"),
+        ("undecoded", "Error without coding"),
+        ("value", "Error"),
+        ("difference", "Difference to no coding"),
+        ("low", "Interval from"),
+        ("high", "Interval to"),
+        ("margin", "Margin"),
+        ("measure", "Measure"),
+        ("unit", "Unit"),
+        ("trajectories", "Trajectories"),
+    ):
+        yield Column(name, words)
+    yield Column("model", "Error model")
+    yield Column("quantity", "Quantity")
+    yield Column("note", "Note")
+    yield Column("count", "Count", bookkeeping=True)
+
+
+declare(_keys_and_sizes())
+declare(_distances("", "", CODED, ""))
+declare(_psnrs())
+declare(_distances("truth_", ", to the true surface", TRUTH, _NO_TRUTH))
+declare(_distances("clean_", ", to the clean scan", CLEAN, _NO_SCAN))
+declare(_of_the_cloud())
+declare(_times())
+declare(_returns())
+declare(_pictures_and_attributes())
+declare(_recovery())
+declare(_clouds())
+declare(_measurement())
+declare(_comparisons())
