@@ -27,13 +27,14 @@ _SURFACES = ("wall", "floor")
 _CONFIDENCE = 0.95
 
 
+_TOO_FEW = "too few residuals, or no repeated scans"
 _COLUMNS = (
     Column("surface", "Surface"),
     Column("distance_m", "Distance", "m"),
     Column("laser_id", "Laser"),
     Column("scans", "Scans", bookkeeping=True),
-    Column("mean_m", "Mean", "m"),
-    Column("std_m", "Std", "m"),
+    Column("mean_m", "Mean", "m", missing=_TOO_FEW),
+    Column("std_m", "Std", "m", missing=_TOO_FEW),
     Column("rms_m", "RMS", "m"),
     Column("median_m", "Median", "m"),
 )

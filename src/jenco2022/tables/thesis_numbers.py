@@ -23,7 +23,7 @@ DISTANCE = "earth mover's distance to the real residuals, 1 to 5 m"
 
 _COLUMNS = (
     Column("thesis_m", "Thesis", "m", missing="the thesis has no such number"),
-    Column("here_m", "Here", "m"),
+    Column("here_m", "Here", "m", missing="not estimated"),
 )
 
 

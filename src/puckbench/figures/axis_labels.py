@@ -9,9 +9,9 @@ BETTER = "\N{LEFTWARDS ARROW} better"
 HIGHER_BETTER = "better \N{RIGHTWARDS ARROW}"
 _DIRECTIONS = {LOWER: f", {BETTER}", HIGHER: f", {HIGHER_BETTER}", None: ""}
 
-BPP, CD_PLANE, CD_POINT = column_named("bpp"), column_named("cd_plane"), column_named("cd_point")
+BPP, ENCODE_TIME, DECODE_TIME = map(column_named, ("bpp", "encode_s", "decode_s"))
+CD_PLANE, CD_POINT = map(column_named, ("cd_plane", "cd_point"))
 HD_PLANE = column_named("hausdorff_sq_plane")
-ENCODE_TIME, DECODE_TIME = column_named("encode_s"), column_named("decode_s")
 
 
 def axis_label(shown: Column, lines: int = 1) -> str:

@@ -24,7 +24,7 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import Registry
 from puckbench.recordings.drives import Drive
-from puckbench.results.columns import Columns, declare, declared_by
+from puckbench.results.columns import TASK, Columns, declare, declared_by
 
 Measure = Callable[..., Mapping[str, Any]]
 
@@ -54,7 +54,7 @@ class Task:
 
 
 def _registered(name: str, measure: Measure, columns: Columns = (), **more: Any) -> Task:
-    declare(columns)
+    declare(columns, TASK)
     return Task(name, measure, **more)
 
 

@@ -9,7 +9,7 @@ full name. A plug-in declares the columns that only it makes where it is registe
 
 A column that contains a statistic of another column has the name of the other column and a suffix,
 such as ``bpp_q25`` beside ``bpp``; if the other name ends in a unit, the suffix stands before the
-unit: ``std_half_m`` beside ``std_m``. `column_named` describes such columns from the other column and
+unit: ``std_half_m`` beside ``std_m``. `column_named` describes such columns by the other column and
 `STATISTICS`. Any other column is shown under its own name, with the unit that its name ends in.
 """
 
@@ -137,7 +137,7 @@ STATISTICS = {
 """Suffixes of columns that contain a statistic of another column, and their meanings."""
 _ALWAYS_STATISTICS = ("median", "q05", "q25", "q75", "q95")
 """Suffixes that mark a statistic even if nothing tells what the column without it contains."""
-_OF_SIX = ("low", "high", "half", "q25", "q75")
+_OF_SIX = ("low", "high", "q25", "q75")
 """Suffixes of statistics that need six clouds or scenes."""
 SPREAD = {"q25": 0.25, "q75": 0.75}
 """Quantiles over clouds that are given beside medians, by suffix."""
@@ -159,15 +159,22 @@ _waiting: list[Callable[[], object]] = []
 """Functions that import plug-ins which declare columns, until the first is asked for."""
 
 
-def declare(columns: Columns) -> None:
+def declare(columns: Columns, group: str = OTHER) -> None:
     """Declare columns of results.
+
+    Parameters
+    ----------
+    columns
+        The columns.
+    group
+        Group of columns that are described by their meaning only.
 
     Raises
     ------
     InputError
         A column is declared already, and described differently.
     """
-    for each in _described(columns):
+    for each in _described(columns, group):
         if _declared.setdefault(each.name, each) != each:
             raise InputError(f"column '{each.name}' is declared twice, differently: rename it")
 
@@ -267,10 +274,11 @@ def _stem_and_ending(name: str) -> tuple[str, str]:
     return name.removesuffix(ending), ending
 
 
-def _described(columns: Columns) -> Iterable[Column]:
+def _described(columns: Columns, group: str) -> Iterable[Column]:
     if not isinstance(columns, Mapping):
         return columns
-    return (replace(_undeclared(name), words=words) for name, words in columns.items())
+    described = columns.items()
+    return (replace(_undeclared(name), words=words, group=group) for name, words in described)
 
 
 # ---- what rows of results are about, and their size
@@ -372,9 +380,10 @@ def _of_the_cloud() -> Iterator[Column]:
     yield Column("elongation", "Elongation", group=CLOUD)
     yield Column("points_a", "Distinct points in", group=CLOUD)
     yield Column("points_b", "Distinct points decoded", group=CLOUD)
-    for name, words in (("a", "Distinct points of the surface"), ("b", "Distinct points decoded")):
-        more = {"counts": True, "missing": _NO_TRUTH, "bookkeeping": True}
-        yield Column(f"truth_points_{name}", f"{words}, true surface", group=CLOUD, **more)
+    to_truth: dict[str, Any] = {"counts": True, "missing": _NO_TRUTH, "bookkeeping": True}
+    yield Column("truth_points_a", "Distinct points of the true surface", group=CLOUD, **to_truth)
+    text = "Distinct points decoded, to the true surface"
+    yield Column("truth_points_b", text, group=CLOUD, **to_truth)
     yield Column("dropped_points", "Points left out", group=CLOUD, counts=True)
     yield Column("missing_returns", "Missing returns", group=CLOUD, counts=True)
     yield Column("scene", "Scene")
@@ -450,7 +459,7 @@ def _pictures_and_attributes() -> Iterator[Column]:
 
 def _recovery() -> Iterator[Column]:
     for name in ("true", "found", "matched"):
-        yield Column(name, f"Primitives {name}", leads=True, counts=True)
+        yield Column(name, f"{name.capitalize()} primitives", leads=True, counts=True)
     yield Column("precision", "Precision", "", HIGHER, leads=True)
     yield Column("recall", "Recall", "", HIGHER, leads=True)
     yield Column("label_accuracy", "Label accuracy", "", HIGHER, leads=True)
@@ -531,12 +540,12 @@ def _comparisons() -> Iterator[Column]:
     yield Column("mm", "Distance to the true surface", "mm", LOWER)
     for mm in (1, 2):
         text = f"Bits per return on a {mm} mm grid"
-        yield Column(f"grid_{mm}_mm", text, "bits", LOWER, missing=NO_RATE)
+        yield Column(f"grid_{mm}_mm", text, "", LOWER, missing=NO_RATE)
     for mm in (5, 10, 20):
         text = f"Bits per return at a D1 error of {mm} mm"
-        yield Column(f"at_{mm}_mm", text, "bits", LOWER, missing=NO_COMMON_ERROR)
+        yield Column(f"at_{mm}_mm", text, "", LOWER, missing=NO_COMMON_ERROR)
     for name, words in (
-        ("bits", "Bits per return"),
+        ("bits", "Bits"),
         ("undecoded", "Error without coding"),
         ("value", "Error"),
         ("difference", "Difference to no coding"),

@@ -15,7 +15,7 @@ def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row for each column of the table: its name (``column_named``), ``meaning`` and ``unit``, the
+        A row for each column of the table: its name (``column``), ``meaning`` and ``unit``, the
         number of ``missing`` values, and the ``reason`` why values are missing.
     """
     import pandas as pd

@@ -52,10 +52,10 @@ AT_ERROR = {
 
 def _columns() -> Iterator[Column]:
     yield Column("kept", "Kept")
-    yield Column("bits_per_return", "Bits per return", "bits", LOWER)
+    yield Column("bits_per_return", "Bits per return", "", LOWER)
     for name, error in zip(AT_ERROR, ("D1", "D2", "range"), strict=True):
         words = f"Bits per return at a {error} error of {ERROR_MM:g} mm"
-        yield Column(name, words, "bits", LOWER, missing=NO_COMMON_ERROR)
+        yield Column(name, words, "", LOWER, missing=NO_COMMON_ERROR)
 
 
 @TABLES.register(
