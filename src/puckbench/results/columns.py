@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 from pointkit.errors import InputError
@@ -285,24 +286,21 @@ def _described(columns: Columns, group: str) -> Iterable[Column]:
 
 
 def _keys_and_sizes() -> Iterator[Column]:
-    yield Column("dataset", "Data set", leads=True)
-    yield Column("cloud", "Cloud", leads=True)
-    yield Column("codec", "Codec", leads=True)
-    yield Column("rate", "Rate", leads=True)
-    yield Column("kind", "Kind", leads=True)
+    for name in ("dataset", "cloud", "codec", "rate", "kind"):
+        yield Column(name, "Data set" if name == "dataset" else name.capitalize(), leads=True)
     yield Column("group", "Group", leads=True, bookkeeping=True)
     yield Column("points_in", "Points in", group=CLOUD, leads=True)
     yield Column("points_out", "Points decoded", group=COST, leads=True)
     yield Column("points", "Points", leads=True)
-    yield Column("bytes", "Size of the stream", "bytes", LOWER, COST, leads=True)
-    yield Column("bpp", "Bits per point", "bpp", LOWER, COST, leads=True, summarised=True)
+    size = partial(Column, better=LOWER, group=COST)
+    yield size("bytes", "Size of the stream", "bytes", leads=True)
+    yield size("bpp", "Bits per point", "bpp", leads=True, summarised=True)
     for part, words in (
         ("geometry", "positions"),
         ("reflectance", "reflectances"),
         ("colour", "colours"),
     ):
-        text = f"Bits per point of {words}"
-        yield Column(f"bpp_{part}", text, "bpp", LOWER, COST, missing=_NO_ATTRIBUTE)
+        yield size(f"bpp_{part}", f"Bits per point of {words}", "bpp", missing=_NO_ATTRIBUTE)
 
 
 # ---- distances of clouds
@@ -320,7 +318,7 @@ _IN_SUMMARY = (
     *("truth_cd_point", "truth_cd_plane", "clean_cd_plane"),
     *(f"truth_acd_{way}_{kind}" for way in _WAYS for kind in _KINDS),
 )
-_ON_AXES = {  # names of distances to the coded cloud
+_ON_AXES = {
     "cd_plane": "CD, point-to-plane",
     "cd_point": "CD, point-to-point",
     "hausdorff_sq_plane": "HD², point-to-plane",
@@ -333,63 +331,61 @@ def _distances(prefix: str, to: str, group: str, missing: str) -> Iterator[Colum
     def distance(name: str, words: str, unit: str, **more: Any) -> Column:
         name, short = prefix + name, _ON_AXES.get(prefix + name, "")
         more |= {"summarised": name in _IN_SUMMARY, "missing": missing}
-        return Column(name, words, unit, LOWER, group, short, **more)
+        return Column(name, words + to, unit, LOWER, group, short, **more)
 
     for kind, words in _KINDS.items():
-        yield distance(f"cd_{kind}", f"Chamfer distance, {words}{to}", SQUARED)
+        yield distance(f"cd_{kind}", f"Chamfer distance, {words}", SQUARED)
     for way, direction in _WAYS.items():
         for kind, words in _KINDS.items():
-            text = f"Asymmetric Chamfer distance, {direction}, {words}{to}"
+            text = f"Asymmetric Chamfer distance, {direction}, {words}"
+            one_way = distance(f"acd_{way}_{kind}", text, SQUARED, bookkeeping=True)
             if group == TRUTH:
-                text = _WAYS_TO_TRUTH[way].format(words)
-            yield distance(f"acd_{way}_{kind}", text, SQUARED, bookkeeping=True)
+                one_way = replace(one_way, words=_WAYS_TO_TRUTH[way].format(words))
+            yield one_way
     for kind, words in _KINDS.items():
         for name, text in (
-            ("q99", f"99 % quantile of distances, {words}{to}"),
-            ("hausdorff", f"Hausdorff distance, {words}{to}"),
+            ("q99", f"99 % quantile of distances, {words}"),
+            ("hausdorff", f"Hausdorff distance, {words}"),
         ):
             yield distance(f"{name}_{kind}", text, GRID)
             yield distance(f"{name}_{kind}_m", text, "m")
-        text = f"Squared Hausdorff distance, {words}{to}"
-        yield distance(f"hausdorff_sq_{kind}", text, SQUARED)
+        yield distance(f"hausdorff_sq_{kind}", f"Squared Hausdorff distance, {words}", SQUARED)
     for kind, words in _MPEG.items():
-        yield distance(f"{kind}_mse", f"Mean squared error {words}{to}", SQUARED)
+        yield distance(f"{kind}_mse", f"Mean squared error {words}", SQUARED)
         printed = "" if prefix else f"{kind.upper()} error, m"
-        text = f"Root mean square error {words}{to}"
-        yield distance(f"{kind}_rms_m", text, "m", printed=printed)
+        yield distance(f"{kind}_rms_m", f"Root mean square error {words}", "m", printed=printed)
         if not prefix:
             yield distance(f"{kind}_mm2", f"Mean squared error {words}", "mm²")
 
 
 def _psnrs() -> Iterator[Column]:
-    psnr: dict[str, Any] = {"unit": "dB", "better": HIGHER, "missing": _LOSSLESS, "digits": ".0f"}
+    psnr = partial(Column, unit="dB", better=HIGHER, group=CODED, missing=_LOSSLESS)
+    first = partial(psnr, digits=".0f", leads=True, summarised=True)
     for kind, words in _MPEG.items():
         short = f"{kind.upper()} PSNR"
-        more = {"short": short, "printed": f"{short}, dB", "leads": True, "summarised": True}
-        yield Column(f"{kind}_psnr", f"PSNR {words}", group=CODED, **more, **psnr)
+        yield first(f"{kind}_psnr", f"PSNR {words}", short=short, printed=f"{short}, dB")
     for kind, words in _KINDS.items():
-        text = f"PSNR of the Chamfer distance, {words}"
-        yield Column(f"cd_psnr_{kind}", text, group=CODED, **psnr)
+        yield psnr(f"cd_psnr_{kind}", f"PSNR of the Chamfer distance, {words}")
 
 
 def _of_the_cloud() -> Iterator[Column]:
-    yield Column("peak", "Peak of the PSNRs", GRID, group=CLOUD, leads=True)
+    of_cloud = partial(Column, group=CLOUD)
+    yield of_cloud("peak", "Peak of the PSNRs", GRID, leads=True)
     yield Column("lossless", "Lossless", leads=True)
-    yield Column("scale", "Scale", group=CLOUD)
-    yield Column("diameter", "Diameter", GRID, group=CLOUD)
-    yield Column("elongation", "Elongation", group=CLOUD)
-    yield Column("points_a", "Distinct points in", group=CLOUD)
-    yield Column("points_b", "Distinct points decoded", group=CLOUD)
-    to_truth: dict[str, Any] = {"counts": True, "missing": _NO_TRUTH, "bookkeeping": True}
-    yield Column("truth_points_a", "Distinct points of the true surface", group=CLOUD, **to_truth)
-    text = "Distinct points decoded, to the true surface"
-    yield Column("truth_points_b", text, group=CLOUD, **to_truth)
-    yield Column("dropped_points", "Points left out", group=CLOUD, counts=True)
-    yield Column("missing_returns", "Missing returns", group=CLOUD, counts=True)
+    yield of_cloud("scale", "Scale")
+    yield of_cloud("diameter", "Diameter", GRID)
+    yield of_cloud("elongation", "Elongation")
+    yield of_cloud("points_a", "Distinct points in")
+    yield of_cloud("points_b", "Distinct points decoded")
+    true = partial(of_cloud, counts=True, missing=_NO_TRUTH, bookkeeping=True)
+    yield true("truth_points_a", "Distinct points of the true surface")
+    yield true("truth_points_b", "Distinct points decoded, to the true surface")
+    yield of_cloud("dropped_points", "Points left out", counts=True)
+    yield of_cloud("missing_returns", "Missing returns", counts=True)
+    yield of_cloud("file_bytes", "Size of the file", "bytes")
     yield Column("scene", "Scene")
     yield Column(FRAME, "Coordinate frame", missing="the cloud is scaled")
     yield Column("digest", "Digest", bookkeeping=True)
-    yield Column("file_bytes", "Size of the file", "bytes", group=CLOUD)
 
 
 # ---- times and memory
@@ -397,61 +393,53 @@ def _of_the_cloud() -> Iterator[Column]:
 
 def _times() -> Iterator[Column]:
     for call, words in (("encode", "Encoding"), ("decode", "Decoding")):
-        time: dict[str, Any] = {"group": COST, "missing": _NOT_TIMED, "timed": True}
-        printed = {"printed": f"{call}, s", "summarised": True, "leads": True}
-        yield Column(f"{call}_s", f"{words} time", "s", LOWER, **printed, **time)
+        time = partial(Column, better=LOWER, group=COST, missing=_NOT_TIMED, timed=True)
+        first = partial(time, leads=True, summarised=True)
+        yield first(f"{call}_s", f"{words} time", "s", printed=f"{call}, s")
         for name, which in (("min", "least"), ("max", "most")):
             text = f"{words} time, {which} of the repetitions"
-            yield Column(f"{call}_s_{name}", text, "s", LOWER, leads=True, **time)
-        time["missing"] = _NO_RETURNS
-        yield Column(f"{call}_ms_per_turn", f"{words} time of a turn", "ms", LOWER, **time)
-        text = f"{words} speed relative to the sensor"
-        yield Column(f"{call}_real_time", text, "", HIGHER, **time)
+            yield time(f"{call}_s_{name}", text, "s", leads=True)
+        turn = partial(time, missing=_NO_RETURNS)
+        yield turn(f"{call}_ms_per_turn", f"{words} time of a turn", "ms")
+        yield turn(f"{call}_real_time", f"{words} speed relative to the sensor", better=HIGHER)
     for call, words in (("encode", "encoding"), ("decode", "decoding")):
-        text, more = f"Memory of {words}", {"leads": True, "missing": _NOT_TIMED}
-        yield Column(f"{call}_peak_mib", text, "MiB", LOWER, COST, **more)
+        memory = partial(Column, better=LOWER, group=COST, missing=_NOT_TIMED, leads=True)
+        yield memory(f"{call}_peak_mib", f"Memory of {words}", "MiB")
 
 
 # ---- the sensor's returns, pictures and attributes
 
 
 def _returns() -> Iterator[Column]:
-    error: dict[str, Any] = {"better": LOWER, "group": CODED, "missing": _NO_RETURNS}
-    text = "Root mean square range error"
-    ranges = {"short": "RMS error of ranges", "printed": "range, mm"}
-    yield Column("range_rms_mm", text, "mm", **ranges, **error)
-    yield Column("range_max_mm", "Largest range error", "mm", **error)
-    yield Column("returns_lost", "Returns lost", **error)
-    yield Column("returns_added", "Returns added", **error)
-    text, more = "Bitrate at the sensor's speed", {"group": COST, "missing": _NO_RETURNS}
-    yield Column("mbit_per_s", text, "Mbit/s", LOWER, **more)
+    error = partial(Column, better=LOWER, group=CODED, missing=_NO_RETURNS)
+    text, short = "Root mean square range error", "RMS error of ranges"
+    yield error("range_rms_mm", text, "mm", short=short, printed="range, mm")
+    yield error("range_max_mm", "Largest range error", "mm")
+    yield error("returns_lost", "Returns lost")
+    yield error("returns_added", "Returns added")
+    yield error("mbit_per_s", "Bitrate at the sensor's speed", "Mbit/s", group=COST)
 
 
 def _pictures_and_attributes() -> Iterator[Column]:
-    psnr: dict[str, Any] = {"unit": "dB", "better": HIGHER}
-    lossless = f"lossless, or {_NO_ATTRIBUTE}"
-    yield Column("view_psnr", "PSNR of six rendered views", **psnr, group=SEEN, missing=_LOSSLESS)
+    psnr = partial(Column, unit="dB", better=HIGHER, missing=f"lossless, or {_NO_ATTRIBUTE}")
+    error = partial(Column, better=LOWER, missing=_NO_ATTRIBUTE)
+    yield psnr("view_psnr", "PSNR of six rendered views", group=SEEN, missing=_LOSSLESS)
     yield Column("view_ssim", "SSIM of six rendered views", better=HIGHER, group=SEEN)
     for name, words in (("y", "luma"), ("u", "chroma, U"), ("v", "chroma, V")):
-        yield Column(f"{name}_psnr", f"PSNR of {words}", **psnr, group=SEEN, missing=lossless)
-        text = f"Mean squared error of {words}"
-        yield Column(f"{name}_mse", text, better=LOWER, group=SEEN, missing=_NO_ATTRIBUTE)
-    yield Column("luminance_l2", "Distance of luminance histograms", better=LOWER, group=SEEN)
-    text = "Joint metric of geometry and colour"
-    yield Column("joint_quality", text, better=LOWER, group=SEEN)
-    text = "PSNR of reflectances"
-    yield Column("reflectance_psnr", text, **psnr, group=REFLECTANCE, missing=lossless)
-    for kind, words, largest, group in (
-        ("colour", "colours", "red, green or blue, of 255", SEEN),
-        ("reflectance", "reflectances", "reflectances", REFLECTANCE),
-    ):
-        attribute = {"group": group, "missing": _NO_ATTRIBUTE}
-        text = f"Largest error of {largest}"
-        yield Column(f"{kind}_max_error", text, better=LOWER, **attribute)
-        yield Column(f"{kind}_lossless", f"Whether the {words} come back", **attribute)
-    text, attribute = "Mean squared error of reflectances", {"missing": _NO_ATTRIBUTE}
-    yield Column("reflectance_mse", text, "", LOWER, REFLECTANCE, **attribute)
-    yield Column("reflectance_peak", "Peak of the PSNR of reflectances", group=CLOUD, **attribute)
+        yield psnr(f"{name}_psnr", f"PSNR of {words}", group=SEEN)
+        yield error(f"{name}_mse", f"Mean squared error of {words}", group=SEEN)
+    yield error("luminance_l2", "Distance of luminance histograms", group=SEEN)
+    yield error("joint_quality", "Joint metric of geometry and colour", group=SEEN)
+    text = "Largest error of red, green or blue, of 255"
+    yield error("colour_max_error", text, group=SEEN)
+    yield psnr("reflectance_psnr", "PSNR of reflectances", group=REFLECTANCE)
+    yield error("reflectance_mse", "Mean squared error of reflectances", group=REFLECTANCE)
+    yield error("reflectance_max_error", "Largest error of reflectances", group=REFLECTANCE)
+    for kind, group in (("colour", SEEN), ("reflectance", REFLECTANCE)):
+        text = f"Whether the {kind}s come back"
+        yield Column(f"{kind}_lossless", text, group=group, missing=_NO_ATTRIBUTE)
+    text = "Peak of the PSNR of reflectances"
+    yield Column("reflectance_peak", text, group=CLOUD, missing=_NO_ATTRIBUTE)
 
 
 # ---- recovered primitives
@@ -460,61 +448,58 @@ def _pictures_and_attributes() -> Iterator[Column]:
 def _recovery() -> Iterator[Column]:
     for name in ("true", "found", "matched"):
         yield Column(name, f"{name.capitalize()} primitives", leads=True, counts=True)
-    yield Column("precision", "Precision", "", HIGHER, leads=True)
-    yield Column("recall", "Recall", "", HIGHER, leads=True)
-    yield Column("label_accuracy", "Label accuracy", "", HIGHER, leads=True)
+    for name in ("precision", "recall", "label_accuracy"):
+        yield Column(name, name_in_words(name), better=HIGHER, leads=True)
     no_match = "no primitive matched, or its kind has no such parameter"
-    for name, words, unit in (
-        ("residual_m", "Residual", "m"),
-        ("position_m", "Difference of positions", "m"),
-        ("radius_m", "Difference of radii", "m"),
-        ("angle_deg", "Angle between normals or axes", "°"),
-        ("half_angle_deg", "Difference of half angles", "°"),
-    ):
-        yield Column(name, words, unit, LOWER, missing=no_match)
+    difference = partial(Column, better=LOWER, missing=no_match)
+    yield difference("residual_m", "Residual", "m")
+    yield difference("position_m", "Difference of positions", "m")
+    yield difference("radius_m", "Difference of radii", "m")
+    yield difference("angle_deg", "Angle between normals or axes", "°")
+    yield difference("half_angle_deg", "Difference of half angles", "°")
 
 
-# ---- clouds
+# ---- clouds and drives, and how results were measured
 
 
 def _clouds() -> Iterator[Column]:
-    yield Column("elongation_oriented", "Elongation of the oriented box", group=CLOUD)
+    of_cloud = partial(Column, group=CLOUD)
+    yield of_cloud("elongation_oriented", "Elongation of the oriented box")
     for axis in "xyz":
-        yield Column(f"size_{axis}_m", f"Size along {axis}", "m", group=CLOUD)
-    yield Column("spacing_m", "Distance to the nearest point", "m", group=CLOUD)
-    yield Column("density_m2", "Density", "1/m²", group=CLOUD)
-    yield Column("duplicates", "Share of duplicates", group=CLOUD)
-    yield Column("outliers", "Share of outliers", group=CLOUD)
-    yield Column("source", "File", group=CLOUD)
-    yield Column("sensor", "Sensor", missing=_NO_RETURNS)
-    yield Column("turns", "Turns", group=CLOUD, missing=_NO_RETURNS)
-    yield Column("seconds", "Seconds", missing=f"{_NO_RETURNS}, or {_NOT_TIMED}")
-    yield Column("firings", "Firings", group=CLOUD, missing=_NO_RETURNS)
-    yield Column("error_model", "Error model")
-    text, missing = "Entropy of the noise per return", "no virtual sensor with noise"
-    yield Column("noise_bits", text, "bits", group=CLOUD, missing=missing)
-
-
-# ---- drives, and how results were measured
+        yield of_cloud(f"size_{axis}_m", f"Size along {axis}", "m")
+    yield of_cloud("spacing_m", "Distance to the nearest point", "m")
+    yield of_cloud("density_m2", "Density", "1/m²")
+    yield of_cloud("duplicates", "Share of duplicates")
+    yield of_cloud("outliers", "Share of outliers")
+    yield of_cloud("source", "File")
+    of_sensor = partial(of_cloud, missing=_NO_RETURNS)
+    yield of_sensor("sensor", "Sensor")
+    yield of_sensor("turns", "Turns")
+    yield of_sensor("seconds", "Seconds", missing=f"{_NO_RETURNS}, or {_NOT_TIMED}")
+    yield of_sensor("firings", "Firings")
+    yield of_cloud("error_model", "Error model")
+    missing = "no virtual sensor with noise"
+    yield of_cloud("noise_bits", "Entropy of the noise per return", "bits", missing=missing)
 
 
 def _measurement() -> Iterator[Column]:
-    yield Column("codec_version", "Codec version", group=RUN)
-    yield Column("puckbench_version", "Puckbench version", group=RUN)
-    weights = {"missing": "the codec has no weights", "bookkeeping": True}
-    yield Column("weights", "Weights", group=RUN, **weights)
-    yield Column("cpu", "Processor", group=RUN)
-    yield Column("encode_cpu", "Processor that encoded", group=RUN)
-    yield Column("threads", "Threads", group=RUN)
-    yield Column("timed_alone", "Timed alone", group=RUN)
-    yield Column("repeats", "Repeats", group=RUN)
-    yield Column("libraries", "Libraries", group=RUN)
-    yield Column("remark", "Remark", group=RUN, missing="nothing unusual")
-    yield Column("not_coded", "Attributes that are not coded", group=RUN)
-    yield Column("seed", "Seed", group=RUN)
-    yield Column("poses", "Poses", group=RUN)
-    yield Column("times", "Times of points", group=RUN)
-    yield Column("length_m", "Length of the drive", "m", group=RUN)
+    how = partial(Column, group=RUN)
+    yield how("codec_version", "Codec version")
+    yield how("puckbench_version", "Puckbench version")
+    yield how("weights", "Weights", missing="the codec has no weights", bookkeeping=True)
+    yield how("cpu", "Processor")
+    yield how("encode_cpu", "Processor that encoded")
+    yield how("threads", "Threads")
+    yield how("timed_alone", "Timed alone")
+    yield how("repeats", "Repeats")
+    yield how("libraries", "Libraries")
+    yield how("remark", "Remark", missing="nothing unusual")
+    yield how("not_coded", "Attributes that are not coded")
+    yield how("seed", "Seed")
+    yield how("poses", "Poses")
+    yield how("times", "Times of points")
+    yield how("length_m", "Length of the drive", "m")
+    yield how("odometry", "Odometry")
 
 
 # ---- what several tables have
@@ -522,45 +507,41 @@ def _measurement() -> Iterator[Column]:
 
 def _comparisons() -> Iterator[Column]:
     yield Column("clouds", "Clouds", bookkeeping=True)
-    yield Column("scenes", "Scenes")
-    yield Column("anchor", "Anchor")
-    yield Column("verdict", "Verdict")
-    yield Column("metric", "Metric")
-    yield Column("distance", "Distance")
-    yield Column("odometry", "Odometry", group=RUN)
-    for kind in ("d1", "d2"):
-        text, printed = f"Root mean square error {_MPEG[kind]}", f"{kind.upper()}, mm"
-        yield Column(f"{kind}_rms_mm", text, "mm", LOWER, printed=printed)
+    yield Column("count", "Count", bookkeeping=True)
+    for name in ("scenes", "anchor", "verdict", "metric", "distance", "quantity", "note"):
+        yield Column(name, name.capitalize())
+    yield Column("model", "Error model")
+    error = partial(Column, unit="mm", better=LOWER)
+    for kind, words in _MPEG.items():
+        printed = f"{kind.upper()}, mm"
+        yield error(f"{kind}_rms_mm", f"Root mean square error {words}", printed=printed)
     text = f"Root mean square error {_MPEG['d2']}, to the true surface"
-    yield Column("truth_d2_rms_mm", text, "mm", LOWER, missing=_NO_TRUTH)
-    text = f"99 % quantile of distances, {_POINT}"
-    yield Column("q99_mm", text, "mm", LOWER, printed="99 %, mm")
-    text = f"Largest distance, {_POINT}"
-    yield Column("largest_mm", text, "mm", LOWER, printed="largest, mm")
-    yield Column("mm", "Distance to the true surface", "mm", LOWER)
+    yield error("truth_d2_rms_mm", text, missing=_NO_TRUTH)
+    yield error("q99_mm", f"99 % quantile of distances, {_POINT}", printed="99 %, mm")
+    yield error("largest_mm", f"Largest distance, {_POINT}", printed="largest, mm")
+    yield error("mm", "Distance to the true surface")
+    bits = partial(Column, better=LOWER)
     for mm in (1, 2):
-        text = f"Bits per return on a {mm} mm grid"
-        yield Column(f"grid_{mm}_mm", text, "", LOWER, missing=NO_RATE)
+        yield bits(f"grid_{mm}_mm", f"Bits per return on a {mm} mm grid", missing=NO_RATE)
     for mm in (5, 10, 20):
         text = f"Bits per return at a D1 error of {mm} mm"
-        yield Column(f"at_{mm}_mm", text, "", LOWER, missing=NO_COMMON_ERROR)
+        yield bits(f"at_{mm}_mm", text, missing=NO_COMMON_ERROR)
+
+
+def _of_odometry_tables() -> Iterator[Column]:
     for name, words in (
         ("bits", "Bits"),
+        ("measure", "Measure"),
+        ("unit", "Unit"),
+        ("trajectories", "Trajectories"),
         ("undecoded", "Error without coding"),
         ("value", "Error"),
         ("difference", "Difference to no coding"),
         ("low", "Interval from"),
         ("high", "Interval to"),
         ("margin", "Margin"),
-        ("measure", "Measure"),
-        ("unit", "Unit"),
-        ("trajectories", "Trajectories"),
     ):
         yield Column(name, words)
-    yield Column("model", "Error model")
-    yield Column("quantity", "Quantity")
-    yield Column("note", "Note")
-    yield Column("count", "Count", bookkeeping=True)
 
 
 declare(_keys_and_sizes())
@@ -568,11 +549,8 @@ declare(_distances("", "", CODED, ""))
 declare(_psnrs())
 declare(_distances("truth_", ", to the true surface", TRUTH, _NO_TRUTH))
 declare(_distances("clean_", ", to the clean scan", CLEAN, _NO_SCAN))
-declare(_of_the_cloud())
-declare(_times())
-declare(_returns())
-declare(_pictures_and_attributes())
-declare(_recovery())
-declare(_clouds())
-declare(_measurement())
-declare(_comparisons())
+for _columns in (
+    *(_of_the_cloud, _times, _returns, _pictures_and_attributes, _recovery),
+    *(_clouds, _measurement, _comparisons, _of_odometry_tables),
+):
+    declare(_columns())

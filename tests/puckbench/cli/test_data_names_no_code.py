@@ -22,10 +22,10 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Labels, Primitive, SceneObject
 from pointkit.tables import write_table
 from puckbench.cli import main
-from puckbench.jobs.curve_files import write_rows
 from puckbench.jobs.process import main as job
 from puckbench.report.reference_results import plain_rows, read_reference, write_reference
 from puckbench.report.run_record import RunRecord
+from puckbench.results.row_files import write_rows
 from tests.support.reference_lookalike import CLOUDS, clouds_of, rows_of, write_run
 from tests.support.sensor_scenes import room
 

@@ -19,7 +19,7 @@ from primitive_codec import mode_decision
 from puckbench.cli import main
 from puckbench.codecs.registry import codec_class
 from puckbench.core.archives import read_archive, write_archive
-from puckbench.jobs.curve_files import Coded, read_curve, read_rows, write_curve, write_rows
+from puckbench.jobs.curve_files import Coded, read_curve, write_curve
 from puckbench.jobs.decode import Decode
 from puckbench.jobs.decode_shown import DecodeShown
 from puckbench.jobs.decoding import Decoded
@@ -28,7 +28,8 @@ from puckbench.jobs.encode_curve import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
 from puckbench.library import compare, open_codec
 from puckbench.metrics import geometry
-from puckbench.report.column_labels import is_time
+from puckbench.results.columns import column_named
+from puckbench.results.row_files import read_rows, write_rows
 
 RATES = ("r1", "r4", "r8")
 NAME = "airplane_01"
@@ -122,7 +123,11 @@ def test_the_rates_of_a_curve_share_the_search_for_a_surface(
 
 
 def timeless(row: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in row.items() if not is_time(key) and "peak_mib" not in key}
+    return {
+        key: value
+        for key, value in row.items()
+        if not column_named(key).timed and "peak_mib" not in key
+    }
 
 
 def test_commands_read_a_rate_of_a_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

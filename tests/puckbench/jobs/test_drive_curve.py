@@ -9,11 +9,11 @@ import pytest
 
 from cloud_files.meshes import write_mesh
 from pointkit.models import parsed
-from puckbench.jobs.curve_files import read_rows
 from puckbench.jobs.drive import VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.metrics.tasks.odometry import estimated_poses
 from puckbench.recordings.drives import Drive, azimuth_shares, firing_shares, read_drive
+from puckbench.results.row_files import read_rows
 from virtual_lidar.scenes.street import make_street, street_origin
 
 TASKS = {"odometry": {"skip": 10}, "gicp_odometry": {"skip": 10}}

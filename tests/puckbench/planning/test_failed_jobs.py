@@ -10,8 +10,8 @@ import pytest
 
 from pointkit.errors import InputError
 from puckbench.figures.registry import FIGURES
-from puckbench.tables.registry import TABLES
 from puckbench.planning.workflow import Workflow
+from puckbench.tables.registry import TABLES
 
 OWN = """
 from typing import TYPE_CHECKING

@@ -26,8 +26,8 @@ from pointkit.errors import InputError
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
 from puckbench.jobs.curve_files import read_curve
-from puckbench.tables.registry import SENSOR, table_entries
 from puckbench.planning.workflow import Workflow
+from puckbench.tables.registry import SENSOR, table_entries
 from tests.support.bench import BOX_CODEC, RAW_CODEC, ROOT, Bench
 from tests.support.same_results import after_a_kill, differences
 

@@ -58,10 +58,10 @@ def _columns(errors: str, settings: str, method: str = "") -> Iterator[Column]:
     def error(name: str, words: str, unit: str = "", **more: Any) -> Column:
         return Column(errors + name, words + method, unit, LOWER, TASK, **more)
 
-    is_shown = {"summarised": not errors}
-    yield error("ate_m", "Absolute error of positions", "m", **is_shown)
-    yield error("lost_turns", "Lost turns", **is_shown)
-    yield error("drift_percent", "Drift", "%", missing=_SHORT, **is_shown)
+    is_shown = not errors
+    yield error("ate_m", "Absolute error of positions", "m", summarised=is_shown)
+    yield error("lost_turns", "Lost turns", summarised=is_shown)
+    yield error("drift_percent", "Drift", "%", missing=_SHORT, summarised=is_shown)
     yield error("drift_deg_per_m", "Drift of rotation", "°/m", missing=_SHORT)
     yield error("kitti_percent", "Drift over 100 to 800 m", "%", missing=_SHORT)
     yield error("kitti_deg_per_m", "Drift of rotation over 100 to 800 m", "°/m", missing=_SHORT)
