@@ -25,4 +25,4 @@ def axis_label(shown: Column, lines: int = 1) -> str:
         Number of lines: with two, the unit begins the second.
     """
     unit = f"{' ' if lines == 1 else chr(10)}({shown.unit})" if shown.unit else ""
-    return f"{shown.short or shown.words}{unit}{_DIRECTIONS[shown.better]}"
+    return f"{shown.short_words}{unit}{_DIRECTIONS[shown.better]}"

@@ -84,7 +84,7 @@ def _titles(name: str, style: FigureStyle) -> Callable[[str], str]:
         "dataset": style.title,
         "codec": lambda codec: style.of_codec(codec).title,
         "anchor": lambda codec: style.of_codec(codec).title,
-        "metric": lambda metric: column_named(metric).words,
+        "metric": lambda metric: column_named(metric).short_words,
         "quantity": _quantity_title,
         "model": error_model_title,
     }

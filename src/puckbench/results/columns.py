@@ -69,7 +69,7 @@ class Column:
     group
         Heading under which columns of the same kind are listed.
     short
-        Name on axes of figures; empty for `words`.
+        Short name, on axes of figures and in cells of tables; empty for `words`.
     printed
         Heading in the summary that a run prints, with the unit; empty for `words`.
     digits
@@ -108,6 +108,11 @@ class Column:
     def label(self) -> str:
         """Words and unit in one text."""
         return f"{self.words} ({self.unit})" if self.unit else self.words
+
+    @property
+    def short_words(self) -> str:
+        """The short name, or the words if there is none."""
+        return self.short or self.words
 
     @property
     def heading(self) -> str:

@@ -129,7 +129,7 @@ def test_a_column_nobody_declared_has_its_name_as_words_and_the_unit_of_its_endi
         described = column_named(name)
         assert not is_declared(name)
         assert (described.words, described.unit, described.group) == (words, unit, OTHER)
-    assert column_named("tilt_angle_deg_q75").words == "Tilt angle deg, 75 %"
+    assert column_named("tilt_angle_q75_deg").label == "Tilt angle, 75 % (°)"
 
 
 def test_a_plugin_declares_its_columns_in_words_or_in_full() -> None:
