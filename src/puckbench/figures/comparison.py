@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +22,10 @@ from puckbench.figures.panels import (
 )
 from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.lossless import MOST_DB, lossless_rows, with_lossless_best
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
-from puckbench.results.columns import LOWER, column_named
+from puckbench.results.columns import LOWER, column_named, unit_in_frames
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,7 +88,7 @@ def draw_comparison(
         set_title(axes, title, shape[1], style)
     label_outer(panels, shape[1], axis_label(BPP), "")
     for number, axes in enumerate(panels):
-        axes.set_ylabel(_label(qualities[number % shape[1]], peak))
+        axes.set_ylabel(_label(qualities[number % shape[1]], peak, frames_of(metrics)))
     handles: list[Artist] = [
         line_handle(k.title, **_line(k, 4, style)) for k in run_styles.values()
     ]
@@ -100,9 +101,10 @@ def draw_comparison(
     return figure
 
 
-def _label(quality: str, peak: str) -> str:
+def _label(quality: str, peak: str, frames: Collection[str]) -> str:
     shown = column_named(quality)
-    label = axis_label(replace(shown, better=shown.better or LOWER))
+    unit, better = unit_in_frames(shown.unit, frames), shown.better or LOWER
+    label = axis_label(replace(shown, unit=unit, better=better))
     return f"{label}\n{peak}" if quality in WITH_PEAK and peak else label
 
 

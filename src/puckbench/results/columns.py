@@ -327,6 +327,8 @@ _ON_AXES = {
     "cd_plane": "CD, point-to-plane",
     "cd_point": "CD, point-to-point",
     "hausdorff_sq_plane": "HD², point-to-plane",
+    "d1_mse": "D1 MSE",
+    "d2_mse": "D2 MSE",
 }
 
 
