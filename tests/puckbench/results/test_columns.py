@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +27,7 @@ from puckbench.results.columns import (
     is_declared,
 )
 from puckbench.tables.registry import TABLES, table_entries
+from tests.support.declared_columns import undeclared
 from tests.support.figures_lookalike import recovery_table
 from tests.support.reference_lookalike import rows_of
 
@@ -51,30 +51,16 @@ def _tables_of(study: str) -> dict[str, pd.DataFrame]:
     return made
 
 
-def _undeclared(tables: Mapping[str, pd.DataFrame]) -> set[str]:
-    """The columns that neither are declared nor contain a statistic of a declared column."""
-    missing = set()
-    for table in tables.values():
-        for name in map(str, table):
-            described = column_named(name, list(table))
-            words = described.words.rpartition(", ")[0]
-            if not is_declared(name) and words not in {
-                each.words for each in declared_columns().values()
-            }:
-                missing.add(name)
-    return missing
-
-
 def test_every_column_of_a_run_is_declared() -> None:
     tables = _tables_of("evidence")
     assert {"against_octree", "noise_bits", "nearest_truth", "odometry_bits"} <= tables.keys()
-    assert _undeclared(tables) == set()
-    assert _undeclared({name: read_reference(name).metrics for name in shipped_studies()}) == set()
+    assert undeclared(tables.values()) == set()
+    assert undeclared(read_reference(name).metrics for name in shipped_studies()) == set()
 
 
 def test_undeclared_columns_would_be_found() -> None:
     table = pd.DataFrame({"bpp": [1.0], "bpp_q25": [0.5], "of_ones_own_m": [2.0]})
-    assert _undeclared({"mine": table}) == {"of_ones_own_m"}
+    assert undeclared([table]) == {"of_ones_own_m"}
 
 
 def test_directions_are_those_in_which_values_move_with_noise() -> None:
