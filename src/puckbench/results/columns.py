@@ -192,14 +192,26 @@ def declared_by(import_plugins: Callable[[], object]) -> None:
 
 def declared_columns() -> dict[str, Column]:
     """Return all declared columns, by name and in the order of declaration."""
-    while _waiting:
-        _waiting.pop()()
+    _is_any_declared()
     return dict(_declared)
+
+
+def declared_among(names: Iterable[object]) -> list[Column]:
+    """Return the declared columns with the given names, in the order of declaration."""
+    found = {name for name in map(str, names) if is_declared(name)}
+    return [each for name, each in _declared.items() if name in found]
 
 
 def is_declared(name: str) -> bool:
     """Return whether someone has declared a column with this name."""
-    return name in _declared or name in declared_columns()
+    return _is_any_declared(name)
+
+
+def _is_any_declared(*names: str) -> bool:
+    """Return whether a name is declared; plug-ins are imported until one is."""
+    while not (is_known := not _declared.keys().isdisjoint(names)) and _waiting:
+        _waiting.pop()()
+    return is_known
 
 
 def column_named(name: str, others: Collection[str] = ()) -> Column:
@@ -212,14 +224,14 @@ def column_named(name: str, others: Collection[str] = ()) -> Column:
     others
         Names of all columns of the table.
     """
-    if is_declared(name):
-        return _declared[name]
     stem, ending = _stem_and_ending(name)
     base, _, suffix = stem.rpartition("_")
-    if base and suffix in STATISTICS:
-        whole = base + ending
-        if suffix in _ALWAYS_STATISTICS or whole in others or is_declared(whole):
-            return _statistic(column_named(whole), name, suffix)
+    whole = base + ending if base and suffix in STATISTICS else ""
+    is_known = _is_any_declared(name, whole)
+    if name in _declared:
+        return _declared[name]
+    if whole and (is_known or whole in others or suffix in _ALWAYS_STATISTICS):
+        return _statistic(column_named(whole), name, suffix)
     return _undeclared(name)
 
 
@@ -227,11 +239,6 @@ def is_spread(name: str, others: Collection[str]) -> bool:
     """Return whether a column contains quartiles of another column of the table."""
     base, _, suffix = name.rpartition("_")
     return suffix in SPREAD and base in others
-
-
-def leading_columns() -> list[str]:
-    """Return the names of the columns that come first in tables, in their order."""
-    return [name for name, each in declared_columns().items() if each.leads]
 
 
 def unit_in_frames(unit: str, frames: Collection[str]) -> str:

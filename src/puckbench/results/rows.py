@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pointkit.errors import InputError
 from pointkit.files import read_object
-from puckbench.results.columns import FRAME, declared_columns, leading_columns
+from puckbench.results.columns import FRAME, declared_among
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,10 +49,11 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
         raise InputError("no results to put into a table")
     if table.duplicated(list(keys)).any():
         raise InputError(f"two results have the same {', '.join(keys)}")
-    for name, each in declared_columns().items():
-        if each.counts and name in table:  # pandas makes floats of integers if values are missing
-            table[name] = table[name].astype("Int64")
-    first = [name for name in leading_columns() if name in table]
+    declared = declared_among(table)
+    for each in declared:
+        if each.counts:  # pandas makes floats of integers if values are missing
+            table[each.name] = table[each.name].astype("Int64")
+    first = [each.name for each in declared if each.leads]
     return table[first + sorted(str(name) for name in table if name not in first)]
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows, with_lossless_best, without_lossless
 from puckbench.metrics.peaks import PEAK, with_peaks, without_mixed_peaks
 from puckbench.metrics.statistics import MIN_SCENES
-from puckbench.results.columns import FRAME, SPREAD, declared_columns
+from puckbench.results.columns import FRAME, SPREAD, declared_among
 from puckbench.tables.registry import TABLES
 
 if TYPE_CHECKING:
@@ -26,8 +26,7 @@ def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     keys = ["dataset", "codec", "rate"]
     table = with_lossless_best(without_mixed_peaks(with_peaks(metrics)))
     groups = table.groupby(keys, sort=False)
-    declared = declared_columns()
-    numbers = [name for name in declared if declared[name].summarised and name in metrics]
+    numbers = [each.name for each in declared_among(metrics) if each.summarised]
     shares = [
         groups[numbers].quantile(share).where(groups.size() >= MIN_SCENES).add_suffix(f"_{name}")
         for name, share in SPREAD.items()

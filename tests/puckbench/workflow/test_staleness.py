@@ -291,7 +291,7 @@ def test_an_edit_of_pointkit_changes_the_code_of_all_jobs(jobs: dict[str, Planne
     assert all("pointkit/geometry/morton.py" in code_of(job) for job in jobs.values())
 
 
-@pytest.mark.parametrize("room", ["puckbench/figures/style.py", "puckbench/report/findings.py"])
+@pytest.mark.parametrize("room", ["puckbench/figures/style.py", "puckbench/results/columns.py"])
 def test_an_edit_of_a_room_changes_no_code_before_tables_and_figures(
     jobs: dict[str, PlannedJob], room: str
 ) -> None:
