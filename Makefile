@@ -26,7 +26,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .NOTPARALLEL:
 
 run: learned
-	$(IN_VENV) snakemake --cores $(CORES)
+	$(IN_VENV) snakemake --cores $(CORES) --logger puckbench
 
 setup:
 	@envs/setup.sh

@@ -40,7 +40,7 @@ def one_thread() -> Iterator[None]:
 def job_server() -> None:
     """Start a server that forks the jobs of all runs, each of which would import for seconds."""
     # Here, since tests of other packages run without puckbench.
-    from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
+    from puckbench.steps.fork_server import LEARNED, MODULES, start_fork_server
 
     source = Path(__file__).parents[1] / "src"
     with pytest.MonkeyPatch.context() as environment:

@@ -46,7 +46,7 @@ TESTS = {
     "jenco2022/claims": "claim_rules claims",
     "pointkit/isolated": "isolated",
     "pointkit/lidar": "recordings turns sensor",
-    "puckbench/datasets/units": "units",
+    "puckbench/scene_sets/units": "units",
     "puckbench/geometry/extent": "units",
     "puckbench/geometry/neighbours": "neighbours geometry",
     "puckbench/metrics": "seen",

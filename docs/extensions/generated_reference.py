@@ -238,7 +238,7 @@ def sensors() -> str:
 
 def data_sets() -> str:
     """Every loader with what it reads, and its options."""
-    from puckbench.datasets.registry import LOADERS
+    from puckbench.scene_sets.registry import LOADERS
 
     return _plugins({name: LOADERS.get(name) for name in sorted(LOADERS.names())})
 

@@ -142,8 +142,9 @@ def _draw_clouds(picture: Picture, style: FigureStyle, results: Path) -> Figure:
     clouds = [_cloud(results / "clouds" / f"{name}.ply", digests[name]) for name in digests]
     if picture.figure == "primitives":
         dataset, _, cloud = next(iter(digests)).partition("/")
-        scenes = reference.about["configuration"]["datasets"][dataset]["scenes"]
-        return draw_primitives(clouds[0], read_mesh(results / "scenes" / scenes / f"{cloud}.ply"))
+        scene_set = reference.about["configuration"]["datasets"][dataset]["scene_set"]
+        scene = results / "scenes" / scene_set / f"{cloud}.ply"
+        return draw_primitives(clouds[0], read_mesh(scene))
     names = [f"example_{example}" for example in picture.examples]
     figure: Figure = figure_entry(picture.figure).draw(
         **dict(zip(names, clouds, strict=True)), style=style

@@ -91,11 +91,11 @@ class Reproduction:
     def absent(self) -> dict[str, str]:
         """Error messages of the scene sets whose data cannot be read, by name of the scene set."""
         faults = {}
-        for name, value in self.config.scenes.items():
+        for name, value in self.config.scene_sets.items():
             try:
                 open_scenes(name, value, self.config.seed)
             except InputError as error:
-                faults[name] = str(error).removeprefix(f"scenes.{name}: ")
+                faults[name] = str(error).removeprefix(f"scene_sets.{name}: ")
         return faults
 
     @property
@@ -119,8 +119,8 @@ class Reproduction:
         return before + without + [self._item(title, name) for title, name in figures.items()]
 
     def _item(self, title: str, name: str) -> Item:
-        scenes_of = dict.fromkeys(data.scenes for data in self._datasets_of(name))
-        absent = [scenes for scenes in scenes_of if scenes in self.absent]
+        scene_sets = dict.fromkeys(data.scene_set for data in self._datasets_of(name))
+        absent = [each for each in scene_sets if each in self.absent]
         stand_ins = self._stand_ins(name)
         if not self.absent and name not in self._planned:
             return Item(title, name, "unplanned", "not in this configuration")
@@ -147,8 +147,10 @@ class Reproduction:
         return [datasets[each] for each in dict.fromkeys(names) if each in datasets]
 
     def _stand_ins(self, name: str) -> str:
-        scenes = self.config.scenes
-        loaders = dict.fromkeys(scenes[data.scenes].loader for data in self._datasets_of(name))
+        scene_sets = self.config.scene_sets
+        loaders = dict.fromkeys(
+            scene_sets[data.scene_set].loader for data in self._datasets_of(name)
+        )
         others = [loader for loader in loaders if loader not in _LOADERS]
         if name in _OF_CAPTURES and not self._shows_captures(name):
             others.append("virtual scans")

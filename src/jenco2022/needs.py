@@ -33,7 +33,7 @@ from puckbench.planning.needs.registry import NEEDS, Options
 
 if TYPE_CHECKING:
     from puckbench.planning.config import DataSetConfig
-    from puckbench.planning.plan import Plan, ScenePlan
+    from puckbench.planning.plan import Plan, SceneSetPlan
 
 
 _CLASSES: dict[str, tuple[type[Codec], ...]] = {
@@ -56,7 +56,9 @@ def dataset_roles(plan: Plan) -> dict[str, str]:
     dict
         Roles (names of the thesis's data sets) by name of the run's data set.
     """
-    sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
+    sources = {
+        name: _source(plan.scene_sets[data.scene_set]) for name, data in plan.datasets.items()
+    }
     scaled = {
         name: data.settings for name, data in plan.datasets.items() if not data.settings.is_metric
     }
@@ -66,7 +68,7 @@ def dataset_roles(plan: Plan) -> dict[str, str]:
     }
 
 
-def _source(scenes: ScenePlan) -> tuple[str, int, dict[str, Any]]:
+def _source(scenes: SceneSetPlan) -> tuple[str, int, dict[str, Any]]:
     return scenes.loader, scenes.seed, scenes.options
 
 

@@ -16,10 +16,10 @@ from pointkit.models import parsed
 from pointkit.registry import trust
 from puckbench.codecs import registry
 from puckbench.codecs.base import Codec, SharedWork
-from puckbench.jobs.codec_jobs import codec_plugins, ready
-from puckbench.jobs.curve_files import read_curve
-from puckbench.jobs.encode_curve import measured_encoding
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics
+from puckbench.results.curves import read_curve
+from puckbench.steps.coding import codec_plugins, ready
+from puckbench.steps.encode import measured_encoding
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -101,9 +101,9 @@ def turns(
     InputError
         The recording cannot be read, or its sensor is unknown.
     """
-    from puckbench.datasets.recordings import decompressed
     from puckbench.recordings import cloud_messages
     from puckbench.recordings.reading import read_turns
+    from puckbench.scene_sets.recordings import decompressed
 
     path = Path(recording)
     if cloud_messages.has_clouds(path, topic):
@@ -172,15 +172,18 @@ def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int 
     InputError
         The cloud is empty or has no extent, or an argument is not valid.
     """
-    from puckbench.jobs import preparation
-    from puckbench.jobs.prepare import Prepare
+    from puckbench.geometry.scaling import METRIC
+    from puckbench.steps import preparation
+    from puckbench.steps.prepare import PreparationSettings
 
-    given = {"size": size, "neighbours": neighbours}
-    plain = {name: n.item() if isinstance(n, np.integer) else n for name, n in given.items()}
-    job = Prepare.create(**plain)
+    plain = size.item() if isinstance(size, np.integer) else size
+    number = neighbours.item() if isinstance(neighbours, np.integer) else neighbours
+    given = {"size": METRIC if plain == 0 else plain, "neighbours": number}
+    settings = parsed(PreparationSettings, given, "prepare")
     points = _cloud(cloud)
     check_points(points.xyz, "the cloud")
-    return preparation.prepare(points, job.size, job.neighbours)
+    side = 0 if settings.size == METRIC else settings.size
+    return preparation.prepare(points, side, settings.neighbours)
 
 
 def _cloud(cloud: PointCloud | Floats) -> PointCloud:

@@ -14,14 +14,14 @@ from jenco2022.checklist import Item, Reproduction
 from puckbench.cli import main
 
 CONFIG: dict[str, Any] = {
-    "scenes": {
+    "scene_sets": {
         "objects": {
             "loader": "capod",
             "options": {"path": "data/CAPOD"},
             "stand_in": {"loader": "embedded_objects", "limit": 2},
         }
     },
-    "datasets": {"capod": {"scenes": "objects", "make": "sample", "points": 1000}},
+    "datasets": {"capod": {"scene_set": "objects", "make": "sample", "points": 1000}},
     "codecs": {"draco": {"rates": ["r1", "r8"]}},
     "sensor_study": {"runs": 1},
     "figures": {"stand_in": {"examples": {"object": "capod/airplane_01"}}},
@@ -111,7 +111,7 @@ def test_figures_of_the_thesiss_data_and_of_captures_are_done(asked: Reproductio
     Path("CAPOD/class1/m001.obj").write_text(model)
     Path("real.pcap").touch()
     captured = {"runs": 1, "captures": {"real": {"path": "real.pcap"}}}
-    changes = {"stand_in": True, "scenes": {"objects": objects}, "sensor_study": captured}
+    changes = {"stand_in": True, "scene_sets": {"objects": objects}, "sensor_study": captured}
     real = Reproduction(asked.path, changes)
     for name in ("fig_6_5", "fig_5_10", "fig_5_4"):
         made(f"{name}.pdf")

@@ -117,7 +117,7 @@ def test_a_configuration_tells_what_plays_which_part() -> None:
 def test_the_table_of_claims_takes_what_a_run_has() -> None:
     tables = {"residual_statistics", "thesis_numbers", "incidence_effect"}
     assert set(opened().outputs.result_tables["claims"]) == {"metrics", "clouds", *tables}
-    study = opened(scenes={}, datasets={}, figures={})
+    study = opened(scene_sets={}, datasets={}, figures={})
     assert set(study.outputs.result_tables) == {"claims"}
     assert set(study.outputs.result_tables["claims"]) == tables
     without = opened(sensor_study=None, codecs={"draco": {}})

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
-from jenco2022.jobs.residuals import Residuals
+from jenco2022.steps.residuals import Residuals
 from pointkit.errors import InputError
 from puckbench.figures.registry import FIGURES
 from puckbench.planning.workflow import Workflow
@@ -19,7 +18,7 @@ CHAPTER_5 = {name for name in FIGURES.names() if name.startswith("fig_5_")}
 
 
 def workflow(study: dict[str, Any] | None) -> Workflow:
-    return Workflow({"scenes": {}, "datasets": {}, "sensor_study": study})
+    return Workflow({"scene_sets": {}, "datasets": {}, "sensor_study": study})
 
 
 def test_an_empty_study_makes_all_of_chapter_5() -> None:
@@ -41,7 +40,7 @@ def test_an_empty_study_makes_all_of_chapter_5() -> None:
 
 def test_without_a_study_nothing_of_chapter_5_is_made() -> None:
     scenes = {"a": {"loader": "embedded_objects", "select": ["chair_01"]}}
-    config = {"scenes": scenes, "datasets": {"d": {"scenes": "a", "make": "sample"}}}
+    config = {"scene_sets": scenes, "datasets": {"d": {"scene_set": "a", "make": "sample"}}}
     for off in ({}, {"sensor_study": None}, {"sensor_study": False}):
         bench = Workflow({**config, **off})
         assert set(bench.outputs.figures) & CHAPTER_5 == set()
@@ -70,9 +69,9 @@ class TooFar(ErrorModel):
         place = f"{tmp_path / name}.py:TooFar"
         (tmp_path / f"{name}.py").write_text(text)
         bench = workflow({"models": {"far": {"errors": place, "error_options": {"share": 0.5}}}})
-        job = bench.study.residuals("far")
-        assert Residuals.model_validate_json(job.record).model == place
-        codes.append(job.code)
+        job = bench.step("residuals", model="far")
+        assert Residuals.model_validate_json(job.settings).errors == place
+        codes.append(job.fingerprint)
     assert "TooFar(share=0.5)" in codes[0]
     assert codes[0] != codes[1]
     wrong = {"errors": f"{tmp_path / 'a'}.py:TooFar", "error_options": {"shear": 1}}
@@ -83,29 +82,29 @@ class TooFar(ErrorModel):
 def test_a_model_has_the_arguments_of_its_entry() -> None:
     models = {"wide": {"errors": "vlp16", "error_options": {"bias_sigma_m": 0.02}}}
     bench = workflow({"models": models, "runs": 1, "rows": 7, "refit": True, "seed": 5})
-    job = bench.study.residuals("wide")
-    assert Residuals.model_validate_json(job.record) == Residuals(
-        model="vlp16",
-        model_options={"bias_sigma_m": 0.02},
+    job = bench.step("residuals", model="wide")
+    assert Residuals.model_validate_json(job.settings) == Residuals(
+        errors="vlp16",
+        error_options={"bias_sigma_m": 0.02},
         seed=5,
-        distances=(1, 2, 3, 4, 5, 30),
+        distances_m=(1, 2, 3, 4, 5, 30),
         runs=1,
-        keep=7,
+        rows=7,
         refit=True,
     )
-    assert "bias_sigma_m=0.02" in job.code
+    assert "bias_sigma_m=0.02" in job.fingerprint
 
 
 def test_captures_are_the_model_real(tmp_path: Path) -> None:
     capture = tmp_path / "a.pcap"
     capture.write_bytes(b"")
     bench = workflow({"captures": {"lab": {"path": str(capture)}}, "models": {"vlp16": {}}})
-    residuals = bench.study.gathered["residuals"]
+    residuals = bench.step("study_table", table="residuals").step
     assert residuals.names == (
         "residuals/models/vlp16.parquet",
         "residuals/captures/lab.parquet",
     )
-    assert json.loads(residuals.job.record)["models"] == ["vlp16", "real"]
+    assert residuals.models == ("vlp16", "real")
 
 
 @pytest.mark.parametrize(

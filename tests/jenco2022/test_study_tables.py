@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from jenco2022.jobs.residuals import WallPoints
+from jenco2022.steps.residuals import WallPoints
 from pointkit.errors import InputError
 from puckbench.cli import main
 

@@ -82,7 +82,7 @@ def test_the_settings_that_the_thesis_ran_are_accepted(data: Path) -> None:
 
 def test_a_missing_set_is_named_with_its_place(data: Path) -> None:
     (data / "2D-3D-S").rename(data / "elsewhere")
-    with pytest.raises(InputError, match=r"^scenes.room_meshes: data/2D-3D-S: no such folder"):
+    with pytest.raises(InputError, match=r"^scene_sets\.room_meshes: data/2D-3D-S: no such folder"):
         Workflow(read("thesis.yaml"))
 
 
@@ -96,9 +96,9 @@ def test_all_objects_of_capod_are_coded_at_all_rates(data: Path) -> None:
 
 def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> None:
     more = read("capod_learned.yaml")
-    chosen = more["scenes"]["objects"]["select"]
+    chosen = more["scene_sets"]["objects"]["select"]
     assert chosen == [f"m{12 * k + 1:03}" for k in range(15)]  # 15 classes of 12, in their order
-    assert read("capod_first.yaml")["scenes"]["objects"]["select"] == chosen
+    assert read("capod_first.yaml")["scene_sets"]["objects"]["select"] == chosen
     classes = [f"Class{k} 0 1\n{name[1:].lstrip('0')}\n" for k, name in enumerate(chosen)]
     put(data / "CAPOD" / "CAPOD.cla", "PSB 1\n15 15\n\n" + "\n".join(classes))
     for k, name in enumerate(chosen):
@@ -109,7 +109,7 @@ def test_learned_codecs_run_on_one_object_of_each_class_of_capod(data: Path) -> 
     for lmbda in ("025", "05", "1", "2", "4", "6", "10"):
         put(data / "pcgc_weights" / f"c8_a{lmbda}_32000.pth", "")
     config = read("capod.yaml")
-    config["scenes"]["objects"] |= more.pop("scenes")["objects"]
+    config["scene_sets"]["objects"] |= more.pop("scene_sets")["objects"]
     config["codecs"] |= more.pop("codecs")
     plan = Workflow({**config, **more}).plan
     assert len(plan.clouds) == 15
@@ -162,13 +162,13 @@ def test_data_of_the_users_own_are_lines_to_take_the_signs_from() -> None:
     text = (ROOT / "config" / "handicap.yaml").read_text()
     lines = text.replace("\n  # Yours", "\n#").replace("\n  # ", "\n  ").splitlines()
     config = checked(yaml.safe_load("\n".join(lines)))
-    loaders = {name: scenes.loader for name, scenes in config.scenes.items()}
+    loaders = {name: scenes.loader for name, scenes in config.scene_sets.items()}
     assert loaders.pop("streets") == "street"
     assert loaders == {
         "indoors": "recordings", "outdoors": "recordings", "kitti": "kitti", "nuscenes": "nuscenes",
     }  # fmt: skip
     for name in loaders:
-        assert config.datasets[name].scenes == name
+        assert config.datasets[name].scene_set == name
         assert config.datasets[name].is_metric
 
 
@@ -184,7 +184,7 @@ def test_the_thesis_is_planned_at_full_size_without_its_data(
     assert points["scans_clean"] == points["scans_noisy"] == 1_152_000
     assert {f"fig_6_{number}" for number in range(1, 10)} <= set(bench.outputs.figures)
     assert not any(
-        plan.files(scene) for plan in bench.plan.scenes.values() for scene in plan.chosen[:3]
+        plan.files(scene) for plan in bench.plan.scene_sets.values() for scene in plan.chosen[:3]
     )
     assert bench.config.results == "results/thesis_stand_in"
     assert (

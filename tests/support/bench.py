@@ -78,7 +78,7 @@ class Box(Codec):
 CONFIG: dict[str, Any] = {
     "results": "results",
     "seed": 1,
-    "scenes": {
+    "scene_sets": {
         "objects": {"loader": "embedded_objects", "select": ["chair_01"]},
         "rooms": {
             "loader": "embedded_rooms",
@@ -86,11 +86,11 @@ CONFIG: dict[str, Any] = {
         },
     },
     "datasets": {
-        "objects": {"scenes": "objects", "make": "sample", "points": 2000, "recovery": False},
-        "raw": {"scenes": "rooms", "make": "sample", "points": 2000},
-        "clean": {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}},
+        "objects": {"scene_set": "objects", "make": "sample", "points": 2000, "recovery": False},
+        "raw": {"scene_set": "rooms", "make": "sample", "points": 2000},
+        "clean": {"scene_set": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}},
         "noisy": {
-            "scenes": "rooms",
+            "scene_set": "rooms",
             "make": "scan",
             "errors": "vlp16_divergence",
             "sweep": {"duration_s": 0.02},

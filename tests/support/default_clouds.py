@@ -7,10 +7,10 @@ import numpy as np
 
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.sensor import load_sensor
-from puckbench.datasets.embedded_objects import EmbeddedObjects
-from puckbench.datasets.embedded_rooms import EmbeddedRooms
 from puckbench.geometry.sampling import sample_surface
-from puckbench.jobs.preparation import prepare
+from puckbench.scene_sets.embedded_objects import EmbeddedObjects
+from puckbench.scene_sets.embedded_rooms import EmbeddedRooms
+from puckbench.steps.preparation import prepare
 from virtual_lidar.errors import open_error_model
 from virtual_lidar.placement import free_origin
 from virtual_lidar.scanning import scan

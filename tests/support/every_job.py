@@ -15,8 +15,8 @@ from typing import Any
 
 import yaml
 
-from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
+from puckbench.steps.step import PlannedStep
 from tests.support import bench
 
 SOURCES = Path(str(sys.modules["puckbench"].__file__)).parents[1]
@@ -24,8 +24,8 @@ _SPIN = {"preset": "spin", "azimuth_step_deg": 2.0}
 
 CONFIG: dict[str, Any] = {
     "seed": 1,
-    "scenes": {
-        **bench.CONFIG["scenes"],
+    "scene_sets": {
+        **bench.CONFIG["scene_sets"],
         "meshes": {"loader": "mesh_files", "options": {"path": "box.off"}},
         "clouds": {"loader": "point_clouds", "options": {"path": "points.csv"}},
         "turns": {"loader": "recordings", "options": {"path": "box.pcap"}},
@@ -33,7 +33,7 @@ CONFIG: dict[str, Any] = {
     },
     "datasets": {
         "sampled": {
-            "scenes": "objects",
+            "scene_set": "objects",
             "make": "sample",
             "points": 2000,
             "codecs": [
@@ -42,23 +42,23 @@ CONFIG: dict[str, Any] = {
             ],
         },
         "noisy": {
-            "scenes": "rooms",
+            "scene_set": "rooms",
             "make": "scan",
             "errors": "vlp16_divergence",
             "sweep": {"duration_s": 0.02},
             "codecs": ["draco", "primitives"],
         },
-        "own": {"scenes": "meshes", "make": "sample", "points": 500, "codecs": ["draco"]},
-        "points": {"scenes": "clouds", "make": "cloud", "codecs": ["draco"]},
+        "own": {"scene_set": "meshes", "make": "sample", "points": 500, "codecs": ["draco"]},
+        "points": {"scene_set": "clouds", "make": "cloud", "codecs": ["draco"]},
         "spin": {
-            "scenes": "rooms",
+            "scene_set": "rooms",
             "make": "scan",
             "sweep": _SPIN,
             "size": "metric",
             "codecs": ["puck", "gpcc_angular", "laz", "jpegxl"],
         },
         "recorded": {
-            "scenes": "one_turn",
+            "scene_set": "one_turn",
             "make": "cloud",
             "size": "metric",
             "codecs": ["puck", "packets_xz"],
@@ -66,7 +66,7 @@ CONFIG: dict[str, Any] = {
     },
     "drives": {
         "virtual": {
-            "scenes": "meshes",
+            "scene_set": "meshes",
             "errors": "vlp16",
             "seeds": [1],
             "sweep": {**_SPIN, "trajectory": "path.csv"},
@@ -75,7 +75,7 @@ CONFIG: dict[str, Any] = {
             "tasks": {"registration": {}},
         },
         "real": {
-            "scenes": "turns",
+            "scene_set": "turns",
             "make": "cloud",
             "poses": "poses.txt",
             "codecs": ["puck"],
@@ -140,76 +140,83 @@ class Mine(Codec):
 """
 
 
-def jobs_of(flow: Workflow) -> dict[str, PlannedJob]:
-    """Return the jobs of a plan, named after their rule, and what they make."""
+def jobs_of(flow: Workflow) -> dict[str, PlannedStep]:
+    """Return the steps of a plan, named after their rule, and what they make."""
     return dict(
         (*_of_clouds(flow), *_of_codecs(flow), *_of_drives(flow), *_of_study(flow), *_outputs(flow))
     )
 
 
-def _of_clouds(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
-    plan, jobs = flow.plan, flow.clouds
-    for name, scenes in plan.scenes.items():
-        yield from ((f"scene {name}", jobs.scene(name, scene)) for scene in scenes.chosen)
+def _of_clouds(flow: Workflow) -> Iterator[tuple[str, PlannedStep]]:
+    plan = flow.plan
+    for name, scenes in plan.scene_sets.items():
+        for scene in scenes.chosen:
+            yield f"scene {name}", flow.step("scene", scene_set=name, scene=scene)
     for dataset, cloud in plan.clouds:
-        data = plan.datasets[dataset]
-        makes = {"sample": jobs.sample, "scan": jobs.scan}
-        if make := makes.get(data.settings.make):
-            yield f"{data.settings.make} {dataset}", make(dataset, cloud)
-        yield f"prepare {dataset}", jobs.prepare(dataset)
+        data, names = plan.datasets[dataset], {"dataset": dataset, "cloud": cloud}
+        if (make := data.settings.make) != "cloud":
+            yield f"{make} {dataset}", flow.step(make, **names)
+        rule = "prepare_returns" if data.has_returns else "prepare"
+        yield f"prepare {dataset}", flow.step(rule, **names)
 
 
-def _of_codecs(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
-    plan, jobs = flow.plan, flow.coding
-    for curve in plan.curves:
-        name = f"{curve[0]}/{curve[2]}"
-        yield f"encode {name}", jobs.encode(*curve)
-        yield f"evaluate {name}", jobs.evaluate(*curve)
-        yield f"decode_shown {name}", jobs.decode_shown(*curve)
-        rate = plan.rates(curve[2], plan.datasets[curve[0]].frame)[0]
-        yield f"decode {name}", jobs.decode(curve[0], curve[2], rate)
-    for dataset, _, codec in plan.recovered:
-        yield f"recovery {dataset}/{codec}", jobs.recovery(dataset, codec)
-    for dataset, _ in plan.scanned:
-        yield f"scan_error {dataset}", jobs.scan_error(dataset)
+def _of_codecs(flow: Workflow) -> Iterator[tuple[str, PlannedStep]]:
+    plan = flow.plan
+    for dataset, cloud, codec in plan.curves:
+        name = f"{dataset}/{codec}"
+        names = {"dataset": dataset, "cloud": cloud, "codec": codec}
+        for rule in ("encode", "evaluate", "decode_shown"):
+            yield f"{rule} {name}", flow.step(rule, **names)
+        rate = plan.rates(codec, plan.datasets[dataset].frame)[0]
+        yield f"decode {name}", flow.step("decode", **names, rate=rate)
+    for dataset, cloud, codec in plan.recovered:
+        step = flow.step("recovery", dataset=dataset, cloud=cloud, codec=codec)
+        yield f"recovery {dataset}/{codec}", step
+    for dataset, cloud in plan.scanned:
+        yield f"scan_error {dataset}", flow.step("scan_error", dataset=dataset, cloud=cloud)
     for name in plan.trainings:
-        yield f"train {name}", flow.training.train(name)
+        yield f"train {name}", flow.step("weights", trained=name)
 
 
-def _of_drives(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
+def _of_drives(flow: Workflow) -> Iterator[tuple[str, PlannedStep]]:
     for name, entry in flow.drives.entries.items():
-        yield from ((f"drive {name}", flow.drives.drive(name, drive)) for drive in entry.drives)
-        yield f"measure_undecoded {name}", flow.drives.measure(name, "undecoded")
-        for codec in entry.rates:
-            yield f"encode_drive {name}/{codec}", flow.drives.encode(name, codec)
-            yield f"measure_drive {name}/{codec}", flow.drives.measure(name, codec)
+        rule = "drive" if entry.settings.is_scan else "drive_of_clouds"
+        for drive in entry.drives:
+            names = {"drives": name, "drive": drive}
+            yield f"drive {name}", flow.step(rule, **names)
+            yield f"measure_undecoded {name}", flow.step("measure_undecoded", **names)
+            for codec in entry.rates:
+                for coding in ("encode_drive", "measure_drive"):
+                    yield f"{coding} {name}/{codec}", flow.step(coding, **names, codec=codec)
 
 
-def _of_study(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
-    if flow.plan.study is None:
+def _of_study(flow: Workflow) -> Iterator[tuple[str, PlannedStep]]:
+    if flow.study is None:
         return
-    for model in flow.plan.study.models:
-        yield f"residuals {model}", flow.study.residuals(model)
-        yield f"wall_points {model}", flow.study.wall_points(model)
-    for capture in flow.plan.study.captures:
-        yield f"capture_residuals {capture}", flow.study.capture_residuals(capture)
-    yield "calibration", flow.study.calibrate()
-    yield from ((f"table {name}", each.job) for name, each in flow.study.gathered.items())
+    for model in flow.study.study.models:
+        yield f"residuals {model}", flow.step("residuals", model=model)
+        yield f"wall_points {model}", flow.step("wall_points", model=model)
+    for capture in flow.study.study.captures:
+        yield f"capture_residuals {capture}", flow.step("capture_residuals", capture=capture)
+    yield "calibration", flow.step("calibration")
+    for table in flow.study.gathered:
+        yield f"table {table}", flow.step("study_table", table=table)
 
 
-def _outputs(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
+def _outputs(flow: Workflow) -> Iterator[tuple[str, PlannedStep]]:
     outputs = flow.outputs
-    yield from ((f"table {name}", each.job) for name, each in outputs.gathered.items())
-    yield from ((f"table {name}", outputs.table(name)) for name in outputs.tables)
-    yield from ((f"figure {name}", outputs.figure(name)) for name in outputs.figures)
-    yield "first_look", outputs.first_look.job
-    yield "report", outputs.report
-    yield "reference", outputs.reference
+    for table in outputs.gathered:
+        yield f"table {table}", flow.step("results_table", table=table)
+    yield from ((f"table {name}", flow.step("table", table=name)) for name in outputs.tables)
+    yield from ((f"figure {name}", flow.step("figure", figure=name)) for name in outputs.figures)
+    yield "first_look", flow.step("first_look")
+    yield "report", flow.step("report_page")
+    yield "reference", flow.step("reference")
 
 
 def _states(config: str) -> dict[str, list[str]]:
     jobs = jobs_of(Workflow(yaml.safe_load(Path(config).read_text())))
-    return {name: [job.record, job.code] for name, job in jobs.items()}
+    return {name: [job.settings, job.fingerprint] for name, job in jobs.items()}
 
 
 def _in_a_fork(config: str) -> dict[str, list[str]]:

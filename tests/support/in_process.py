@@ -8,9 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from puckbench.jobs.registry import JOBS
-from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
+from puckbench.steps.step import PlannedStep
 from puckbench.tables.registry import table_entry
 
 
@@ -32,35 +31,36 @@ def run_in_process(config: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
     return table_entry("metrics").make(rows), table_entry("clouds").make(about)
 
 
-def _prepare(bench: Workflow, dataset: str, cloud: str) -> None:
-    jobs, results = bench.clouds, bench.plan.results
-    scene = Path(jobs.scene_file(dataset, cloud))
-    source = Path(jobs.source(dataset, cloud))
-    target = results / "clouds" / dataset / f"{cloud}.ply"
+def _prepare(flow: Workflow, dataset: str, cloud: str) -> None:
+    files, results, data = flow.files, flow.plan.results, flow.plan.datasets[dataset]
+    scene = Path(files.scene(dataset, cloud))
+    source = Path(files.source(dataset, cloud))
+    names = {"dataset": dataset, "cloud": cloud}
     if not scene.exists():
-        _do(jobs.scene(jobs.dataset(dataset).scenes, scene.stem), scene=scene)
-    if jobs.dataset(dataset).settings.is_scan:
-        _do(jobs.scan(dataset, cloud), mesh=scene, table=source)
+        _do(flow.step("scene", scene_set=data.scene_set, scene=scene.stem), scene=scene)
+    if data.settings.is_scan:
+        _do(flow.step("scan", **names), mesh=scene, table=source)
     else:
-        _do(jobs.sample(dataset, cloud), mesh=scene, cloud=source)
-    about = scene.with_suffix(".json")
-    more = {"box": about} if jobs.is_cropped(dataset) else {}
-    if jobs.dataset(dataset).has_returns:
-        more["returns"] = target.with_suffix(".parquet")
-    truth = Path(jobs.true_points(dataset, cloud))
-    _do(jobs.prepare(dataset), source=source, cloud=target, truth=truth, about=(about,), **more)
+        _do(flow.step("sample", **names), mesh=scene, cloud=source)
+    target = results / "clouds" / dataset / f"{cloud}.ply"
+    made = {"cloud": target, "truth": Path(files.true_points(dataset, cloud))}
+    rule = "prepare"
+    if data.has_returns:
+        rule, made["returns"] = "prepare_returns", target.with_suffix(".parquet")
+    _do(flow.step(rule, **names), source=source, about=scene.with_suffix(".json"), **made)
 
 
-def _coded(bench: Workflow, dataset: str, cloud: str, codec: str) -> Path:
-    coding, results = bench.coding, bench.plan.results
+def _coded(flow: Workflow, dataset: str, cloud: str, codec: str) -> Path:
+    results, names = flow.plan.results, {"dataset": dataset, "cloud": cloud, "codec": codec}
     original = results / "clouds" / dataset / f"{cloud}.ply"
-    curve = results / "coded" / dataset / cloud / f"{codec}.zip"
+    curve = Path(flow.files.curve(**names))
     rows = results / "metrics" / dataset / cloud / f"{codec}.parquet"
-    _do(coding.encode(dataset, cloud, codec), cloud=original, curve=curve)
-    truth = {name: Path(file) for name, file in coding.truth(dataset, cloud).items()}
-    _do(coding.evaluate(dataset, cloud, codec), cloud=original, **truth, curve=curve, rows=rows)
+    _do(flow.step("encode", **names), cloud=original, curve=curve)
+    truth = {name: Path(file) for name, file in flow.files.truth(dataset, cloud).items()}
+    _do(flow.step("evaluate", **names), cloud=original, **truth, curve=curve, rows=rows)
     return rows
 
 
-def _do(job: PlannedJob, **files: Any) -> None:
-    JOBS.get(job.name).create(**json.loads(job.record)).run(**files)
+def _do(planned: PlannedStep, **files: Any) -> None:
+    settings = json.loads(planned.settings)
+    type(planned.step).create(**settings).run(**files)

@@ -47,7 +47,7 @@ def _weights(path: Path) -> None:
 
 
 def _checkpoint(path: Path) -> None:
-    from puckbench.datasets.tensorflow_checkpoints import read_variables
+    from puckbench.scene_sets.tensorflow_checkpoints import read_variables
 
     read_variables(path.read_bytes(), bytes(1000))
 
@@ -100,8 +100,8 @@ def _write_scan(path: Path) -> None:
 
 def _write_configuration(path: Path) -> None:
     path.write_text(
-        "scenes:\n  rooms: {loader: rooms, options: {count: 2}}\n"
-        "datasets:\n  a: {scenes: rooms, make: sample, points: 1000}\n"
+        "scene_sets:\n  rooms: {loader: rooms, options: {count: 2}}\n"
+        "datasets:\n  a: {scene_set: rooms, make: sample, points: 1000}\n"
         "codecs:\n  draco: {rates: [r1, r2]}\nmetrics: [distortion]\nseed: 7\n"
     )
 

@@ -10,7 +10,6 @@ import pandas as pd
 
 from pointkit.files import write_bytes
 from pointkit.tables import write_table
-from puckbench.jobs.registry import JOBS
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import (
     ReferenceResults,
@@ -86,7 +85,7 @@ def write_run(
 def write_logs(folder: Path, share: float) -> None:
     """Logs of a curve that was coded and measured in 10 s of processor time, and of a figure."""
     when = {"ended": "2026-05-03T10:00:00+00:00", "commit": "0123456789ab"}
-    for job, wall in (("encode_curve", 6), ("evaluate_curve", 4), ("figure", 100)):
+    for job, wall in (("encode", 6), ("evaluate", 4), ("figure", 100)):
         cost = {"job": job, "processor_s": wall, "wall_s": wall / share, **when}
         if job == "figure":  # what others took while it was drawn says nothing
             cost["wall_s"] = 10 * wall
@@ -104,7 +103,7 @@ def kept(config: dict[str, Any], folder: Path, share: float = 1.0) -> ReferenceR
     files = {"metrics": folder / "metrics.parquet", "clouds": folder / "clouds.parquet"}
     write_table(metrics, files["metrics"])
     write_table(clouds, files["clouds"])
-    job = Workflow(config).outputs.reference
-    done = JOBS.get(job.name).create(**json.loads(job.record))
+    step = Workflow(config).step("reference")
+    done = type(step.step).create(**json.loads(step.settings))
     done.run(**files, out=folder / "small.parquet")
     return read_reference(str(folder / "small.parquet"))

@@ -124,11 +124,11 @@ def _decoded(folder: Path, original: PointCloud, dataset: str, codec: str, rate:
 
 def _configuration() -> dict[str, object]:
     datasets = {
-        name: {"scenes": "rooms", "make": "scan", "errors": "vlp16"}
+        name: {"scene_set": "rooms", "make": "scan", "errors": "vlp16"}
         for name in ("capod", "s3dis_raw", "s3dis_clean", "s3dis_noisy")
     }
     return {
-        "scenes": {"rooms": {"loader": "embedded_rooms"}},
+        "scene_sets": {"rooms": {"loader": "embedded_rooms"}},
         "datasets": datasets,
         "codecs": {"draco": {}, "gpcc": {"options": {"profile": NASTY}}},
     }

@@ -1,7 +1,7 @@
 """Runs jobs, and tells which code ran and which files were opened.
 
 ``python -m tests.support.traced_jobs < COMMANDS`` runs each command (the words after ``python -m
-puckbench.jobs``) in a fork of its own, and prints a list of `Traced` as JSON.
+puckbench.steps``) in a fork of its own, and prints a list of `Traced` as JSON.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from multiprocessing import get_context
 from types import CodeType
 from typing import Any, TypedDict
 
-from puckbench.jobs.fork_server import LEARNED, MODULES
-from puckbench.jobs.process import main as run
+from puckbench.steps.fork_server import LEARNED, MODULES
+from puckbench.steps.process import main as run
 
 _OF_IMPORTS = {"<built-in method builtins.exec>", "<built-in method builtins.__build_class__>"}
 """Functions that run the code of modules and classes."""

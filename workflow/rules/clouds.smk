@@ -1,62 +1,66 @@
 # Clouds: sampled or scanned points, cropped and scaled, with normals; and their true points.
+sample = rules_of("sample", "samples/{dataset}/{cloud}")
+
+
 rule sample:
     input:
-        scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
-        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        made_by=made_by("samples/{dataset}/{cloud}", lambda w: clouds.sample(w.dataset, w.cloud)),
+        unpack(sample.inputs),
     output:
         cloud=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.json",
     log:
-        f"{RESULTS}/logs/samples/{{dataset}}/{{cloud}}.log",
+        sample.log,
     priority: 1
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=10,
+        mem_mb=sample.memory_mb,
+        runtime=sample.minutes,
     params:
-        record=record_of(lambda w: clouds.sample(w.dataset, w.cloud)),
-        code=code_of(lambda w: clouds.sample(w.dataset, w.cloud)),
+        settings=sample.settings,
+        key=sample.key,
     shell:
-        "python -m puckbench.jobs sample {params.record} mesh={input.scene:q} cloud={output.cloud:q} > {log:q} 2>&1"
+        "python -m puckbench.steps sample {params.settings} mesh={input.scene:q}"
+        " cloud={output.cloud:q} --key={params.key} > {log:q} 2>&1"
+
+
+prepare = rules_of("prepare", "clouds/{dataset}/{cloud}")
 
 
 rule prepare:
     input:
-        unpack(lambda w: clouds.sources(w.dataset, w.cloud)),
-        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        made_by=made_by("clouds/{dataset}/{cloud}", lambda w: clouds.prepare(w.dataset)),
+        unpack(prepare.inputs),
     output:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
         truth=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.ply",
         truth_about=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.json",
     log:
-        f"{RESULTS}/logs/clouds/{{dataset}}/{{cloud}}.log",
+        prepare.log,
     wildcard_constraints:
-        dataset=one_of(clouds.prepared(has_returns=False)),
+        dataset=one_of(flow.files.prepared(has_returns=False)),
     priority: 1
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=10,
+        mem_mb=prepare.memory_mb,
+        runtime=prepare.minutes,
     params:
-        record=record_of(lambda w: clouds.prepare(w.dataset)),
-        code=code_of(lambda w: clouds.prepare(w.dataset)),
-        box=lambda w, input: f"box={shlex.quote(input.about)}" if clouds.is_cropped(w.dataset) else "",
+        settings=prepare.settings,
+        key=prepare.key,
     shell:
-        "python -m puckbench.jobs prepare {params.record} source={input.source:q} cloud={output.cloud:q}"
-        " truth={output.truth:q} about={input.about:q} {params.box} > {log:q} 2>&1"
+        "python -m puckbench.steps prepare {params.settings} source={input.source:q}"
+        " about={input.about:q} cloud={output.cloud:q} truth={output.truth:q}"
+        " --key={params.key} > {log:q} 2>&1"
 
 
 # Clouds in metres with a sensor's returns, virtual or real, in the frame of the sensor.
+prepare_returns = rules_of("prepare_returns", "clouds/{dataset}/{cloud}")
+
+
 rule prepare_returns:
     input:
-        source=lambda w: clouds.source(w.dataset, w.cloud),
-        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        made_by=made_by("clouds/{dataset}/{cloud}", lambda w: clouds.prepare(w.dataset)),
+        unpack(prepare_returns.inputs),
     output:
         cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
         about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
@@ -64,18 +68,19 @@ rule prepare_returns:
         truth=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.ply",
         truth_about=f"{RESULTS}/truth/{{dataset}}/{{cloud}}.json",
     log:
-        f"{RESULTS}/logs/clouds/{{dataset}}/{{cloud}}.log",
+        prepare_returns.log,
     wildcard_constraints:
-        dataset=one_of(clouds.prepared(has_returns=True)),
+        dataset=one_of(flow.files.prepared(has_returns=True)),
     priority: 1
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=10,
+        mem_mb=prepare_returns.memory_mb,
+        runtime=prepare_returns.minutes,
     params:
-        record=record_of(lambda w: clouds.prepare(w.dataset)),
-        code=code_of(lambda w: clouds.prepare(w.dataset)),
+        settings=prepare_returns.settings,
+        key=prepare_returns.key,
     shell:
-        "python -m puckbench.jobs prepare_returns {params.record} source={input.source:q} cloud={output.cloud:q}"
-        " returns={output.returns:q} truth={output.truth:q} about={input.about:q} > {log:q} 2>&1"
+        "python -m puckbench.steps prepare_returns {params.settings} source={input.source:q}"
+        " about={input.about:q} cloud={output.cloud:q} returns={output.returns:q}"
+        " truth={output.truth:q} --key={params.key} > {log:q} 2>&1"

@@ -1,75 +1,75 @@
 # Codecs: a rate-distortion curve is one archive with a self-contained stream and its cost for each
 # rate.
+encode = rules_of("encode", "coded/{dataset}/{cloud}/{codec}")
+
+
 rule encode:
     input:
-        unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
-        made_by=made_by("coded/{dataset}/{cloud}/{codec}", lambda w: coding.encode(*curve_of(w))),
+        unpack(encode.inputs),
     output:
         f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
-        f"{RESULTS}/logs/coded/{{dataset}}/{{cloud}}/{{codec}}.log",
+        encode.log,
     priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
-    threads: coding.cores(CORES)
+    threads: flow.costs.cores(CORES)
     resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+        mem_mb=encode.memory_mb,
+        runtime=encode.minutes,
     params:
-        record=record_of(lambda w: coding.encode(*curve_of(w))),
-        code=code_of(lambda w: coding.encode(*curve_of(w))),
+        settings=encode.settings,
+        key=encode.key,
         timed=TIMED,
     shell:
-        "{params.timed} python -m puckbench.jobs encode_curve {params.record} cloud={input.cloud:q}"
-        " curve={output:q} > {log:q} 2>&1"
+        "{params.timed} python -m puckbench.steps encode {params.settings} cloud={input.cloud:q}"
+        " curve={output:q} --key={params.key} > {log:q} 2>&1"
 
 
 # The decoded cloud of one rate.
+decode = rules_of("decode", "decoded/{dataset}/{cloud}/{codec}/{rate}")
+
+
 rule decode:
     input:
-        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        made_by=made_by(
-            "decoded/{dataset}/{cloud}/{codec}/{rate}",
-            lambda w: coding.decode(w.dataset, w.codec, w.rate),
-        ),
+        unpack(decode.inputs),
     output:
         cloud=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.ply",
         about=f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.json",
     log:
-        f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{{codec}}/{{rate}}.log",
+        decode.log,
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+        mem_mb=decode.memory_mb,
+        runtime=decode.minutes,
     params:
-        record=record_of(lambda w: coding.decode(w.dataset, w.codec, w.rate)),
-        code=code_of(lambda w: coding.decode(w.dataset, w.codec, w.rate)),
+        settings=decode.settings,
+        key=decode.key,
     shell:
-        "python -m puckbench.jobs decode {params.record} stream={input.curve:q} cloud={output.cloud:q}"
-        " > {log:q} 2>&1"
+        "python -m puckbench.steps decode {params.settings} curve={input.curve:q}"
+        " cloud={output.cloud:q} --key={params.key} > {log:q} 2>&1"
 
 
 # The decoded clouds of the rates that the report shows.
+decode_shown = rules_of("decode_shown", "decoded/{dataset}/{cloud}/{codec}")
+
+
 rule decode_shown:
     input:
-        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        made_by=made_by(
-            "decoded/{dataset}/{cloud}/{codec}",
-            lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec),
-        ),
+        unpack(decode_shown.inputs),
     output:
         f"{RESULTS}/decoded/{{dataset}}/{{cloud}}/{{codec}}.zip",
     log:
-        f"{RESULTS}/logs/decoded/{{dataset}}/{{cloud}}/{{codec}}.log",
+        decode_shown.log,
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+        mem_mb=decode_shown.memory_mb,
+        runtime=decode_shown.minutes,
     params:
-        record=record_of(lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec)),
-        code=code_of(lambda w: coding.decode_shown(w.dataset, w.cloud, w.codec)),
+        settings=decode_shown.settings,
+        key=decode_shown.key,
     shell:
-        "python -m puckbench.jobs decode_shown {params.record} curve={input.curve:q} clouds={output:q}"
-        " > {log:q} 2>&1"
+        "python -m puckbench.steps decode_shown {params.settings} curve={input.curve:q}"
+        " clouds={output:q} --key={params.key} > {log:q} 2>&1"

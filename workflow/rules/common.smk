@@ -12,27 +12,28 @@ SOURCE = FOLDER.parent / "src"
 if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
-from pointkit.errors import InputError
-from pointkit.files import refusing_paths
 from puckbench.core.interrupts import interrupt_with_run
-from puckbench.figures.registry import figure_entry
-from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.core.packages import packages_alone
-from puckbench.jobs.process import TIMEOUT
+from puckbench.core.renamed_keys import renaming_line
+from puckbench.figures.registry import figure_entry
 from puckbench.tables.registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
 from puckbench.planning.launch import CALLER_GOES_ON, command_for_the_rest
-from puckbench.planning.provenance import OTHERWISE, Provenance, time_of_planning, write_otherwise
+from puckbench.planning.provenance import Provenance
+from puckbench.planning.rules import Rules, or_stop
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import job_seconds
 from puckbench.planning.running import (
-    check_records,
     held_since,
     hold_results,
     left_out_lines,
+    mark_planning,
 )
 from puckbench.planning.workflow import Workflow, run_jobs_with
+from puckbench.steps.fork_server import LEARNED, MODULES, start_fork_server
+from puckbench.steps.process import TIMEOUT
+from puckbench.steps.step import words_of
 from snakemake_logger_plugin_puckbench import BARS
 
 if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
@@ -41,16 +42,6 @@ if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
 # Planning makes millions of objects that are not freed, so garbage collection is rare.
 gc.set_threshold(100_000, 50, 100)
-
-
-def or_stop(step, *arguments):
-    """Call a function; on bad input, print one line and exit with status 2."""
-    try:
-        with refusing_paths():
-            return step(*arguments)
-    except InputError as error:
-        print(f"puckbench: {error}", file=sys.stderr, flush=True)
-        os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
 
 
 def end_bars():
@@ -63,93 +54,40 @@ def one_of(names):
     return "|".join(names) or "(?!)"
 
 
-def files_of(files, names):
-    """Return words `key=FILE ...` for the inputs of these names."""
-    return shlex.join(f"{name}={files[name]}" for name in names)
-
-
-def planned(function):
-    """Return a function of wildcards that stops with one line if the plan has no such result."""
-
-    def checked(wildcards):
-        or_stop(bench.check_names, dict(wildcards.items()))
-        return or_stop(function, wildcards)
-
-    return checked
-
-
-def record_of(job):
-    """Return a parameter: the file of a job's settings, whose name is a digest of them."""
-    return planned(lambda wildcards: job(wildcards).file())
-
-
-def code_of(job):
-    """Return a parameter: the fingerprint of a job's code."""
-    return lambda wildcards: job(wildcards).code
-
-
-def made_by(log, job):
-    """Return an input, newer than the results if their log does not name the job's settings and code."""
-
-    def otherwise(wildcards):
-        path = f"{RESULTS}/logs/{log}.log".format(**wildcards)
-        try:  # a job that the plan lacks is told of when it starts, or by its other inputs
-            bench.check_names(dict(wildcards.items()))
-        except InputError:
-            return local(str(OTHERWISE))
-        if provenance is None or provenance.is_made_by(path, job(wildcards)):
-            return local(ancient(str(OTHERWISE)))
-        return local(str(OTHERWISE))
-
-    return otherwise
-
-
-def by_content(files):
-    """Return inputs whose times do not count, since fingerprints of jobs include their content."""
-    return {name: ancient(paths) for name, paths in files.items()}
-
-
 def priority_of(wildcards):
     """Prefer curves of the first codec, which the rule `first_look` shows."""
-    return 1 if wildcards.codec == outputs.first_codec else 0
-
-
-def curve_of(wildcards):
-    """Return data set, cloud and codec of a curve."""
-    return wildcards.dataset, wildcards.cloud, wildcards.codec
+    return 1 if wildcards.codec == flow.outputs.first_codec else 0
 
 
 if workflow.is_main_process:
     interrupt_with_run()
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
-    or_stop(check_records)
-PLANNED_AT = or_stop(time_of_planning, Path(".snakemake"))
-bench = or_stop(Workflow, config, True)
-plan, clouds, coding, drives = bench.plan, bench.clouds, bench.coding, bench.drives
-study, training, outputs = bench.study, bench.training, bench.outputs
+    if line := or_stop(renaming_line, config):
+        print(f"puckbench: {line}", file=sys.stderr, flush=True)
+    or_stop(mark_planning)
+flow = or_stop(Workflow, config, True)
+plan = flow.plan
 RESULTS = str(plan.results)
 # Prefix of the command of a timed job, which limits the threads of libraries.
-TIMED = shlex.join(["env", *map("=".join, coding.threads_environment.items())])
+TIMED = shlex.join(["env", *map("=".join, flow.costs.threads_environment.items())])
 # Not workflow.cores, which is an error without a run (--report).
 CORES = workflow.resource_settings.cores
-# In the environment, not in the records of jobs, since it changes no result.
-os.environ[TIMEOUT] = str(bench.config.timing.timeout_s or "")
+# In the environment, not in the settings of steps, since it changes no result.
+os.environ[TIMEOUT] = str(plan.config.timing.timeout_s or "")
 
 
 provenance = None  # if Snakemake alone knows it
-if workflow.is_main_process:  # each job on a cluster reads this file again
-    # Logs in a remote store cannot be read while planning.
-    if workflow.storage_settings.default_storage_provider is None:
-        provenance = Provenance(plan.results)
-        if provenance.is_lost():
-            line = f"puckbench: {RESULTS}: no log says how results were made: all are made again"
-            print(line, file=sys.stderr, flush=True)
-if workflow.is_main_process or not OTHERWISE.exists():
-    write_otherwise(PLANNED_AT)
+# Each job on a cluster reads this file again. Logs in a remote store cannot be read while planning.
+if workflow.is_main_process and workflow.storage_settings.default_storage_provider is None:
+    provenance = Provenance(plan.results)
+    if provenance.is_lost:
+        line = f"puckbench: {RESULTS}: no log says how results were made: all are made again"
+        print(line, file=sys.stderr, flush=True)
+rules_of = Rules(flow, provenance, ancient, local)
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     bar.expect(
-        job_s=job_seconds(bench),
+        job_s=job_seconds(flow),
         cores=CORES or 1,
         notes={"first_look": f"the first figures are in {RESULTS}/first_look"},
     )
@@ -157,24 +95,26 @@ for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
 
 onstart:
     or_stop(hold_results, plan.results)
+    or_stop(rules_of.begin)
     if not plan.config.failed:
         plan.config.failures_file.unlink(missing_ok=True)
     if not plan.config.failed:  # else the run that failed has printed them
-        for line in left_out_lines(outputs.left_out_rows):
+        for line in left_out_lines(flow.outputs.left_out_rows):
             print(f"puckbench: {line}", file=sys.stderr, flush=True)
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:
         # For jobs that run on this machine and in this environment.
         learned = LEARNED if any(plan.weights.values()) else ()
-        start_fork_server(coding.timing.threads, (*MODULES, *learned))
+        start_fork_server(plan.config.timing.threads, (*MODULES, *learned))
 
 
 onsuccess:
     end_bars()
     if CALLER_GOES_ON not in os.environ:
-        tables = (*outputs.gathered, *outputs.tables)
-        for line in closing_lines(plan.results, outputs.titles, outputs.anchor, held_since(), tables):
+        made = flow.outputs
+        tables = (*made.gathered, *made.tables)
+        for line in closing_lines(plan.results, made.titles, made.anchor, held_since(), tables):
             print(line, flush=True)
-        for line in left_out_lines(outputs.left_out_rows):
+        for line in left_out_lines(flow.outputs.left_out_rows):
             print(line, flush=True)
 
 
@@ -193,12 +133,12 @@ onerror:
 
 
 # Only with --software-deployment-method apptainer (envs/apptainer.def makes the image).
-container: bench.config.container
+container: plan.config.container
 
 
 wildcard_constraints:
-    scenes=one_of(plan.scenes),
-    drives=one_of(drives.entries),
+    scene_set=one_of(plan.scene_sets),
+    drives=one_of(flow.drives.entries),
     drive=r"[A-Za-z0-9_.-]+",
     dataset=one_of(plan.datasets),
     codec=one_of(plan.codecs),

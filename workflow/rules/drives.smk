@@ -1,119 +1,125 @@
 # Drives of a moving sensor with their poses, coded turn by turn, and tasks on the decoded turns.
+drive = rules_of("drive", "drives/{drives}/{drive}")
+
+
 rule drive:
     input:
-        unpack(planned(lambda w: drives.source(w.drives, w.drive))),
-        made_by=made_by("drives/{drives}/{drive}", lambda w: drives.drive(w.drives, w.drive)),
+        unpack(drive.inputs),
     output:
         f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
     log:
-        f"{RESULTS}/logs/drives/{{drives}}/{{drive}}.log",
+        drive.log,
     wildcard_constraints:
-        drives=one_of(drives.virtual),
+        drives=one_of(flow.drives.virtual),
     priority: 1
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=4000,
-        runtime=30,
+        mem_mb=drive.memory_mb,
+        runtime=drive.minutes,
     params:
-        record=record_of(lambda w: drives.drive(w.drives, w.drive)),
-        code=code_of(lambda w: drives.drive(w.drives, w.drive)),
+        settings=drive.settings,
+        key=drive.key,
     shell:
-        "python -m puckbench.jobs drive {params.record} mesh={input.scene:q} drive={output:q} > {log:q} 2>&1"
+        "python -m puckbench.steps drive {params.settings} mesh={input.scene:q} drive={output:q}"
+        " --key={params.key} > {log:q} 2>&1"
 
 
-# Consecutive clouds of a data set.
+# Consecutive clouds of a scene set.
+drive_of_clouds = rules_of("drive_of_clouds", "drives/{drives}/{drive}")
+
+
 rule drive_of_clouds:
     input:
-        unpack(planned(lambda w: by_content(drives.files(w.drives, w.drive)))),
-        made_by=made_by("drives/{drives}/{drive}", lambda w: drives.drive(w.drives, w.drive)),
+        unpack(drive_of_clouds.inputs),
     output:
         f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
     log:
-        f"{RESULTS}/logs/drives/{{drives}}/{{drive}}.log",
+        drive_of_clouds.log,
     wildcard_constraints:
-        drives=one_of(drives.real),
+        drives=one_of(flow.drives.real),
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=4000,
-        runtime=30,
+        mem_mb=drive_of_clouds.memory_mb,
+        runtime=drive_of_clouds.minutes,
     params:
-        record=record_of(lambda w: drives.drive(w.drives, w.drive)),
-        code=code_of(lambda w: drives.drive(w.drives, w.drive)),
+        settings=drive_of_clouds.settings,
+        key=drive_of_clouds.key,
     shell:
-        "python -m puckbench.jobs drive_of_clouds {params.record} drive={output:q} > {log:q} 2>&1"
+        "python -m puckbench.steps drive_of_clouds {params.settings} drive={output:q}"
+        " --key={params.key} > {log:q} 2>&1"
+
+
+encode_drive = rules_of("encode_drive", "coded_drives/{drives}/{drive}/{codec}")
 
 
 rule encode_drive:
     input:
-        drive=f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
-        made_by=made_by(
-            "coded_drives/{drives}/{drive}/{codec}", lambda w: drives.encode(w.drives, w.codec)
-        ),
+        unpack(encode_drive.inputs),
     output:
         f"{RESULTS}/coded_drives/{{drives}}/{{drive}}/{{codec}}.zip",
     log:
-        f"{RESULTS}/logs/coded_drives/{{drives}}/{{drive}}/{{codec}}.log",
+        encode_drive.log,
     conda:
         "../../envs/puckbench.yaml"
-    threads: coding.cores(CORES)
+    threads: flow.costs.cores(CORES)
     resources:
-        mem_mb=lambda w, attempt: attempt * 2 * coding.memory_mb(w.codec),
-        runtime=lambda w, attempt: attempt * drives.minutes(w.drives),
+        mem_mb=encode_drive.memory_mb,
+        runtime=encode_drive.minutes,
     params:
-        record=record_of(lambda w: drives.encode(w.drives, w.codec)),
-        code=code_of(lambda w: drives.encode(w.drives, w.codec)),
+        settings=encode_drive.settings,
+        key=encode_drive.key,
         timed=TIMED,
     shell:
-        "{params.timed} python -m puckbench.jobs encode_drive {params.record} drive={input.drive:q} curve={output:q}"
-        " > {log:q} 2>&1"
+        "{params.timed} python -m puckbench.steps encode_drive {params.settings}"
+        " drive={input.drive:q} curve={output:q} --key={params.key} > {log:q} 2>&1"
+
+
+measure_drive = rules_of("measure_drive", "drive_tasks/{drives}/{drive}/{codec}")
 
 
 rule measure_drive:
     input:
-        drive=f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
-        curve=f"{RESULTS}/coded_drives/{{drives}}/{{drive}}/{{codec}}.zip",
-        made_by=made_by(
-            "drive_tasks/{drives}/{drive}/{codec}", lambda w: drives.measure(w.drives, w.codec)
-        ),
+        unpack(measure_drive.inputs),
     output:
         f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/{{codec}}.parquet",
     log:
-        f"{RESULTS}/logs/drive_tasks/{{drives}}/{{drive}}/{{codec}}.log",
+        measure_drive.log,
     conda:
         "../../envs/puckbench.yaml"
-    threads: coding.cores(CORES)
+    threads: flow.costs.cores(CORES)
     resources:
-        mem_mb=lambda w, attempt: attempt * 2 * coding.memory_mb(w.codec),
-        runtime=lambda w, attempt: attempt * drives.minutes(w.drives),
+        mem_mb=measure_drive.memory_mb,
+        runtime=measure_drive.minutes,
     params:
-        record=record_of(lambda w: drives.measure(w.drives, w.codec)),
-        code=code_of(lambda w: drives.measure(w.drives, w.codec)),
+        settings=measure_drive.settings,
+        key=measure_drive.key,
         timed=TIMED,
     shell:
-        "{params.timed} python -m puckbench.jobs measure_drive {params.record} drive={input.drive:q}"
-        " curve={input.curve:q} rows={output:q} > {log:q} 2>&1"
+        "{params.timed} python -m puckbench.steps measure_drive {params.settings}"
+        " drive={input.drive:q} curve={input.curve:q} rows={output:q}"
+        " --key={params.key} > {log:q} 2>&1"
+
+
+measure_undecoded = rules_of("measure_undecoded", "drive_tasks/{drives}/{drive}/undecoded")
 
 
 rule measure_undecoded:
     input:
-        drive=f"{RESULTS}/drives/{{drives}}/{{drive}}.zip",
-        made_by=made_by(
-            "drive_tasks/{drives}/{drive}/undecoded",
-            lambda w: drives.measure(w.drives, "undecoded"),
-        ),
+        unpack(measure_undecoded.inputs),
     output:
         f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/undecoded.parquet",
     log:
-        f"{RESULTS}/logs/drive_tasks/{{drives}}/{{drive}}/undecoded.log",
+        measure_undecoded.log,
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=2000,
-        runtime=30,
+        mem_mb=measure_undecoded.memory_mb,
+        runtime=measure_undecoded.minutes,
     params:
-        record=record_of(lambda w: drives.measure(w.drives, "undecoded")),
-        code=code_of(lambda w: drives.measure(w.drives, "undecoded")),
+        settings=measure_undecoded.settings,
+        key=measure_undecoded.key,
     shell:
-        "python -m puckbench.jobs measure_drive {params.record} drive={input.drive:q} rows={output:q} > {log:q} 2>&1"
+        "python -m puckbench.steps measure_undecoded {params.settings} drive={input.drive:q}"
+        " rows={output:q} --key={params.key} > {log:q} 2>&1"

@@ -1,78 +1,77 @@
 # Metrics: a table with a result row for each rate of a curve, from the bytes of its streams.
+evaluate = rules_of("evaluate", "metrics/{dataset}/{cloud}/{codec}")
+
+
 rule evaluate:
     input:
-        unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
-        unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
-        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        made_by=made_by(
-            "metrics/{dataset}/{cloud}/{codec}", lambda w: coding.evaluate(*curve_of(w))
-        ),
+        unpack(evaluate.inputs),
     output:
         f"{RESULTS}/metrics/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
-        f"{RESULTS}/logs/metrics/{{dataset}}/{{cloud}}/{{codec}}.log",
+        evaluate.log,
     priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
-    threads: coding.cores(CORES)
+    threads: flow.costs.cores(CORES)
     resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+        mem_mb=evaluate.memory_mb,
+        runtime=evaluate.minutes,
     params:
-        record=record_of(lambda w: coding.evaluate(*curve_of(w))),
-        code=code_of(lambda w: coding.evaluate(*curve_of(w))),
-        truth=lambda w, input: files_of(input, coding.truth(w.dataset, w.cloud)),
+        settings=evaluate.settings,
+        key=evaluate.key,
+        truth=lambda w, input: words_of(input, flow.files.truth(w.dataset, w.cloud)),
         timed=TIMED,
     shell:
-        "{params.timed} python -m puckbench.jobs evaluate_curve {params.record} cloud={input.cloud:q}"
-        " curve={input.curve:q} rows={output:q} {params.truth} > {log:q} 2>&1"
+        "{params.timed} python -m puckbench.steps evaluate {params.settings}"
+        " cloud={input.cloud:q} curve={input.curve:q} rows={output:q} {params.truth}"
+        " --key={params.key} > {log:q} 2>&1"
 
 
 # Primitives of decoded surfaces, compared with the labels of the scene.
+recovery = rules_of("recovery", "recovery/{dataset}/{cloud}/{codec}")
+
+
 rule recovery:
     input:
-        unpack(lambda w: coding.described(coding.labels(w.dataset, w.cloud))),
-        curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
-        made_by=made_by(
-            "recovery/{dataset}/{cloud}/{codec}", lambda w: coding.recovery(w.dataset, w.codec)
-        ),
+        unpack(recovery.inputs),
     output:
         f"{RESULTS}/recovery/{{dataset}}/{{cloud}}/{{codec}}.parquet",
     log:
-        f"{RESULTS}/logs/recovery/{{dataset}}/{{cloud}}/{{codec}}.log",
+        recovery.log,
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * coding.memory_mb(w.codec),
-        runtime=lambda w, attempt: attempt * coding.minutes(w.codec),
+        mem_mb=recovery.memory_mb,
+        runtime=recovery.minutes,
     params:
-        record=record_of(lambda w: coding.recovery(w.dataset, w.codec)),
-        code=code_of(lambda w: coding.recovery(w.dataset, w.codec)),
+        settings=recovery.settings,
+        key=recovery.key,
     shell:
-        "python -m puckbench.jobs recovery_curve {params.record} curve={input.curve:q} points={input.points:q}"
-        " scene={input.scene:q} rows={output:q} > {log:q} 2>&1"
+        "python -m puckbench.steps recovery {params.settings} curve={input.curve:q}"
+        " points={input.points:q} scene={input.scene:q} rows={output:q}"
+        " --key={params.key} > {log:q} 2>&1"
 
 
 # Errors of a scan itself, measured as if it were a decoded cloud.
+scan_error = rules_of("scan_error", "scan_errors/{dataset}/{cloud}")
+
+
 rule scan_error:
     input:
-        unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),
-        cloud=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.ply",
-        about=f"{RESULTS}/clouds/{{dataset}}/{{cloud}}.json",
-        made_by=made_by("scan_errors/{dataset}/{cloud}", lambda w: coding.scan_error(w.dataset)),
+        unpack(scan_error.inputs),
     output:
         f"{RESULTS}/scan_errors/{{dataset}}/{{cloud}}.json",
     log:
-        f"{RESULTS}/logs/scan_errors/{{dataset}}/{{cloud}}.log",
+        scan_error.log,
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=30,
+        mem_mb=scan_error.memory_mb,
+        runtime=scan_error.minutes,
     params:
-        record=record_of(lambda w: coding.scan_error(w.dataset)),
-        code=code_of(lambda w: coding.scan_error(w.dataset)),
-        truth=lambda w, input: files_of(input, coding.truth(w.dataset, w.cloud)),
+        settings=scan_error.settings,
+        key=scan_error.key,
+        truth=lambda w, input: words_of(input, flow.files.truth(w.dataset, w.cloud)),
     shell:
-        "python -m puckbench.jobs evaluate {params.record} cloud={input.cloud:q} decoded={input.cloud:q}"
-        " row={output:q} {params.truth} > {log:q} 2>&1"
+        "python -m puckbench.steps scan_error {params.settings} cloud={input.cloud:q}"
+        " row={output:q} {params.truth} --key={params.key} > {log:q} 2>&1"

@@ -1,22 +1,23 @@
 # Scans: tables of all returns of the virtual sensor, clean and noisy.
+scan = rules_of("scan", "scans/{dataset}/{cloud}")
+
+
 rule scan:
     input:
-        scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
-        about=lambda w: clouds.scene_file(w.dataset, w.cloud, "json"),
-        files=lambda w: ancient(clouds.sensing_files(w.dataset)),
-        made_by=made_by("scans/{dataset}/{cloud}", lambda w: clouds.scan(w.dataset, w.cloud)),
+        unpack(scan.inputs),
     output:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     log:
-        f"{RESULTS}/logs/scans/{{dataset}}/{{cloud}}.log",
+        scan.log,
     priority: 1
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
-        runtime=10,
+        mem_mb=scan.memory_mb,
+        runtime=scan.minutes,
     params:
-        record=record_of(lambda w: clouds.scan(w.dataset, w.cloud)),
-        code=code_of(lambda w: clouds.scan(w.dataset, w.cloud)),
+        settings=scan.settings,
+        key=scan.key,
     shell:
-        "python -m puckbench.jobs scan {params.record} mesh={input.scene:q} table={output:q} > {log:q} 2>&1"
+        "python -m puckbench.steps scan {params.settings} mesh={input.scene:q} table={output:q}"
+        " --key={params.key} > {log:q} 2>&1"

@@ -1,32 +1,34 @@
 # Scenes: meshes (some with labels) or captured clouds, in metres, z up.
+scene = rules_of("scene", "scenes/{scene_set}/{scene}")
+
+
 rule scene:
     input:
-        planned(lambda w: ancient(plan.scenes[w.scenes].files(w.scene))),
-        made_by=made_by("scenes/{scenes}/{scene}", lambda w: clouds.scene(w.scenes, w.scene)),
+        unpack(scene.inputs),
     output:
-        scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.ply",
-        about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
+        scene=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.ply",
+        about=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.json",
     log:
-        f"{RESULTS}/logs/scenes/{{scenes}}/{{scene}}.log",
+        scene.log,
     wildcard_constraints:
-        scenes=one_of(set(plan.scenes) - set(clouds.of_returns)),
+        scene_set=one_of(set(plan.scene_sets) - set(flow.files.of_returns)),
     priority: 1
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=scene.memory_mb,
+        runtime=scene.minutes,
     params:
-        record=record_of(lambda w: clouds.scene(w.scenes, w.scene)),
-        code=code_of(lambda w: clouds.scene(w.scenes, w.scene)),
+        settings=scene.settings,
+        key=scene.key,
     shell:
-        "python -m puckbench.jobs scene {params.record} scene={output.scene:q} > {log:q} 2>&1"
+        "python -m puckbench.steps scene {params.settings} scene={output.scene:q} --key={params.key} > {log:q} 2>&1"
 
 
 # Returns of real sensors, in the frame of the sensor.
 use rule scene as scene_of_returns with:
     output:
-        scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.parquet",
-        about=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.json",
+        scene=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.parquet",
+        about=f"{RESULTS}/scenes/{{scene_set}}/{{scene}}.json",
     wildcard_constraints:
-        scenes=one_of(clouds.of_returns),
+        scene_set=one_of(flow.files.of_returns),

@@ -1,107 +1,112 @@
 # Sensor study: errors of the virtual sensor and of real ones on a wall and a floor (chapter 5).
-if plan.study is not None:
+if flow.study is not None:
+
+    residuals = rules_of("residuals", "residuals/models/{model}")
 
     rule residuals:
         input:
-            files=lambda w: ancient(study.model_files(w.model)),
-            made_by=made_by("residuals/models/{model}", lambda w: study.residuals(w.model)),
+            unpack(residuals.inputs),
         output:
             f"{RESULTS}/residuals/models/{{model}}.parquet",
         log:
-            f"{RESULTS}/logs/residuals/models/{{model}}.log",
+            residuals.log,
         conda:
             "../../envs/puckbench.yaml"
         resources:
-            mem_mb=1500,
-            runtime=20,
+            mem_mb=residuals.memory_mb,
+            runtime=residuals.minutes,
         params:
-            record=record_of(lambda w: study.residuals(w.model)),
-            code=code_of(lambda w: study.residuals(w.model)),
+            settings=residuals.settings,
+            key=residuals.key,
         shell:
-            "python -m puckbench.jobs residuals {params.record} table={output:q} > {log:q} 2>&1"
+            "python -m puckbench.steps residuals {params.settings} table={output:q}"
+            " --key={params.key} > {log:q} 2>&1"
+
+    capture_residuals = rules_of("capture_residuals", "residuals/captures/{capture}")
 
     rule capture_residuals:
         input:
-            unpack(lambda w: by_content(study.recording(w.capture))),
-            made_by=made_by(
-                "residuals/captures/{capture}", lambda w: study.capture_residuals(w.capture)
-            ),
+            unpack(capture_residuals.inputs),
         output:
             f"{RESULTS}/residuals/captures/{{capture}}.parquet",
         log:
-            f"{RESULTS}/logs/residuals/captures/{{capture}}.log",
+            capture_residuals.log,
         conda:
             "../../envs/puckbench.yaml"
         resources:
-            mem_mb=2000,
-            runtime=20,
+            mem_mb=capture_residuals.memory_mb,
+            runtime=capture_residuals.minutes,
         params:
-            record=record_of(lambda w: study.capture_residuals(w.capture)),
-            code=code_of(lambda w: study.capture_residuals(w.capture)),
+            settings=capture_residuals.settings,
+            key=capture_residuals.key,
         shell:
-            "python -m puckbench.jobs capture_residuals {params.record} capture={input.capture:q} table={output:q}"
-            " > {log:q} 2>&1"
+            "python -m puckbench.steps capture_residuals {params.settings} capture={input.capture:q}"
+            " table={output:q} --key={params.key} > {log:q} 2>&1"
+
+    wall_points = rules_of("wall_points", "wall_points/{model}")
 
     rule wall_points:
         input:
-            files=lambda w: ancient(study.model_files(w.model)),
-            made_by=made_by("wall_points/{model}", lambda w: study.wall_points(w.model)),
+            unpack(wall_points.inputs),
         output:
             f"{RESULTS}/wall_points/{{model}}.parquet",
         log:
-            f"{RESULTS}/logs/wall_points/{{model}}.log",
+            wall_points.log,
         conda:
             "../../envs/puckbench.yaml"
         resources:
-            mem_mb=1500,
-            runtime=10,
+            mem_mb=wall_points.memory_mb,
+            runtime=wall_points.minutes,
         params:
-            record=record_of(lambda w: study.wall_points(w.model)),
-            code=code_of(lambda w: study.wall_points(w.model)),
+            settings=wall_points.settings,
+            key=wall_points.key,
         shell:
-            "python -m puckbench.jobs wall_points {params.record} table={output:q} > {log:q} 2>&1"
+            "python -m puckbench.steps wall_points {params.settings} table={output:q}"
+            " --key={params.key} > {log:q} 2>&1"
 
     # Not part of `all`, since not all captures allow an estimate of all parameters.
+    calibration = rules_of("calibration", "residuals/calibrated")
+
     rule calibration:
         input:
-            residuals=[f"{RESULTS}/{file}" for file in study.capture_files()],
-            made_by=made_by("residuals/calibrated", lambda w: study.calibrate()),
+            unpack(calibration.inputs),
         output:
             f"{RESULTS}/residuals/calibrated.yaml",
         log:
-            f"{RESULTS}/logs/residuals/calibrated.log",
+            calibration.log,
         conda:
             "../../envs/puckbench.yaml"
         resources:
-            mem_mb=2000,
-            runtime=20,
+            mem_mb=calibration.memory_mb,
+            runtime=calibration.minutes,
         params:
-            record=record_of(lambda w: study.calibrate()),
-            code=study.calibrate().code,
+            settings=calibration.settings,
+            key=calibration.key,
         shell:
-            "python -m puckbench.jobs calibrate {params.record} residuals={input.residuals:q} model={output:q} > {log:q} 2>&1"
+            "python -m puckbench.steps calibration {params.settings} residuals={input.residuals:q}"
+            " model={output:q} --key={params.key} > {log:q} 2>&1"
 
     # Joined tables of several models or recordings.
+    study_table = rules_of("study_table", "tables/{table}")
+
     rule study_table:
         input:
-            rows=lambda w: study.gathered[w.table].files(plan.results),
-            made_by=made_by("tables/{table}", lambda w: study.gathered[w.table].job),
+            unpack(study_table.inputs),
         output:
-            f"{RESULTS}/tables/{{table}}.parquet",
+            parquet=f"{RESULTS}/tables/{{table}}.parquet",
         log:
-            f"{RESULTS}/logs/tables/{{table}}.log",
+            study_table.log,
         wildcard_constraints:
-            table=one_of(study.gathered),
+            table=one_of(flow.study.gathered),
         conda:
             "../../envs/puckbench.yaml"
         resources:
-            mem_mb=3000,
-            runtime=20,
+            mem_mb=study_table.memory_mb,
+            runtime=study_table.minutes,
         params:
-            record=record_of(lambda w: study.gathered[w.table].job),
-            job=lambda w: study.gathered[w.table].job.name,
-            code=code_of(lambda w: study.gathered[w.table].job),
-            results=lambda w, input: study.gathered[w.table].folder(input.rows, plan.results),
+            settings=study_table.settings,
+            key=study_table.key,
+            results=study_table.folder,
         shell:
-            "python -m puckbench.jobs {params.job} {params.record} results={params.results:q} parquet={output:q}"
-            " > {log:q} 2>&1"
+            "python -m puckbench.steps study_table {params.settings} results={params.results}"
+            " parquet={output:q} --key={params.key} > {log:q} 2>&1"

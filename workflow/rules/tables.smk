@@ -1,35 +1,39 @@
 # Tables: all results, all clouds, and tables made of these.
+results_table = rules_of("results_table", "tables/{table}")
+
+
 rule results_table:
     input:
-        rows=lambda w: outputs.gathered[w.table].files(plan.results),
-        made_by=made_by("tables/{table}", lambda w: outputs.gathered[w.table].job),
+        unpack(results_table.inputs),
     output:
         csv=report(f"{RESULTS}/tables/{{table}}.csv", category="Tables", labels={"table": "{table}"}),
         parquet=f"{RESULTS}/tables/{{table}}.parquet",
         columns=f"{RESULTS}/tables/columns/{{table}}.csv",
     log:
-        f"{RESULTS}/logs/tables/{{table}}.log",
+        results_table.log,
     wildcard_constraints:
-        table=one_of(outputs.gathered),
+        table=one_of(flow.outputs.gathered),
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=results_table.memory_mb,
+        runtime=results_table.minutes,
     params:
-        record=record_of(lambda w: outputs.gathered[w.table].job),
-        job=lambda w: outputs.gathered[w.table].job.name,
-        code=code_of(lambda w: outputs.gathered[w.table].job),
-        results=lambda w, input: outputs.gathered[w.table].folder(input.rows, plan.results),
+        settings=results_table.settings,
+        key=results_table.key,
+        results=results_table.folder,
     shell:
-        "python -m puckbench.jobs {params.job} {params.record} results={params.results:q} csv={output.csv:q}"
-        " parquet={output.parquet:q} columns={output.columns:q} > {log:q} 2>&1"
+        "python -m puckbench.steps results_table {params.settings} results={params.results}"
+        " csv={output.csv:q} parquet={output.parquet:q} columns={output.columns:q}"
+        " --key={params.key} > {log:q} 2>&1"
+
+
+table = rules_of("table", "tables/{table}")
 
 
 rule table:
     input:
-        unpack(lambda w: outputs.tables[w.table]),
-        made_by=made_by("tables/{table}", lambda w: outputs.table(w.table)),
+        unpack(table.inputs),
     output:
         csv=report(
             f"{RESULTS}/tables/{{table}}.csv",
@@ -40,30 +44,31 @@ rule table:
         tex=f"{RESULTS}/tables/{{table}}.tex",
         columns=f"{RESULTS}/tables/columns/{{table}}.csv",
     log:
-        f"{RESULTS}/logs/tables/{{table}}.log",
+        table.log,
     wildcard_constraints:
-        table=one_of(outputs.tables),
+        table=one_of(flow.outputs.tables),
     conda:
         "../../envs/puckbench.yaml"
     resources:
-        mem_mb=1500,
-        runtime=10,
+        mem_mb=table.memory_mb,
+        runtime=table.minutes,
     params:
-        record=record_of(lambda w: outputs.table(w.table)),
-        code=code_of(lambda w: outputs.table(w.table)),
-        tables=lambda w, input: files_of(input, outputs.tables[w.table]),
+        settings=table.settings,
+        key=table.key,
+        tables=lambda w, input: words_of(input, flow.outputs.tables[w.table]),
     shell:
-        "python -m puckbench.jobs table {params.record} {params.tables} out={output.csv:q} {output.parquet:q}"
-        " {output.tex:q} columns={output.columns:q} > {log:q} 2>&1"
+        "python -m puckbench.steps table {params.settings} {params.tables}"
+        " out={output.csv:q} {output.parquet:q} {output.tex:q} columns={output.columns:q}"
+        " --key={params.key} > {log:q} 2>&1"
 
 
 STUDY_TABLES = [
     f"{RESULTS}/tables/{table}.{suffix}"
-    for table in outputs.study_tables
+    for table in flow.outputs.study_tables
     for suffix in ("csv", "parquet")
 ]
 TABLES = [
     f"{RESULTS}/tables/{table}.{suffix}"
-    for table in (*outputs.gathered, *outputs.tables)
+    for table in (*flow.outputs.gathered, *flow.outputs.tables)
     for suffix in ("csv", "parquet")
 ]

@@ -1,32 +1,29 @@
 # Weights of learned codecs, trained on prepared clouds. A killed training resumes from its checkpoint,
 # unless code, settings or clouds have changed.
+weights = rules_of("weights", "weights/{trained}")
+
+
 rule weights:
     input:
-        clouds=lambda w: training.cloud_files(plan.trainings[w.trained].clouds),
-        validate=lambda w: training.cloud_files(plan.trainings[w.trained].validate),
-        about=lambda w: training.descriptions(w.trained),
-        start=lambda w: ancient(training.given_start(w.trained))
-        or plan.trainings[w.trained].start
-        or [],
-        made_by=made_by("weights/{trained}", lambda w: training.train(w.trained)),
+        unpack(weights.inputs),
     output:
         weights=f"{RESULTS}/weights/{{trained}}.safetensors",
         curve=f"{RESULTS}/weights/{{trained}}.csv",
         card=f"{RESULTS}/weights/{{trained}}.json",
     log:
-        f"{RESULTS}/logs/weights/{{trained}}.log",
+        weights.log,
     conda:
         "../../envs/puckbench.yaml"
     threads: 64  # or all cores: one training at a time
     resources:
-        mem_mb=lambda w: training.memory_mb(w.trained),
-        runtime=24 * 60,
+        mem_mb=weights.memory_mb,
+        runtime=weights.minutes,
     params:
-        record=record_of(lambda w: training.train(w.trained)),
-        code=code_of(lambda w: training.train(w.trained)),
+        settings=weights.settings,
+        key=weights.key,
     shell:
-        "python -m puckbench.jobs train {params.record} clouds={input.clouds:q} weights={output.weights:q}"
-        " validate={input.validate:q} > {log:q} 2>&1"
+        "python -m puckbench.steps weights {params.settings} clouds={input.clouds:q}"
+        " weights={output.weights:q} validate={input.validate:q} --key={params.key} > {log:q} 2>&1"
 
 
 TRAINED = [

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
 from pointkit.lidar.sensors import load_sensor
-from puckbench.jobs.surfaces import read_surface
+from puckbench.steps.surfaces import read_surface
 from virtual_lidar import ScanJob, Sweep, free_origin, open_error_model
 from virtual_lidar.raycast import RayCaster
 from virtual_lidar.scenes.calibration import calibration_origin, make_calibration

@@ -44,16 +44,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     help="scan a wall and a floor: distances of the points from fitted planes",
 )
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    from jenco2022.jobs.residuals import Residuals
-    from puckbench.jobs.capture_residuals import CaptureResiduals
+    from jenco2022.steps.residuals import Residuals
+    from puckbench.steps.capture_residuals import CaptureResiduals
 
     if options.capture is None:
         refuse(options, {"capture_options": {}}, "only with --capture")
-        names = ("model", "model_options", "runs", "seed", "keep", "refit", "distances")
-        return Residuals.create(**selected(options, *names)).run(options.out)
+        step = Residuals.create(
+            errors=options.model,
+            error_options=options.model_options,
+            distances_m=tuple(options.distances),
+            rows=options.keep,
+            **selected(options, "runs", "seed", "refit"),
+        )
+        return step.run(options.out)
     refuse(options, _FOR_SCANS, "not with --capture")
-    job = CaptureResiduals.create(options=options.capture_options)
-    summary = job.run(options.capture, options.out)
+    measuring = CaptureResiduals.create(options=options.capture_options)
+    summary = measuring.run(options.capture, options.out)
     return summary if options.json else _tables(summary)
 
 

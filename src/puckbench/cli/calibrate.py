@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import selected
-from puckbench.jobs.calibrate import Calibrate
+from puckbench.steps.calibration import Calibrate
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,8 +24,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Calibrate.create(**selected(options, "model", "cells", "parameters", "quantum_mm"))
-    content = job.run(options.out, tuple(options.residuals))
+    step = Calibrate.create(**selected(options, "model", "cells", "parameters", "quantum_mm"))
+    content = step.run(options.out, tuple(options.residuals))
     if options.json:
         return content
     counts = content["provenance"]["counts"]

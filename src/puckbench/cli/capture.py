@@ -32,8 +32,8 @@ def add_time_unit(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     from pointkit.column_tables import write_column_table
     from pointkit.lidar.sensors import load_sensor
-    from puckbench.datasets.recordings import decompressed
     from puckbench.recordings.reading import read_recording
+    from puckbench.scene_sets.recordings import decompressed
 
     sensor = load_sensor(options.sensor) if options.sensor else None
     interval, stream, unit = (options.start, options.end), options.stream, options.time_unit

@@ -3,10 +3,15 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from pointkit.errors import InputError
 from pointkit.models import parsed
+from pointkit.registry import is_place, trust
 from puckbench.cli.types import json_object
-from puckbench.jobs.codec_jobs import with_options
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import codec_of, is_codec, open_codec
 from puckbench.planning.config import CodecConfig
+from puckbench.results.curves import Coded
+from puckbench.steps.coding import TimingSettings, codec_plugins, ready, with_options
 
 
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
@@ -38,14 +43,51 @@ def entry_of(options: argparse.Namespace) -> dict[str, Any]:
     return parsed(CodecConfig, options.entry, "--entry").changes()
 
 
-def codec_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the codec's name and the changes to its defaults, as keywords of a job."""
-    changes = entry_of(options)
-    if options.weights:
-        changes = with_options(changes, weights=options.weights)
-    return {"codec": options.codec, "changes": changes}
+def timing_of(options: argparse.Namespace) -> TimingSettings:
+    """Return how the user wants calls to be timed."""
+    return parsed(TimingSettings, {"repeats": options.repeats}, "--repeats")
 
 
-def timed_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the codec, the changes to it, and the number of timed calls, as keywords of a job."""
-    return {**codec_options(options), "repeats": options.repeats}
+def opened_codec(options: argparse.Namespace, **more: Any) -> Codec:
+    """Return the codec of the option ``--codec``, with the changes that the user makes.
+
+    `more` are further options of the codec.
+    """
+    return _opened(options.codec, options, more)
+
+
+def decoder_of(options: argparse.Namespace, coded: Coded) -> Codec:
+    """Return the codec that decodes a stream, ready to do so.
+
+    It is the codec of the option ``--codec``. Without the option, it is the codec that the first
+    bytes of the stream identify, or finally the codec named in the stream's record.
+
+    Raises
+    ------
+    InputError
+        None of these names a codec, the codec in the record is not registered, or the codec cannot
+        run here.
+    """
+    return ready(_opened(options.codec or _name_of(options, coded), options, {}))
+
+
+def _opened(name: str, options: argparse.Namespace, more: dict[str, Any]) -> Codec:
+    weights = {"weights": options.weights} if options.weights else {}
+    entry = entry_of(options)
+    if weights or more:
+        entry = with_options(entry, **weights, **more)
+    trust(codec_plugins(options.codec, entry))  # not places that a stream's record names
+    return open_codec(name, entry)
+
+
+def _name_of(options: argparse.Namespace, coded: Coded) -> str:
+    try:
+        return codec_of(coded.stream)
+    except InputError:
+        if "codec" not in coded.record:
+            raise
+        name = str(coded.record["codec"])
+    if not is_codec(name) and "class" not in options.entry:
+        code = repr(name) if is_place(name) else "path/to/file.py:Class"
+        raise InputError(f"codec {name!r} is not registered: name its code with --codec {code}")
+    return name

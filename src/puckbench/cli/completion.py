@@ -48,7 +48,7 @@ _FILES = {"files", "start", "weights"}
 """Names of arguments whose values may be files, although their type is not `Path`."""
 
 _CODECS, _ERROR_MODELS = "puckbench.codecs.registry:codecs", "virtual_lidar.errors:ERROR_MODELS"
-_LOADERS = "puckbench.datasets.registry:LOADERS"
+_LOADERS = "puckbench.scene_sets.registry:LOADERS"
 _NAMES = {
     "check": _LOADERS,
     "codec": _CODECS,
@@ -57,7 +57,7 @@ _NAMES = {
     "figure": "puckbench.figures.registry:FIGURES",
     "loader": _LOADERS,
     "model": _ERROR_MODELS,
-    "names": "puckbench.datasets.sources:SOURCES",
+    "names": "puckbench.scene_sets.sources:SOURCES",
     "sensor": "pointkit.lidar.sensor:sensor_names",
     "study": "puckbench.report.reference_results:shipped_studies",
     "table": "puckbench.tables.registry:TABLES",

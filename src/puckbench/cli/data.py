@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pointkit.errors import InputError
-from puckbench.datasets.fetch import fetch_data
+from puckbench.scene_sets.fetch import fetch_data
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from pointkit.registry import trust
 from puckbench.cli.types import json_object, refuse
-from puckbench.datasets.registry import LOADERS, loader_class, open_scene_set
+from puckbench.scene_sets.registry import LOADERS, loader_class, open_scene_set
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,9 +4,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.codec_options import codec_arguments, timed_options
-from puckbench.jobs.codec_jobs import with_options
-from puckbench.jobs.encode import Encode
+from pointkit.errors import naming
+from pointkit.files import write_json, written_whole
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud, bounds
+from puckbench.cli.codec_options import codec_arguments, opened_codec, timing_of
+from puckbench.cli.types import note
+from puckbench.codecs.base import Codec
+from puckbench.results.curves import record_file
+from puckbench.steps.coding import ready
+from puckbench.steps.encode import coded_cloud, to_code
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,8 +37,36 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    settings = timed_options(options)
-    if options.raw:
-        settings["changes"] = with_options(settings["changes"], raw=True)
-    job = Encode.create(rate=options.rate, frame=options.frame, **settings)
-    return job.run(options.cloud, options.out, options.prepare)
+    timing = timing_of(options)
+    codec = opened_codec(options, **({"raw": True} if options.raw else {}))
+    with naming("--rate"):
+        rate = codec.rate_name(options.rate)
+    original = _cloud(options, codec, rate)
+    if codec.takes == "either" and original.returns is None:
+        why = f"no returns, so codec {codec.name} does without its sensor"
+        note(f"{options.prepare or options.cloud}: {why}")
+    coded = coded_cloud(ready(codec), original, rate, timing)
+    with written_whole(options.out) as temporary:
+        temporary.write_bytes(coded.stream)
+        write_json(record_file(options.out), coded.record)
+    return coded.record
+
+
+def _cloud(options: argparse.Namespace, codec: Codec, rate: str) -> PointCloud:
+    if options.prepare:
+        of_rate: CoordinateFrame = "metric" if codec.is_length(rate) else "scaled"
+        frame = options.frame or of_rate
+        codec.check_frame(frame, rate)
+        _prepare(options.cloud, options.prepare, in_metres=frame == "metric")
+    return to_code(codec, options.prepare or options.cloud, options.frame, rate)
+
+
+def _prepare(source: Path, cloud: Path, in_metres: bool) -> None:
+    from puckbench.geometry.extent import warn_of_implausible_extent
+    from puckbench.steps.prepare import Prepare, measured_points
+
+    points = measured_points(source)
+    if in_metres and source.suffix != ".parquet":
+        warn_of_implausible_extent(source, bounds(points.cloud.xyz))
+    step = Prepare(size="metric") if in_metres else Prepare()
+    step.write(points, {}, cloud)

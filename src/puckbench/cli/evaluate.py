@@ -5,9 +5,16 @@ import math
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.codec_options import codec_arguments, timed_options
+from cloud_files.clouds import SUFFIXES, read_cloud
+from cloud_files.content import plain_suffix
+from pointkit.errors import naming
+from pointkit.files import write_json
+from pointkit.models import parsed
+from puckbench.cli.codec_options import codec_arguments, decoder_of, timing_of
 from puckbench.cli.types import integer, note, refuse, selected
-from puckbench.jobs.evaluate import Evaluate, is_decoded
+from puckbench.results.curves import read_coded
+from puckbench.steps.coding import Decoded, decoded
+from puckbench.steps.evaluate import Measuring, Originals
 
 _FOR_STREAMS: dict[str, Any] = {
     "codec": None,
@@ -49,12 +56,27 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         refuse(options, _FOR_STREAMS, why)
     if options.clean:
         refuse(options, {"visible": None}, "not with --clean, which replaces it")
-    settings = selected(options, "dataset", "peak", "views", "rate")
-    job = Evaluate.create(**settings, **timed_options(options))
-    files = selected(options, "row", "truth", "visible", "clean")
-    row = job.run(options.reference, options.decoded, **files)
+    measuring = parsed(Measuring, selected(options, "dataset", "peak", "views"), "evaluate")
+    originals = Originals(options.reference, **selected(options, "truth", "visible", "clean"))
+    row = measuring.row(originals, _decoded(options))
+    if options.row:
+        write_json(options.row, row)
     if not row["lossless"] and "d1_psnr" not in row:
         note(f"{options.reference}: no size in a description beside it: d1_psnr needs --peak")
     if row.get("cd_psnr_point", math.inf) < _UNRELATED_DB:
         note(f"{options.reference}, {options.decoded}: far apart: are both in the same frame?")
     return row
+
+
+def is_decoded(path: Path) -> bool:
+    """Return whether a file is a decoded cloud, and not a stream, as its suffix tells."""
+    return plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin"
+
+
+def _decoded(options: argparse.Namespace) -> Decoded:
+    path = options.decoded
+    if is_decoded(path):
+        return Decoded(read_cloud(path), {})
+    with naming(path):
+        coded = read_coded(path, options.rate)
+        return decoded(decoder_of(options, coded), coded, timing_of(options))

@@ -31,10 +31,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from pointkit.column_tables import is_table_of
     from pointkit.lidar.returns import FiringTable
     from puck.recordings.pcap import refuse_stream
-    from puckbench.jobs.prepare_recording import is_recording, read_selected_turns
     from puckbench.recordings.cloud_messages import has_clouds
     from puckbench.recordings.export import export, export_points, read_source
     from puckbench.recordings.message_returns import read_message_columns
+    from puckbench.scene_sets.selected_turns import is_recording, read_selected_turns
 
     source, out, selection = options.source, options.out, turns(options.turns)
     if is_recording(source) and has_clouds(source, options.topic):

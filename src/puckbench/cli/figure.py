@@ -8,7 +8,7 @@ from pointkit.yaml_files import read_yaml
 from puckbench.cli.types import files_by_name, json_object, made_of_tables
 from puckbench.figures.plot_styles import read_looks
 from puckbench.figures.registry import figure_entries
-from puckbench.jobs.figure import Figure
+from puckbench.steps.figure import Figure
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,11 +37,11 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     layers = options.style if isinstance(options.style, list) else [options.style]
     inputs = files_by_name(options.inputs, "--inputs")
     looks = [read_looks(path.parent) for path in inputs.values()]
-    job = Figure.create(
+    step = Figure.create(
         figure=options.figure,
         style=(*filter(None, looks), *layers),
         codecs=tuple(options.codecs),
         datasets=tuple(options.datasets),
     )
     with made_of_tables(f"figure {options.figure}"):
-        return job.run(tuple(options.out), **inputs)
+        return step.run(tuple(options.out), **inputs)

@@ -1,29 +1,44 @@
 from __future__ import annotations
 
 import argparse
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from cloud_files.clouds import checked_cloud
 from cloud_files.content import plain_suffix
 from pointkit.column_tables import is_table_of
-from pointkit.errors import InputError
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import Floats, UncheckedCloud, bounds
 from pointkit.lidar.returns import returns_file
 from puck.recordings.data_packets import LEFT_OUT
 from puck.recordings.pcap import refuse_stream
 from puckbench.cli.capture import STREAM, TOPIC
-from puckbench.cli.types import add_cloud_options, add_unit, integer, refuse, selected, turns
-from puckbench.geometry.scaling import GRID
-from puckbench.jobs.prepare import Box, Prepare
-from puckbench.jobs.prepare_message import PrepareMessage
-from puckbench.jobs.prepare_recording import PrepareRecording, is_recording
+from puckbench.cli.types import integer, refuse, turns
+from puckbench.cli.units import (
+    add_cloud_options,
+    add_unit,
+    cloud_of,
+    in_unit_of,
+    refuse_cloud_options,
+)
+from puckbench.geometry.extent import warn_of_implausible_extent
+from puckbench.geometry.scaling import GRID, METRIC
+from puckbench.scene_sets.selected_turns import check_selection, is_recording, read_selected_turns
+from puckbench.steps.prepare import Prepare, box_of, in_metres, names_and_groups, points_of_scan
+from puckbench.steps.prepare_returns import (
+    MeasuredReturns,
+    PrepareReturns,
+    read_measured_returns,
+)
+from virtual_lidar.scan_table import ScanTable
 
-_FOR_CLOUDS = {
-    "metres_per_unit": 1,
-    "drop_invalid": False,
-    "keep_missing": False,
-    "bin_columns": None,
-}
-"""Options that apply only to clouds, not to scans and recordings, with their defaults."""
+if TYPE_CHECKING:
+    from puckbench.steps.preparation import MeasuredPoints
+
 _SHOWN = (
     *("name", "sensor", "turns", "points", "dropped_points", "missing_returns"),
     *("size", "size_m", "scale", "offset", "peak", *LEFT_OUT, "neighbours", "diameter"),
@@ -73,15 +88,18 @@ def _prepared(options: argparse.Namespace) -> dict[str, Any]:
     is_of_sensor = options.turns or options.stream or options.topic or is_recording(options.cloud)
     is_scan = options.cloud.suffix == ".parquet"
     if is_of_sensor or is_scan:
-        _check_options_of_clouds(options)
+        refuse_cloud_options(options, f"is for clouds, not for scans, recordings ({options.cloud})")
     if not is_scan:
         refuse(options, {"clean": False}, f"is for scans ({options.cloud})")
     if is_of_sensor:
         return _returns(options)
     _refuse_returns(options.cloud)
     _check_bin_columns(options)
-    size = {} if options.scale is None else {"size": options.scale}
-    return _cloud(options, clean=options.clean, **size)
+    scale = METRIC if options.scale == 0 else options.scale
+    size = {} if scale is None else {"size": scale}
+    if is_scan:
+        return _cloud(options, points_of_scan(options.cloud, options.clean), **size)
+    return _cloud(options, _measured(options, cloud_of(options, options.cloud)), **size)
 
 
 def _check_bin_columns(options: argparse.Namespace) -> None:
@@ -94,20 +112,34 @@ def _check_in_metres(options: argparse.Namespace, what: str) -> None:
         raise InputError(f"--scale: not with {what}, which stay in metres ({options.cloud})")
 
 
-def _cloud(
-    options: argparse.Namespace, kind: type[Prepare] = Prepare, **settings: Any
-) -> dict[str, Any]:
+def _cloud(options: argparse.Namespace, points: MeasuredPoints, **settings: Any) -> dict[str, Any]:
     words = options.crop or []
-    file = Path(words[0]) if len(words) == 1 else None
-    job = kind.create(
-        box=_box(words) if words and file is None else None,
-        neighbours=options.neighbours,
-        drop_invalid=options.drop_invalid,
-        keep_missing=options.keep_missing,
-        **selected(options, "peak", "bin_columns", "metres_per_unit"),
-        **settings,
-    )
-    return job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
+    step = Prepare.create(neighbours=options.neighbours, **settings)
+    if options.peak is not None and not step.is_metric:
+        raise InputError("peak: only for clouds in metres; that of a scaled cloud is its size - 1")
+    if step.is_metric and options.cloud.suffix != ".parquet":
+        warn_of_implausible_extent(options.cloud, bounds(points.cloud.xyz))
+    if words:
+        points = points.cropped(box_of(Path(words[0])) if len(words) == 1 else _box(words))
+    if len(points.cloud) == 0:
+        raise InputError(f"{options.cloud}: no point is left after cropping")
+    names = names_and_groups(options.out, *options.about)
+    return step.write(points, names, options.out, options.truth, _peak(options))
+
+
+def _peak(options: argparse.Namespace) -> dict[str, float]:
+    if options.peak is None:
+        return {}
+    if not 0 < options.peak < math.inf:
+        raise InputError(f"--peak: must be above 0, not {options.peak:g}")
+    return {"peak": options.peak}
+
+
+def _measured(options: argparse.Namespace, cloud: UncheckedCloud) -> MeasuredPoints:
+    from puckbench.steps.preparation import MeasuredPoints
+
+    converted = in_unit_of(options, in_metres(checked_cloud(cloud, options.cloud)))
+    return MeasuredPoints(converted, clean=converted)
 
 
 def _refuse_returns(path: Path) -> None:
@@ -125,6 +157,8 @@ def _has_clouds(options: argparse.Namespace) -> bool:
 
 
 def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
+    from puckbench.recordings.cloud_messages import read_recorded_cloud
+
     refuse_stream(options.stream)
     first, last = turns(options.turns) or (0, 0)
     if first != last:
@@ -132,38 +166,44 @@ def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
     _check_in_metres(options, "clouds of a ROS bag")
     why = f"not with clouds of a ROS bag ({options.cloud})"
     refuse(options, {"clean": False, "bin_columns": None}, why)
-    return _cloud(options, PrepareMessage, size=0, message=first, topic=options.topic)
-
-
-def _check_options_of_clouds(options: argparse.Namespace) -> None:
-    for name, default in _FOR_CLOUDS.items():
-        if getattr(options, name) != default:
-            option = f"--{name.replace('_', '-')}"
-            raise InputError(f"{options.cloud}: {option} is for clouds, not for scans, recordings")
+    kept = options.keep_missing, options.drop_invalid
+    cloud = read_recorded_cloud(options.cloud, first, options.topic, *kept)
+    about = {"source": options.cloud.name, "message": first, **cloud.about}
+    return _cloud(options, _measured(options, replace(cloud, about=about)), size=METRIC)
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
     _check_in_metres(options, "turns")
     refuse(options, {"crop": None}, f"not with turns, which are whole ({options.cloud})")
-    job = PrepareRecording.create(
-        neighbours=options.neighbours,
-        clean=options.clean,
-        turns=turns(options.turns),
-        **selected(options, "peak", "stream", "topic"),
-    )
-    out = options.out
-    return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))
+    out, step = options.out, PrepareReturns.create(neighbours=options.neighbours)
+    measured, names = _measured_returns(options), names_and_groups(options.out, *options.about)
+    files = (out, returns_file(out), options.truth)
+    return step.write(options.cloud, measured, names, *files, _peak(options))
+
+
+def _measured_returns(options: argparse.Namespace) -> MeasuredReturns:
+    path, selection = options.cloud, turns(options.turns)
+    if is_table_of(path, ScanTable):
+        with naming(path):
+            check_selection(path, options.stream, options.topic)
+        return read_measured_returns(path, selection, options.clean)
+    returns, left_out = read_selected_turns(path, selection, options.stream, options.topic)
+    about = {"source": path.name, "sensor": returns.sensor, **left_out}
+    return MeasuredReturns(returns, None, about)
 
 
 def _size(text: str) -> int | str:
     return GRID if text == GRID else int(integer(0)(text))
 
 
-def _box(words: list[str]) -> Box:
+def _box(words: list[str]) -> Floats:
     try:
         x0, y0, z0, x1, y1, z1 = map(float, words)
     except ValueError as error:
         raise InputError(
             f"--crop: must be six numbers or one JSON file, not {' '.join(words)}"
         ) from error
-    return x0, y0, z0, x1, y1, z1
+    corners = np.array([[x0, y0, z0], [x1, y1, z1]])
+    if not np.isfinite(corners).all():
+        raise InputError(f"--crop: must be six numbers or one JSON file, not {' '.join(words)}")
+    return np.sort(corners, axis=0)

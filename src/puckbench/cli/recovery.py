@@ -4,9 +4,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.codec_options import codec_arguments, codec_options
+from pointkit.errors import naming
+from pointkit.files import write_json
+from puckbench.cli.codec_options import codec_arguments, decoder_of
 from puckbench.cli.types import refuse
-from puckbench.jobs.recovery import Recovery
+from puckbench.results.curves import read_coded
+from puckbench.steps.recovery import labelled_points, recovered
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,8 +25,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     refuse(options, {"repeats": 1}, "recovery is not timed")
-    job = Recovery.create(dataset=options.dataset, rate=options.rate, **codec_options(options))
-    row = job.run(options.stream, options.points, options.scene, options.row)
+    truth = labelled_points(options.points, options.scene)
+    named = {"dataset": options.dataset} if options.dataset else {}
+    with naming(options.stream):
+        coded = read_coded(options.stream, options.rate)
+        row = {**named, "cloud": options.points.stem}
+        row |= recovered(truth, decoder_of(options, coded), coded)
+    if options.row:
+        write_json(options.row, row)
     if row["kinds"] or options.json:
         return row
     return {**row, "kinds": "none: this stream has no surface, only points (try another rate)"}

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import json_object, made_of_tables
-from puckbench.jobs.report import Report
+from puckbench.steps.report_page import Report
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +18,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Report.create(contents=options.contents, code=tuple(options.code))
+    step = Report.create(contents=options.contents, code=tuple(options.code))
     with made_of_tables("report"):
-        return job.run(options.out)
+        return step.run(options.out)

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from pointkit.errors import InputError
-from puckbench.cli.types import add_cloud_options, integer, metres_per_unit, selected
+from puckbench.cli.types import integer, selected
+from puckbench.cli.units import add_cloud_options, metres_per_unit
 from puckbench.core.interrupts import run_environment
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import CALLER_GOES_ON, snakemake_command
-from puckbench.planning.outputs import OutputJobs
+from puckbench.planning.outputs import Outputs
 from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
 from puckbench.planning.running import left_out_lines
 from puckbench.planning.user_files import (
@@ -168,7 +169,7 @@ def _print_summary(path: Path, study: str | None, rest: Path | None) -> None:
         print(f"to compare with the study: {command}")  # noqa: T201
 
 
-def _outputs(path: Path, rest: Path | None) -> OutputJobs:
+def _outputs(path: Path, rest: Path | None) -> Outputs:
     changes = read_config(rest) if rest else {}
     return Workflow({**read_config(path), **changes}, check_scenes=True).outputs
 

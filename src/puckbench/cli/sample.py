@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import add_unit, integer, selected
-from puckbench.jobs.sample import Sample
+from puckbench.cli.types import integer, selected
+from puckbench.cli.units import add_unit, surface_of
+from puckbench.steps.sample import Sample
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,5 +20,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Sample.create(**selected(options, "points", "seed", "metres_per_unit"))
-    return job.run(options.mesh, options.out)
+    step = Sample.create(**selected(options, "points", "seed"))
+    return step.write(surface_of(options, options.mesh), options.mesh, options.out)

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import add_unit, integer, json_object, refuse, selected
-from puckbench.jobs.scan import Scan, described_origin
+from puckbench.cli.types import integer, json_object, refuse, selected
+from puckbench.cli.units import add_unit, surface_of
+from puckbench.steps.scan import Scan, described_origin
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,16 +34,16 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if options.origin:
         refuse(options, {"height": None}, "not with --origin")
     height = {} if options.height is None else {"height_m": options.height}
-    job = Scan.create(
+    step = Scan.create(
         **selected(options, "sensor", "errors", "error_options", "sweep", "anywhere", "seed"),
         **height,
-        metres_per_unit=options.metres_per_unit,
         origin=tuple(options.origin) if options.origin else None,
     )
     if options.height is not None and described_origin(options.mesh):
         why = f"the description of {options.mesh} places the sensor; so does --origin"
         refuse(options, {"height": None}, why)
-    return job.run(options.mesh, options.out)
+    prepared = step.scan_of(options.mesh, partial(surface_of, options))
+    return step.write(*prepared, options.out)
 
 
 def _sweep(text: str) -> str | dict[str, Any]:

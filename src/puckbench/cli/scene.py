@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import integer, json_object, selected
-from puckbench.jobs.scene import WriteScene
+from puckbench.steps.scene import WriteScene
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,5 +18,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = WriteScene.create(**selected(options, "loader", "name", "options", "seed"))
-    return job.run(options.out)
+    step = WriteScene.create(**selected(options, "loader", "name", "options", "seed"))
+    return step.run(options.out)

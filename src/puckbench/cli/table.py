@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import files_by_name, json_object, made_of_tables, selected
-from puckbench.jobs.table import Table
+from puckbench.steps.table import Table
 from puckbench.tables.registry import TABLES
 
 
@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Table.create(**selected(options, "table", "options"))
+    step = Table.create(**selected(options, "table", "options"))
     inputs = files_by_name(options.inputs, "--inputs")
     with made_of_tables(f"table {options.table}"):
-        return job.run(tuple(options.out), **inputs)
+        return step.run(tuple(options.out), **inputs)

@@ -7,7 +7,7 @@ from typing import Any
 from pointkit.errors import InputError
 from puckbench.cli.codec_options import add_entry, entry_of
 from puckbench.cli.types import integer, json_object, refuse, selected
-from puckbench.jobs.train import Train
+from puckbench.steps.weights import Train
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,10 +39,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         raise InputError(f"--{name}: --options has it, too")
     if not options.validate:
         refuse(options, {"validate_every": 0, "peak": None}, "only with --validate")
-    job = Train.create(
+    step = Train.create(
         codec=options.codec,
-        changes=entry_of(options),
+        entry=entry_of(options),
         options={**settings, **options.options},
         **selected(options, "start", "every", "validate_every", "peak", "code"),
     )
-    return job.run(tuple(options.clouds), options.out, tuple(options.validate))
+    return step.run(tuple(options.clouds), options.out, tuple(options.validate))

@@ -4,7 +4,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -61,40 +61,8 @@ def made_of_tables(what: str) -> Iterator[None]:
         raise InputError(f"{what}: the tables do not fit: {error_text(error)}") from error
 
 
-def metres_per_unit(words: Sequence[str]) -> float | dict[str, float]:
-    """Parse the words of the option ``--metres-per-unit``.
-
-    Parameters
-    ----------
-    words
-        One number for all files, or FILE=NUMBER for each file.
-
-    Returns
-    -------
-    float or dict
-        Metres per unit of all files, or of each file by name.
-
-    Raises
-    ------
-    InputError
-        A word is neither a number nor FILE=NUMBER, or a file is named twice.
-    """
-    if len(words) == 1 and not math.isnan(number := _number(words[0])):
-        return number
-    table: dict[str, float] = {}
-    for word in words:
-        name, _, text = word.rpartition("=")
-        if not name or math.isnan(number := _number(text)):
-            raise InputError(
-                f"--metres-per-unit: '{word}' is neither a single number nor FILE=NUMBER"
-            )
-        if name in table:
-            raise InputError(f"--metres-per-unit: '{name}' is given twice")
-        table[name] = number
-    return table
-
-
-def _number(text: str) -> float:
+def number_or_nan(text: str) -> float:
+    """Return the number that a text contains, or NaN if it contains none."""
     try:
         return float(text)
     except ValueError:
@@ -103,7 +71,7 @@ def _number(text: str) -> float:
 
 def positive(text: str) -> float:
     """Parse an argument that must be a number above 0."""
-    number = _number(text)
+    number = number_or_nan(text)
     if not 0 < number < math.inf:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
     return number
@@ -139,24 +107,6 @@ def turns(text: str | None) -> tuple[int, int] | None:
     if numbers[1] < numbers[0]:
         raise InputError(f"--turns: the last turn is before the first in '{text}'")
     return numbers
-
-
-def add_unit(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add the option ``--metres-per-unit``; `what` is the word for the file in the help text."""
-    text = f"unit of the {what} (0.001: millimetres; default: 1)"
-    parser.add_argument("--metres-per-unit", type=positive, default=1.0, help=text)
-
-
-def add_cloud_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say how clouds are read from files."""
-    add = parser.add_argument
-    add("--drop-invalid", action="store_true", help="leave out points that are not finite")
-    add("--keep-missing", action="store_true", help="keep a sensor's missing returns as points")
-    text = (
-        "columns of .bin files: their number, 3 to 6, or their names, such as "
-        "x,y,z,intensity,ring (default: from the values)"
-    )
-    add("--bin-columns", metavar="COLUMNS", help=text)
 
 
 def refuse(options: argparse.Namespace, defaults: Mapping[str, Any], why: str) -> None:

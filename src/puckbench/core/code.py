@@ -1,6 +1,6 @@
 """Names of modules and packages on which the results of several jobs depend.
 
-A job runs again when the code that makes its results changes (`puckbench.planning.fingerprints`).
+A job runs again when the code that makes its results changes (`puckbench.steps.fingerprints`).
 The module of each job or plug-in lists this code by name in its constant ``CODE``:
 
 * a module stands for its own file and for what its own ``CODE`` lists;
@@ -21,8 +21,11 @@ MESH_FILES = (*CLOUD_FILES, "cloud_files.meshes", "cloud_files.meshes.ply")
 """Code that reads and writes scenes on disk, which are meshes or clouds."""
 SENSOR = ("virtual_lidar", "virtual_lidar.errors")
 """Code of the virtual sensor, without its error models, which are plug-ins."""
-CODEC = ("puckbench.codecs.base", "puckbench.jobs.codec_jobs", "puckbench.jobs.curve_files")
-"""Code that calls codecs, and that reads and writes archives of streams."""
+CODEC = (
+    *("puckbench.codecs.base", "puckbench.steps.coding"),
+    *("puckbench.results.curves", "puckbench.results.row_files"),
+)
+"""Code that calls codecs, and that reads and writes archives of streams and rows of results."""
 STATISTICS = (
     *("puckbench.metrics.bjontegaard", "puckbench.metrics.coordinate_frames"),
     *("puckbench.metrics.interpolation", "puckbench.metrics.lossless", "puckbench.metrics.peaks"),

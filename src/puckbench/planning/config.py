@@ -13,13 +13,19 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
-from pointkit.errors import InputError, among
+from pointkit.errors import InputError, among, naming
 from pointkit.files import read_json
 from pointkit.models import Model, checked_model
 from pointkit.registry import is_place, trust
 from pointkit.yaml_files import read_yaml
 from puckbench.codecs.facts import Line
-from puckbench.geometry.scaling import METRIC
+from puckbench.core.renamed_keys import with_new_keys
+from puckbench.steps.coding import TimingSettings
+from puckbench.steps.evaluate import MeasuringSettings
+from puckbench.steps.prepare import PreparationSettings
+from puckbench.steps.sample import SamplingSettings
+from puckbench.steps.scan import SensorSettings
+from puckbench.steps.scene import LoaderSettings
 
 Options = dict[str, Any]
 
@@ -49,14 +55,9 @@ Places = Annotated[tuple[str, ...], Distinct]
 """Plug-ins, each as a registered name, ``module:Name`` or ``path/to/file.py:Name``."""
 
 
-class SceneSource(Model):
+class SceneSource(LoaderSettings):
     """A loader of scenes, and the scenes to use."""
 
-    loader: str = Field(
-        description="Name of a loader (`puckbench datasets` lists them with their options), or "
-        "your own class: `module:Class` or `path/to/file.py:Class`."
-    )
-    options: Options = Field({}, description="Options of the loader.")
     seed: Seed | None = Field(None, description="Seed of generated scenes; by default the run's.")
     select: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
         None, description="Names of the scenes to use; by default all."
@@ -74,40 +75,16 @@ class SceneSetConfig(SceneSource):
     )
 
 
-_OF_SCANS = ("sensor", "errors", "error_options", "sweep", "height_m", "anywhere")
-
-
-class Sensing(Model):
+class Sensing(SensorSettings):
     """Configuration keys of both data sets and drives; most describe the virtual sensor."""
 
     title: str | None = Field(None, description="Title in figures; by default the entry's name.")
-    scenes: str = Field(description="Name of a scene set.")
+    scene_set: str = Field(description="Name of a scene set.")
     make: str
-    sensor: str = Field(
-        "vlp16", description="Name of a sensor, or a YAML file that defines one (`make: scan`)."
-    )
-    sweep: Options | str = Field(
-        {},
-        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
-        "sweep (`make: scan`).",
-    )
-    errors: str = Field("none", description="Error model (`make: scan`).")
-    error_options: Options = Field({}, description="Changes to the error model's parameters.")
-    height_m: float = Field(
-        1.3,
-        gt=0,
-        description="Height of the sensor above the floor in m, if the scene has no position for "
-        "it.",
-    )
     origin: Position | dict[str, Position] | None = Field(
         None,
         description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
         "By default the position in the scene, or an unoccupied one near the middle.",
-    )
-    anywhere: bool = Field(
-        False,
-        description="Scan even if the sensor is outside the scene or inside an object, or passes "
-        "through walls.",
     )
     codecs: Annotated[tuple[str, ...], Field(min_length=1), Distinct] | None = Field(
         None, description="Names of the codecs to run; by default all that can code it."
@@ -118,14 +95,8 @@ class Sensing(Model):
         """Whether the clouds are scans by the virtual sensor."""
         return self.make == "scan"
 
-    def scan_settings(self, scene: str, seed: int) -> Options:
-        """Return the settings of the job that scans a scene (`puckbench.jobs.scan.Scanning`)."""
-        origin = self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
-        kept = {key: getattr(self, key) for key in _OF_SCANS}
-        return {**kept, "origin": origin, "seed": seed}
 
-
-class DataSetConfig(Sensing):
+class DataSetConfig(Sensing, SamplingSettings, PreparationSettings, MeasuringSettings):
     """Clouds made from the scenes of a scene set."""
 
     make: Literal["sample", "scan", "cloud"] = Field(
@@ -140,24 +111,6 @@ class DataSetConfig(Sensing):
         description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
         "deltas, `noise_bits` and `nearest_truth` average over the seeds of a scene first.",
     )
-    points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
-    crop: Literal["clean", "noisy", "none"] = Field(
-        "clean",
-        description="Crop a scan to the room's bounding box by its `clean` coordinates, by its "
-        "`noisy` ones (as the thesis did), or not at all.",
-    )
-    size: Annotated[int, Field(ge=2)] | Literal["grid", "metric"] = Field(
-        1024,
-        description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels keep their grid "
-        "(`make: cloud`). `metric`: clouds stay in metres, in the frame of their sensor if there "
-        "is one, and rates are lengths (`10mm`).",
-    )
-    peak: float | None = Field(
-        None,
-        gt=0,
-        description="Peak of the PSNRs, in the unit of the clouds; by default `size - 1`, and 30 m "
-        "with `size: metric` (MPEG uses 30,000 units of 1 mm; papers on KITTI use 59.7).",
-    )
     truth: bool = Field(
         True,
         description="Measure decoded clouds also against the true surface (`truth_...`) and, for "
@@ -168,27 +121,11 @@ class DataSetConfig(Sensing):
         description="Compare the geometric primitives of codecs that code surfaces with the labels "
         "of the scenes, if there are labels.",
     )
-    views: int = Field(
-        0,
-        ge=0,
-        description="Width in pixels of the six rendered views that are compared (PCC Arena: 1920; "
-        "at least 11); 0: no views.",
-    )
-    neighbours: int = Field(
-        30, ge=3, description="Number of neighbouring points for the estimate of a normal."
-    )
     stand_in: Options = Field(
         {}, description="Values of keys that replace this data set's with `stand_in: true`."
     )
 
     _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
-
-    @field_validator("views")
-    @classmethod
-    def _at_least_a_window(cls, views: int) -> int:
-        if 0 < views < 11:
-            raise ValueError(f"{views} pixels are too few: 0 for none, or at least 11")
-        return views
 
     @model_validator(mode="after")
     def _has_one_kind_of_seeds(self) -> Self:
@@ -196,11 +133,6 @@ class DataSetConfig(Sensing):
             why = "captured clouds have none" if self.make == "cloud" else "there is a seed too"
             raise ValueError(f"seeds: {why}")
         return self
-
-    @property
-    def is_metric(self) -> bool:
-        """Whether the clouds stay in metres; otherwise, they are scaled to a cube."""
-        return self.size == METRIC
 
 
 class DriveConfig(Sensing):
@@ -369,16 +301,9 @@ class StudyConfig(Model):
         return models
 
 
-class TimingConfig(Model):
+class TimingConfig(TimingSettings):
     """Measurement of times; `timing: exclusive` is short for `timing: {exclusive: true}`."""
 
-    repeats: int = Field(
-        3,
-        ge=1,
-        description="Number of times each encoding and decoding is run; the median time is "
-        "reported.",
-    )
-    exclusive: bool = Field(False, description="Run no other job beside a job with timed calls.")
     threads: int = Field(1, ge=1, description="Maximum number of threads of a timed call.")
     timeout_s: float | None = Field(
         None,
@@ -493,8 +418,8 @@ class Config(Model):
         "to `RESULTS/failed.yaml`; a run with this second configuration file makes tables and "
         "report of the rest.",
     )
-    scenes: dict[Name, SceneSetConfig] = Field(
-        description="Scene sets by name: sources of geometry."
+    scene_sets: dict[Name, SceneSetConfig] = Field(
+        description="Scene sets by name: sources of scenes."
     )
     datasets: dict[Name, DataSetConfig] = Field(
         description="Data sets by name, in the order of figures: clouds made from a scene set."
@@ -567,8 +492,8 @@ class Config(Model):
         yield from filter(is_place, self._plugins())
 
     def _plugins(self) -> Iterator[str | None]:
-        for scenes in self.scenes.values():
-            yield from (source.loader for source in (scenes, scenes.stand_in) if source)
+        for scene_set in self.scene_sets.values():
+            yield from (source.loader for source in (scene_set, scene_set.stand_in) if source)
         yield from (data.errors for data in self.datasets.values())
         for drive in self.drives.values():
             yield from (drive.errors, *drive.tasks)
@@ -587,17 +512,18 @@ class Config(Model):
 def checked(config: Mapping[str, Any]) -> Config:
     """Check the keys and values of a configuration, and return it as a `Config`.
 
-    If ``stand_in`` is true, generated data first replace data from files (`with_stand_ins`).
+    Keys with old names are read as the new ones (`puckbench.core.renamed_keys`). If ``stand_in`` is
+    true, generated data first replace data from files (`with_stand_ins`).
     Whether named loaders, codecs, rates and clouds exist is checked later, by
     `puckbench.planning.plan.Plan`.
 
     Raises
     ------
     InputError
-        A key is unknown or a value is not allowed. The message tells the key, its value and the
-        allowed values.
+        A key is unknown or there by two names, or a value is not allowed. The message tells the
+        key, its value and the allowed values.
     """
-    return checked_model(Config, with_stand_ins(config))
+    return checked_model(Config, with_stand_ins(with_new_keys(config)))
 
 
 def trusted(config: Mapping[str, Any]) -> Config:
@@ -621,11 +547,11 @@ def with_stand_ins(config: Mapping[str, Any]) -> Options:
     if changed.get("stand_in") is not True:
         return changed
     changed["results"] = f"{changed.get('results', 'results')}_stand_in"
-    for scenes in _mappings(changed.get("scenes")):
-        stand_in = scenes.get("stand_in")
+    for scene_set in _mappings(changed.get("scene_sets")):
+        stand_in = scene_set.get("stand_in")
         if isinstance(stand_in, dict):
-            scenes.clear()
-            scenes.update(stand_in)
+            scene_set.clear()
+            scene_set.update(stand_in)
     for entry in (*_mappings(changed.get("datasets")), *_mappings([changed.get("figures")])):
         stand_in = entry.get("stand_in")
         if isinstance(stand_in, dict):
@@ -652,12 +578,16 @@ def read_config(path: Path) -> Options:
 def check_config_files(paths: Iterable[str | Path]) -> None:
     """Raise InputError if a configuration file, which Snakemake has read already, is not valid.
 
-    A file is valid if it is YAML or JSON, and YAML 1.1 and 1.2 read all its values alike.
+    A file is valid if it is YAML or JSON, YAML 1.1 and 1.2 read all its values alike, and no key is
+    there by both its old and its new name.
     A file without any key of puckbench is ignored, since it belongs to a workflow that imports
     puckbench's.
     """
     for path in map(Path, paths):
-        if set(Config.model_fields) & set(_read(path, alike=False)):
+        values = _read(path, alike=False)
+        with naming(path):
+            keys = with_new_keys(values)
+        if set(Config.model_fields) & set(keys):
             _read(path, alike=True)
 
 

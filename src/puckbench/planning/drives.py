@@ -6,24 +6,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from cloud_files.poses import files_of_poses
 from pointkit.errors import InputError, among, naming
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.facts import find_rate
-from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
-from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
-from puckbench.metrics.task_registry import TASKS, checked_task
-from puckbench.planning.clouds import loader_modules
-from puckbench.planning.coding import codec_job, timed
+from puckbench.metrics.task_registry import checked_task
 from puckbench.planning.config import DriveConfig
-from puckbench.planning.plan import Plan, ScenePlan
-from puckbench.planning.planned_job import PlannedJob, planned
+from puckbench.planning.costs import CodingCosts
+from puckbench.planning.plan import Plan, SceneSetPlan
 from puckbench.planning.scene_checks import refuse_paths
-from puckbench.planning.sensing import code_of_scan, files_of_scan
 from puckbench.tables.registry import UNDECODED
 from virtual_lidar import open_error_model, open_sweep
 
-Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
 _CODING_S, _TASK_S = 0.25, 0.06
 """Estimated times (s) to code a turn at one rate, and to measure the tasks on a turn.
 
@@ -53,7 +46,7 @@ class DrivePlan:
 
     name: str
     settings: DriveConfig
-    scenes: ScenePlan
+    scenes: SceneSetPlan
     scans: Mapping[str, tuple[str, int]]
     clouds: Mapping[str, tuple[str, ...]]
     rates: Mapping[str, tuple[str, ...]]
@@ -64,8 +57,15 @@ class DrivePlan:
         return tuple(self.scans or self.clouds)
 
 
-class DriveJobs:
-    """Plans the jobs that make drives, encode their turns, and measure a robot's tasks on them.
+class Drives:
+    """The drives of a run, i.e. sequences of turns, with the codecs that code them.
+
+    Parameters
+    ----------
+    plan
+        The plan of the run.
+    costs
+        What jobs that run codecs request.
 
     Raises
     ------
@@ -73,8 +73,8 @@ class DriveJobs:
         An entry under ``drives`` in the configuration is invalid.
     """
 
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
+    def __init__(self, plan: Plan, costs: CodingCosts) -> None:
+        self.plan, self.costs = plan, costs
         entries = {name: self._entry(name, value) for name, value in plan.drives.items()}
         self.entries = {name: entry for name, entry in entries.items() if entry.drives}
 
@@ -115,92 +115,19 @@ class DriveJobs:
         """Return the files with the streams of drives, relative to the results folder."""
         return [f"coded_drives/{'/'.join(curve)}.zip" for curve in self.curves]
 
-    def source(self, name: str, drive: str) -> dict[str, str | list[str]]:
-        """Return the paths of the files from which a virtual drive is scanned, by input name.
-
-        ``scene`` is the mesh, ``about`` its description, and ``files`` are the user's files that
-        define the sensor, its motion or its errors.
-        """
-        entry = self.entries[name]
-        scene = entry.scans[drive][0]
-        file = f"{self.plan.results}/scenes/{entry.scenes.name}/{scene}"
-        others = files_of_scan(entry.settings.of_scene(scene))
-        return {"scene": f"{file}.ply", "about": f"{file}.json", "files": others}
-
-    def files(self, name: str, drive: str) -> dict[str, list[str]]:
-        """Return the paths of the files from which a recorded drive is made, by input name.
-
-        ``clouds`` are the files of its clouds, and ``poses`` those of the sensor's poses.
-        """
-        entry = self.entries[name]
-        files = (file for cloud in entry.clouds[drive] for file in entry.scenes.files(cloud))
-        poses = map(str, files_of_poses(entry.settings.poses)) if entry.settings.poses else ()
-        return {"clouds": list(dict.fromkeys(files)), "poses": list(poses)}
-
-    def drive(self, name: str, drive: str) -> PlannedJob:
-        """Plan the job that writes a drive, i.e. its turns and the sensor's poses.
-
-        `name` is the entry in the configuration, and `drive` one of its drives.
-        """
-        entry = self.entries[name]
-        if drive in entry.scans:
-            scene, seed = entry.scans[drive]
-            settings = entry.settings.of_scene(scene)
-            modules, also = code_of_scan(settings)
-            record = VirtualDrive(**settings.scan_settings(scene, seed))
-            digest = self.plan.digest_of(files_of_scan(settings))
-            return planned(record, *modules, also=f"{also} {settings.scenes} {digest}")
-        scenes = entry.scenes
-        record_of_clouds = DriveOfClouds(
-            loader=scenes.loader,
-            names=entry.clouds[drive],
-            options=scenes.options,
-            poses=entry.settings.poses,
-            odometry=entry.settings.tasks.get("odometry", {}),
-            seed=scenes.seed,
-        )
-        inputs = self.files(name, drive)
-        readers = loader_modules(scenes.loader, inputs["clouds"])
-        digest = self.plan.digest_of(file for files in inputs.values() for file in files)
-        return planned(record_of_clouds, *readers, also=digest)
-
-    def encode(self, name: str, codec: str) -> PlannedJob:
-        """Plan the job that encodes all turns of a drive.
-
-        `name` is the drive's entry in the configuration; the job is the same for all its drives.
-        """
-        changes = self._changes(name, codec)
-        record = EncodeDrive(codec=codec, changes=changes, **timed(self.plan))
-        return codec_job(self.plan, record, codec)
-
-    def measure(self, name: str, codec: str) -> PlannedJob:
-        """Plan the job that decodes a drive, and measures a robot's tasks on the decoded turns.
-
-        `name` is the drive's entry in the configuration. With the codec ``undecoded``, the tasks
-        are measured on the original drive.
-        """
-        tasks = self.plan.drives[name].tasks
-        modules = map(TASKS.module_of, tasks)
-        if codec == UNDECODED:
-            return planned(MeasureDrive(dataset=name, tasks=tasks), *modules)
-        record = MeasureDrive(
-            dataset=name,
-            codec=codec,
-            changes=self._changes(name, codec),
-            tasks=tasks,
-            **timed(self.plan),
-        )
-        return codec_job(self.plan, record, codec, *modules)
-
-    def minutes(self, name: str) -> int:
-        """Return the time, in minutes, to request for a job that encodes or measures a drive.
+    def request(self, name: str, codec: str) -> dict[str, int]:
+        """Return the memory (MB) and time (minutes) of a job that codes a drive, by keyword.
 
         `name` is the drive's entry in the configuration.
         """
         rates = max(map(len, self.entries[name].rates.values()), default=1)
-        return 10 + int(5 * rates)
+        return {"memory_mb": 2 * self.costs.memory_mb(codec), "minutes": 10 + int(5 * rates)}
 
-    def _changes(self, name: str, codec: str) -> dict[str, Any]:
+    def coding_entry(self, name: str, codec: str) -> dict[str, Any]:
+        """Return a codec's complete entry, with only the rates at which drives are coded.
+
+        `name` is the drive's entry in the configuration.
+        """
         opened, rates = self.plan.opened[codec], self.entries[name].rates[codec]
         parameters = {rate: dict(opened.parameters_of(rate)) for rate in rates}
         return self.plan.entry_with(codec, parameters)
@@ -239,7 +166,7 @@ class DriveJobs:
                 rates=self._rates(value, scenes),
             )
 
-    def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
+    def _rates(self, value: DriveConfig, scenes: SceneSetPlan) -> dict[str, tuple[str, ...]]:
         returns = value.is_scan or scenes.scenes.of_returns
         packets = scenes.scenes.of_packets
         rates = {}
@@ -257,7 +184,7 @@ class DriveJobs:
         return rates
 
 
-def _driven(value: DriveConfig, scenes: ScenePlan) -> tuple[str, ...]:
+def _driven(value: DriveConfig, scenes: SceneSetPlan) -> tuple[str, ...]:
     for scene in value.trajectories:
         if scene not in scenes.chosen:
             choices = among(scene, scenes.chosen)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from pointkit.files import text_end, write_bytes
 from pointkit.yaml_files import yaml_text
-from puckbench.jobs.cost import BEGIN as COST
-from puckbench.jobs.fork_server import EXIT_STATUS
+from puckbench.steps.cost import BEGIN as COST
+from puckbench.steps.fork_server import EXIT_STATUS
 from puckbench.tables.registry import UNDECODED
 
 PREFIX = "puckbench: "

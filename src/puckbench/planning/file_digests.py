@@ -9,14 +9,15 @@ from pathlib import Path
 from stat import S_ISREG
 
 from pointkit.errors import InputError
-from pointkit.files import read_object, write_json
 from pointkit.models import Model, parsed
 from pointkit.terminal import Progress
+from puckbench.planning.memory import Memory
 
 _MOST_READ = 1 << 30
 """Size up to which a file is read whole, bytes; this takes 0.8 s (1.3 GB/s)."""
 _PARTS, _PART = 64, 1 << 16
 """Number and size (bytes) of the parts of a larger file that are read."""
+_NAME = ".digests.json"
 _State = tuple[int, ...]
 
 
@@ -25,7 +26,7 @@ class _Remembered(Model):
     digest: str
 
 
-def file_digests(paths: Iterable[Path], memory: Path) -> dict[Path, str]:
+def file_digests(paths: Iterable[Path], memory: Memory) -> dict[Path, str]:
     """Return a digest of the content of each file or folder, as text by path.
 
     For a file over 1 GiB, the digest covers only the size, the time of modification and 64 evenly
@@ -36,8 +37,7 @@ def file_digests(paths: Iterable[Path], memory: Path) -> dict[Path, str]:
     paths
         Files, and folders of which all files count.
     memory
-        JSON file that stores the digests between runs. A file is read again if its size, times or
-        inode changed.
+        Stores the digests between runs. A file is read again if its size, times or inode changed.
     """
     files = {path: list(_files(path)) for path in dict.fromkeys(paths)}
     states = {file: _state(file) for inner in files.values() for file in inner}
@@ -51,8 +51,7 @@ def file_digests(paths: Iterable[Path], memory: Path) -> dict[Path, str]:
         if total > _MOST_READ >> 20:
             progress(done >> 20, total)
     if new:
-        with suppress(InputError):  # nothing is lost where it cannot be written
-            write_json(memory, {name: entry.model_dump() for name, entry in known.items()})
+        memory.learn(_NAME, {name: entry.model_dump() for name, entry in known.items()})
     return {path: _joined(path, inner, known) for path, inner in files.items()}
 
 
@@ -73,9 +72,9 @@ def _size(state: _State) -> int:
     return min(state[0], _MOST_READ) if state else 0
 
 
-def _read(memory: Path) -> dict[str, _Remembered]:
-    with suppress(InputError):  # missing or damaged
-        entries = read_object(memory)
+def _read(memory: Memory) -> dict[str, _Remembered]:
+    with suppress(InputError):  # of another version
+        entries = memory.read(_NAME)
         return {name: parsed(_Remembered, entry, name) for name, entry in entries.items()}
     return {}
 

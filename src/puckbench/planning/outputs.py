@@ -5,34 +5,21 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from functools import cached_property
 from inspect import signature
-from pathlib import Path
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 from pointkit.errors import InputError, among, naming
 from pointkit.geometry.cloud import CoordinateFrame
 from puckbench.codecs.registry import LOOKS, codec_class, is_codec
 from puckbench.figures.plot_styles import class_style, codec_rank, looks_layer
-from puckbench.figures.registry import FIGURES, FigureEntry, figure_entries, figure_entry
+from puckbench.figures.registry import FigureEntry, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.jobs.figure import Figure
-from puckbench.jobs.first_look import FirstLook
-from puckbench.jobs.gathered_tables import PlanTable, RowsTable
-from puckbench.jobs.reference import Reference
-from puckbench.jobs.report import Report
-from puckbench.jobs.table import Table
-from puckbench.planning.coding import CodingJobs
-from puckbench.planning.drives import DriveJobs
+from puckbench.planning.drives import Drives
 from puckbench.planning.needs.registry import Options, met_needs
 from puckbench.planning.plan import Plan
-from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
-from puckbench.planning.sensing import code_of_models
-from puckbench.planning.study import STUDIES, StudyJobs
+from puckbench.planning.study import STUDIES, Study
 from puckbench.report.contents import Contents, register_user_plugins
-from puckbench.report.page import assets_version
-from puckbench.report.sections import SECTIONS, sections_of
 from puckbench.tables.registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
-from virtual_lidar import open_error_model
 
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Tables with a row for each cloud, or for each cloud and codec."""
@@ -44,16 +31,31 @@ Inputs = dict[str, str]
 """Path of each input of a table or figure, by the input's name."""
 
 
-class OutputJobs:
-    """Plans the jobs that make tables, figures, the report and the file of reference results.
+class Gathered(NamedTuple):
+    """What a table joins.
+
+    Parameters
+    ----------
+    names
+        Files with rows of results, relative to the results folder.
+    rows
+        Rows that are known before the run: values by name of the column.
+    """
+
+    names: tuple[str, ...]
+    rows: tuple[dict[str, str], ...]
+
+
+class Outputs:
+    """The tables, figures and report that a run makes.
 
     Parameters
     ----------
     plan
         The plan of the run.
-    coding, drives, study
-        Planned jobs of the codecs, the drives and the sensor study (None without a study), whose
-        results tables and figures show.
+    drives, study
+        The drives and the sensor study (None without a study), whose results tables and figures
+        show.
 
     Raises
     ------
@@ -61,17 +63,14 @@ class OutputJobs:
         A table or figure of the user reads a table that does not exist, or a style is invalid.
     """
 
-    def __init__(
-        self, plan: Plan, coding: CodingJobs, drives: DriveJobs, study: StudyJobs | None
-    ) -> None:
-        self.plan, self.coding, self.drives, self.config = plan, coding, drives, plan.config
-        self.study = study
+    def __init__(self, plan: Plan, drives: Drives, study: Study | None) -> None:
+        self.plan, self.drives, self.study, self.config = plan, drives, study, plan.config
         register_user_plugins(self.config.figures.own, self.config.tables)
         self._check_inputs()
         for name in self.figures:
             self._check_style(name)
         for name in self.tables:
-            self.table(name)
+            self.table_options(name)
 
     def _check_inputs(self) -> None:
         """Raise InputError if a user's table or figure reads a table that does not exist."""
@@ -89,24 +88,20 @@ class OutputJobs:
     # ---- tables
 
     @cached_property
-    def gathered(self) -> dict[str, Gathering]:
-        """Jobs that make the tables of result rows and of the plan's own rows, by table name."""
-        plan, rows = self.plan, dict[str, tuple[str, ...]]()
-        rows["clouds"] = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
-        rows["metrics"] = self.coding.rows("metrics")
-        rows["scan_errors"] = tuple(f"scan_errors/{'/'.join(c)}.json" for c in plan.scanned)
-        rows["recovery"] = self.coding.rows("recovery")
-        rows["drives"] = self.drives.rows
-        tables = {
-            kind: Gathering(planned(RowsTable.create(kind=kind, names=names)), names)
-            for kind, names in rows.items()
-            if names
+    def gathered(self) -> dict[str, Gathered]:
+        """Files and rows of the tables of results and of the plan's own rows, by table name."""
+        plan = self.plan
+        files = {
+            "clouds": tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds),
+            "metrics": plan.rows("metrics"),
+            "scan_errors": tuple(f"scan_errors/{'/'.join(c)}.json" for c in plan.scanned),
+            "recovery": plan.rows("recovery"),
+            "drives": self.drives.rows,
         }
-        of_plan = {"left_out": self.left_out_rows, "codecs": tuple(map(self._looks, plan.codecs))}
-        for table, lines in of_plan.items():
-            if lines:
-                tables[table] = Gathering(planned(PlanTable(table=table, rows=lines)), ())
-        return {name: table for name, table in tables.items() if self._can_make(name)}
+        rows = {"left_out": self.left_out_rows, "codecs": tuple(map(self._looks, plan.codecs))}
+        tables = {name: Gathered(names, ()) for name, names in files.items()}
+        tables |= {name: Gathered((), lines) for name, lines in rows.items()}
+        return {name: each for name, each in tables.items() if any(each) and self._can_make(name)}
 
     @cached_property
     def left_out_rows(self) -> tuple[dict[str, str], ...]:
@@ -164,14 +159,6 @@ class OutputJobs:
         """All tables that a run computes from other tables, with the files of their inputs."""
         return {**self.study_tables, **self.result_tables}
 
-    def table(self, name: str) -> PlannedJob:
-        """Plan the job that makes a table, given by its registered name."""
-        record = Table(table=TABLES.place_of(name), options=self.table_options(name))
-        models = map(open_error_model, table_entry(name).error_models)
-        modules, parameters = code_of_models(models)
-        inputs = " ".join(self.tables[name]) if table_entry(name).optional else ""
-        return planned(record, TABLES.module_of(name), *modules, also=f"{parameters} {inputs}")
-
     def table_options(self, table: str) -> Options:
         """Return keyword arguments for the function that makes a table, besides its inputs.
 
@@ -183,11 +170,12 @@ class OutputJobs:
         taken = signature(entry.make).parameters
         if "anchor" in taken:
             options["anchor"] = self.anchor
-        chosen = self._comparison.items()
+        chosen = self.comparison.items()
         return options | {name: value for name, value in chosen if name in taken}
 
     @property
-    def _comparison(self) -> Options:
+    def comparison(self) -> Options:
+        """The metrics of Bjontegaard deltas and the margin of their verdicts, as options."""
         chosen = self.config.bd_rate
         return {"qualities": chosen.metrics, "margin_percent": chosen.margin_percent}
 
@@ -235,22 +223,18 @@ class OutputJobs:
         clouds = self.plan.scanned if table == "scan_errors" else self.plan.clouds
         return tuple({self.plan.datasets[name].frame for name, _ in clouds})
 
-    def figure(self, name: str) -> PlannedJob:
-        """Plan the job that draws a figure, given by its registered name."""
-        record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
-        also = self._codec_styles if self._shows_codecs(name) else ""
-        examples = [file for file in self.drawable[name].values() if file.endswith(".ply")]
-        clouds = " ".join(str(Path(file).relative_to(self.plan.results)) for file in examples)
-        return planned(record, FIGURES.module_of(name), also=f"{also} {clouds}".strip())
-
     def _shows_codecs(self, figure: str) -> bool:
         return bool({*figure_entry(figure).inputs} & {*_OF_CURVES, "drives", *self.result_tables})
 
     def _shows_datasets(self, figure: str) -> bool:
         return bool({*figure_entry(figure).inputs} & _OF_CLOUDS)
 
+    def styles_shown_by(self, figure: str) -> str:
+        """Return `codec_styles` if a figure shows codecs, otherwise an empty text."""
+        return self.codec_styles if self._shows_codecs(figure) else ""
+
     @cached_property
-    def _codec_styles(self) -> str:
+    def codec_styles(self) -> str:
         """Digest that changes with the styles or the order of the codecs."""
         looks = [(self._looks(name), codec_rank(name)) for name in self.plan.codecs]
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
@@ -266,6 +250,11 @@ class OutputJobs:
         if self._shows_codecs(figure):
             return self._style(*changes)
         return (self._dataset_style(), *changes) if self._shows_datasets(figure) else changes
+
+    @property
+    def style(self) -> tuple[dict[str, Any], ...]:
+        """The options of the style of all figures, as layers like those of `figure_style`."""
+        return self._style(self.config.figures.style)
 
     def _style(self, *changes: dict[str, Any]) -> tuple[dict[str, Any], ...]:
         restyled = [name for name in self.plan.codecs if self._has_changed_looks(name)]
@@ -288,7 +277,7 @@ class OutputJobs:
     @property
     def titles(self) -> FigureStyle:
         """Style with the titles of data sets and codecs, for text that is printed."""
-        return FigureStyle.from_config(*self._style(self.config.figures.style))
+        return FigureStyle.from_config(*self.style)
 
     def _check_style(self, figure: str) -> None:
         with naming("figures.style"):
@@ -299,7 +288,7 @@ class OutputJobs:
     @property
     def first_codec(self) -> str:
         """Name of the codec that runs first, so that a first look can show its results early."""
-        codecs = (codec for codec in self.plan.codecs if self.coding.rows("metrics", codec))
+        codecs = (codec for codec in self.plan.codecs if self.plan.rows("metrics", codec))
         return next(codecs, "")
 
     @cached_property
@@ -309,13 +298,10 @@ class OutputJobs:
             return []
         return [name for name in self.figures if figure_entry(name).is_first_look]
 
-    @cached_property
-    def first_look(self) -> Gathering:
-        """The job that draws figures of the first codec while the run continues."""
-        names = self.coding.rows("metrics", self.first_codec)
-        record = FirstLook(names=names, style=self._style(self.config.figures.style))
-        modules = map(FIGURES.module_of, self.first_figures)
-        return Gathering(planned(record, *modules, also=self._codec_styles), names)
+    @property
+    def first_rows(self) -> tuple[str, ...]:
+        """Files with the first codec's rows of results, relative to the results folder."""
+        return self.plan.rows("metrics", self.first_codec)
 
     # ---- report
 
@@ -323,22 +309,7 @@ class OutputJobs:
     def report_contents(self) -> Contents:
         """Contents of the report page: tables, figures and examples, with their files."""
         tables = [*self.result_tables, *self.study_tables]
-        layers = self._style(self.config.figures.style)
-        return planned_contents(self.plan, self.figures, self.gathered, tables, layers)
-
-    @cached_property
-    def report(self) -> PlannedJob:
-        """The job that builds the report page; it runs again if a title or caption changes."""
-        entries: list[FigureEntry | TableEntry] = [*figure_entries().values()]
-        entries += table_entries().values()
-        texts = "".join(f"{entry.number} {entry.title} {entry.caption}" for entry in entries)
-        digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
-        contents = self.report_contents
-        places = (*contents.own_figures, *contents.own_tables)
-        record = Report(contents=contents.as_json(), code=places)
-        also = f"{assets_version()} {self._codec_styles} {digest}"
-        sections = (SECTIONS.module_of(each.name) for each in sections_of(contents.tables))
-        return planned(record, *sections, also=also)
+        return planned_contents(self.plan, self.figures, self.gathered, tables, self.style)
 
     # ---- reference results
 
@@ -348,15 +319,6 @@ class OutputJobs:
         of_clouds = ("metrics", "clouds", "scan_errors")
         names = of_clouds if "metrics" in self.gathered else ("drives",)
         return {name: self._file(name) for name in names if name in self.gathered}
-
-    @cached_property
-    def reference(self) -> PlannedJob:
-        """The job that writes the reference results, with which other runs can be compared."""
-        record = Reference(
-            contents=self.report_contents.as_json(),
-            bd_rate={"anchor": self.anchor, **self._comparison},
-        )
-        return planned(record)
 
     # ---- available inputs
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -15,9 +15,6 @@ from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
 from puckbench.codecs.learned import require_networks
 from puckbench.codecs.registry import open_training
-from puckbench.datasets.base import DataSet
-from puckbench.datasets.recordings import recording_files
-from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.metrics.metric_registry import METRICS
@@ -33,6 +30,7 @@ from puckbench.planning.config import (
 )
 from puckbench.planning.failures import described
 from puckbench.planning.file_digests import file_digests
+from puckbench.planning.memory import Memory
 from puckbench.planning.scene_checks import (
     SceneCheck,
     printable,
@@ -40,6 +38,12 @@ from puckbench.planning.scene_checks import (
     refuse_paths,
     scene_faults,
 )
+from puckbench.scene_sets.base import SceneSet
+from puckbench.scene_sets.recordings import recording_files
+from puckbench.scene_sets.registry import open_scene_set
+from puckbench.steps.coding import TimingSettings
+from puckbench.steps.scan import SensorSettings
+from puckbench.steps.sensing import SensingCode, code_of_scan
 from virtual_lidar import open_error_model, open_sweep
 from virtual_lidar.scenes.calibration import CALIBRATIONS
 
@@ -49,7 +53,7 @@ _NOWHERE = {"dataset": "", "scene": ""}
 
 
 @dataclass(frozen=True)
-class ScenePlan:
+class SceneSetPlan:
     """An opened scene set, with the names of the scenes that a run uses.
 
     Parameters
@@ -69,7 +73,7 @@ class ScenePlan:
     loader: str
     seed: int
     options: dict[str, Any]
-    scenes: DataSet
+    scenes: SceneSet
     chosen: tuple[str, ...]
 
     @cached_property
@@ -95,7 +99,7 @@ class DataSetPlan:
     ----------
     name
         Name of the data set.
-    scenes
+    scene_set
         Name of the scene set from which the clouds are made.
     sources
         For each cloud's name, the name of its scene and the seed with which it is made.
@@ -110,7 +114,7 @@ class DataSetPlan:
     """
 
     name: str
-    scenes: str
+    scene_set: str
     sources: Mapping[str, tuple[str, int]]
     points: int
     settings: DataSetConfig
@@ -242,9 +246,11 @@ class Plan:
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
         self.config, self._check_scenes = config, check_scenes
-        self.scenes = {
-            name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
+        self.memory = Memory(self.results)
+        self.scene_sets = {
+            name: open_scenes(name, value, config.seed) for name, value in config.scene_sets.items()
         }
+        self._scan_codes: dict[str, SensingCode] = {}
         self.left_out: dict[str, dict[str, str]] = {}
         """For each data set, the names of the excluded scenes, with the reasons."""
         self.datasets = self._datasets()
@@ -300,7 +306,7 @@ class Plan:
 
     def _scenes_left_out(self) -> Iterator[dict[str, str]]:
         for dataset, faults in self.left_out.items():
-            scenes = self.scenes[self.config.datasets[dataset].scenes].scenes
+            scenes = self.scene_sets[self.config.datasets[dataset].scene_set].scenes
             for scene, fault in faults.items():
                 file = _file_of(dataset, scenes, scene)
                 reason = fault.removeprefix(f"{file}: ")
@@ -308,7 +314,7 @@ class Plan:
 
     def _attributes_left_out(self) -> Iterator[dict[str, str]]:
         for data in self.datasets.values():
-            if not self.scenes[data.scenes].scenes.read_first:
+            if not self.scene_sets[data.scene_set].scenes.read_first:
                 continue
             checks, reasons = list(self._checks(data.name, data.used_scenes).values()), []
             coded_by: dict[str, list[str]] = {}
@@ -386,7 +392,8 @@ class Plan:
             most = max(self.opened[codec].most_extent(rate) for rate in rates)
             width = f"the cloud is {extent:,.0f} m wide, more than {most:,.0f} m"
             reason = f"codec {codec} at {', '.join(rates)}: {width}{NARROWER}"
-            file = _file_of(dataset, self.scenes[self.datasets[dataset].scenes].scenes, cloud)
+            scenes = self.scene_sets[self.datasets[dataset].scene_set].scenes
+            file = _file_of(dataset, scenes, cloud)
             yield {"dataset": dataset, "scene": cloud, "file": file, "reason": reason}
 
     @cached_property
@@ -433,6 +440,12 @@ class Plan:
         without = self.too_wide.get((dataset, cloud, codec), ())
         return tuple(rate for rate in rates if rate not in without) if without else rates
 
+    def shown_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
+        """Return the names of the rates at which the report shows a decoded example cloud."""
+        rates = self.rates(codec, self.datasets[dataset].frame)
+        coded = self.curve_rates(dataset, cloud, codec)
+        return tuple(rate for rate in spread_out(rates, self.config.report.rates) if rate in coded)
+
     @property
     def results(self) -> Path:
         """Path of the results folder."""
@@ -475,7 +488,7 @@ class Plan:
             if data.settings.recovery
             and data.frame == "scaled"
             and data.settings.make != "cloud"
-            and self.scenes[data.scenes].scenes.primitives
+            and self.scene_sets[data.scene_set].scenes.primitives
         }
         curves = (c for c in self.curves if c[0] in labelled and c[2] in coders)
         return tuple(curve for curve in curves if not self.has_failed("recovery", *curve))
@@ -489,6 +502,26 @@ class Plan:
             for codec in self.codecs
             if self.codes(codec, dataset) and self.curve_rates(dataset, cloud, codec)
         )
+
+    def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
+        """Return the files with rows of results, relative to the results folder.
+
+        Parameters
+        ----------
+        kind
+            ``metrics`` for measurements of decoded clouds, ``recovery`` for decoded primitives.
+        codec
+            Name of the codec; by default, the files of all codecs are returned.
+        """
+        curves = self.recovered if kind == "recovery" else self.curves
+        return tuple(
+            f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
+        )
+
+    def artefacts(self) -> list[str]:
+        """Return the files with streams and rows of results, relative to the results folder."""
+        coded = [f"coded/{'/'.join(curve)}.zip" for curve in self.curves]
+        return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
     @cached_property
     def coded(self) -> tuple[DataSetPlan, ...]:
@@ -601,6 +634,17 @@ class Plan:
         packets = has_returns and scenes.scenes.of_packets
         return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
 
+    @property
+    def timing(self) -> dict[str, Any]:
+        """Settings of steps that measure times (`puckbench.steps.coding.TimingSettings`)."""
+        timing = self.config.timing
+        return {name: getattr(timing, name) for name in TimingSettings.model_fields}
+
+    def coding_entry(self, dataset: str, codec: str, rates: Iterable[str]) -> dict[str, Any]:
+        """Return a codec's complete entry, with only the given rates for a data set's clouds."""
+        table = self.opened[codec].rates_of(self.datasets[dataset].frame)
+        return self.entry_with(codec, {rate: table[rate] for rate in rates})
+
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
         """Return a codec's complete entry in the configuration, with only the given rates.
 
@@ -616,7 +660,7 @@ class Plan:
         """Return SHA-256 digests of a codec's weights files; empty for a codec without weights."""
         return " ".join(map(sha256, self.weights[codec]))
 
-    def checked_scenes(self, where: str, value: Sensing) -> ScenePlan:
+    def checked_scenes(self, where: str, value: Sensing) -> SceneSetPlan:
         """Return the scene set from which a data set or drive is made, after checking the entry.
 
         Parameters
@@ -632,10 +676,10 @@ class Plan:
             There is no such scene set, ``make`` does not suit its scenes (meshes are sampled or
             scanned, clouds are taken as they are), or the entry names an unknown codec.
         """
-        scenes = self.scenes.get(value.scenes)
+        scenes = self.scene_sets.get(value.scene_set)
         if scenes is None:
-            choices = among(value.scenes, self.scenes)
-            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
+            choices = among(value.scene_set, self.scene_sets)
+            raise InputError(f"{where}.scene_set: no scene set '{value.scene_set}'{choices}")
         is_cloud = scenes.scenes.of_clouds
         if is_cloud != (value.make == "cloud"):
             made = get_args(type(value).model_fields["make"].annotation)
@@ -658,14 +702,21 @@ class Plan:
             else:
                 yield from ((f"{scene}-{seed}", (scene, seed)) for seed in value.seeds)
 
+    def code_of_scan(self, entry: Sensing) -> tuple[SensingCode, str]:
+        """Return the code of the scans of a data set or drive, and a text of what else they are of.
+
+        The text changes with parameters, the scene set, and the content of files.
+        """
+        key = entry.model_dump_json(include=set(SensorSettings.model_fields))
+        if key not in self._scan_codes:
+            self._scan_codes[key] = code_of_scan(entry)
+        code = self._scan_codes[key]
+        return code, f"{code.parameters} {entry.scene_set} {self.digest_of(code.files)}"
+
     @cached_property
     def digests(self) -> dict[Path, str]:
         """Digest of the content of each input file that is known before the run, by path."""
-        return file_digests(self._input_files(), self._digests_file)
-
-    @property
-    def _digests_file(self) -> Path:
-        return self.results / ".digests.json"
+        return file_digests(self._input_files(), self.memory)
 
     def digest_of(self, paths: Iterable[str | Path]) -> str:
         """Return 16 hexadecimal digits that change with the content of any of some input files.
@@ -674,32 +725,29 @@ class Plan:
         """
         files = [Path(path) for path in paths]
         if unplanned := [file for file in files if file not in self.digests]:
-            self.digests.update(file_digests(unplanned, self._digests_file))
+            self.digests.update(file_digests(unplanned, self.memory))
         digests = [self.digests[file] for file in files]
         return hashlib.sha256(" ".join(digests).encode()).hexdigest()[:16] if digests else ""
 
     def _input_files(self) -> Iterator[Path]:
         config = self.config
-        used = {entry.scenes for entry in (*config.datasets.values(), *config.drives.values())}
-        for scenes in self.scenes.values():
+        used = {entry.scene_set for entry in (*config.datasets.values(), *config.drives.values())}
+        for scenes in self.scene_sets.values():
             if scenes.name in used:
                 yield from (file for name in scenes.chosen for file in scenes.scenes.files(name))
         yield from (Path(drive.poses) for drive in config.drives.values() if drive.poses)
         for capture in config.sensor_study.captures.values() if config.sensor_study else ():
             yield from recording_files(Path(capture.path))
 
-    def _checks_file(self, dataset: str) -> Path:
-        return self.results / "checks" / f"{dataset}.json"
-
     def _checks(self, dataset: str, scenes: Iterable[str]) -> dict[str, SceneCheck]:
-        checks = read_checks(self._checks_file(dataset))
+        checks = read_checks(self.memory, f"checks/{dataset}.json")
         return {scene: checks[scene] for scene in scenes if scene in checks}
 
-    def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
+    def _usable(self, name: str, scenes: SceneSetPlan) -> tuple[str, ...]:
         if not self._check_scenes:
             return scenes.chosen
-        settings, file = self.config.datasets[name], self._checks_file(name)
-        faults = scene_faults(scenes.scenes, scenes.chosen, settings, file, self.digest_of)
+        settings, checks = self.config.datasets[name], (self.memory, f"checks/{name}.json")
+        faults = scene_faults(scenes.scenes, scenes.chosen, settings, *checks, self.digest_of)
         usable = tuple(scene for scene in scenes.chosen if scene not in faults)
         if faults and self.config.strict:
             raise _unusable(name, faults)
@@ -736,7 +784,7 @@ def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
     return runnable
 
 
-def _file_of(dataset: str, scenes: DataSet, scene: str) -> str:
+def _file_of(dataset: str, scenes: SceneSet, scene: str) -> str:
     return printable(next(iter(scenes.files(scene)), f"{dataset}/{scene}"))
 
 
@@ -746,7 +794,7 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
     return InputError(f"datasets.{dataset}: scene {scene}: {fault}{more}")
 
 
-def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
+def open_scenes(name: str, value: SceneSetConfig, seed: int) -> SceneSetPlan:
     """Open a scene set of the configuration, and select its scenes.
 
     Parameters
@@ -762,11 +810,11 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
         The loader or its options are invalid, files are missing, or a selected scene is unknown.
     """
     scene_seed = seed if value.seed is None else value.seed
-    with naming(f"scenes.{name}"):
+    with naming(f"scene_sets.{name}"):
         scenes = open_scene_set(value.loader, value.options, scene_seed)
         names = scenes.names()
     selected = _chosen(name, value, names)
-    return ScenePlan(name, value.loader, scene_seed, value.options, scenes, selected)
+    return SceneSetPlan(name, value.loader, scene_seed, value.options, scenes, selected)
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
@@ -797,7 +845,7 @@ def _chosen(name: str, value: SceneSetConfig, names: list[str]) -> tuple[str, ..
     missing = [scene for scene in selected if scene not in names]
     if missing:
         raise InputError(
-            f"scenes.{name}.select: no scene '{missing[0]}' among its {len(names)}"
+            f"scene_sets.{name}.select: no scene '{missing[0]}' among its {len(names)}"
             f"{closest(missing[0], names)}"
         )
     return tuple(selected[: value.limit])
@@ -823,3 +871,13 @@ def _study(value: StudyConfig, seed: int) -> StudyPlan:
             places = ", ".join(f"{place:g}" for place in distances)
             raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")
     return study
+
+
+def spread_out(names: Sequence[str], count: int) -> list[str]:
+    """Return at most `count` names, evenly spaced; two or more include the first and the last."""
+    if count >= len(names):
+        return list(names)
+    if count == 1:
+        return [names[len(names) // 2]]
+    step = (len(names) - 1) / (count - 1)
+    return [names[round(place * step)] for place in range(count)]

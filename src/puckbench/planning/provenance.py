@@ -7,46 +7,13 @@ moved.
 
 from __future__ import annotations
 
-import os
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryFile
 
 from pointkit.errors import InputError
-from pointkit.files import unwritable, write_bytes
-from puckbench.jobs.cost import read_cost
-from puckbench.planning.planned_job import RECORDS, PlannedJob
+from puckbench.steps.cost import read_cost
 
-OTHERWISE = RECORDS / "made_otherwise"
-"""File that is an input of every job, and is newer than all results at the start of a run.
-
-Snakemake compares its time only for jobs whose present results were made with other settings or
-code, and so makes these results again.
-"""
-_RESULTS = ("scenes", "clouds", "coded", "metrics", "drives", "residuals", "tables", "figures")
-
-
-def time_of_planning(folder: Path) -> float:
-    """Return the current time stamp, in s, by the clock of a folder's file system."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=folder) as probe:
-            return os.fstat(probe.fileno()).st_mtime
-    except OSError as error:
-        raise unwritable(folder, error) from error
-
-
-def write_otherwise(planned_at: float) -> None:
-    """Write the file `OTHERWISE`, and set its time of modification.
-
-    Parameters
-    ----------
-    planned_at
-        Time stamp, in s, before the first result of this run was made.
-    """
-    # Other content each time, since Snakemake ignores newer times of files with equal content.
-    write_bytes(OTHERWISE, repr(planned_at).encode())
-    os.utime(OTHERWISE, (planned_at, planned_at))
+_LOGS = "logs"
 
 
 class Provenance:
@@ -59,19 +26,37 @@ class Provenance:
     """
 
     def __init__(self, results: Path) -> None:
-        self._results = results
-        self._keys = {str(log): _key(log) for log in (results / "logs").rglob("*.log")}
+        logs = results / _LOGS
+        self._keys = {_name(log, logs): _key(log) for log in logs.rglob("*.log")}
+        made = (path for path in results.glob("*/**/*") if path.is_file())
+        self._made = {_name(path, results) for path in made if not path.is_relative_to(logs)}
+        self._made |= {_name(path, results) for path in results.glob("*.*")}
 
-    def is_made_by(self, log: str, job: PlannedJob) -> bool:
-        """Return whether the job with this log ended with the settings and code of `job`."""
-        return self._keys.get(log) == job.key
+    def is_made_otherwise(self, job: str, key: str) -> bool:
+        """Return whether the results of a job are there, but not known to be made as planned now.
 
+        Parameters
+        ----------
+        job
+            Name of the job, i.e. the path of its log in the folder of logs, without the suffix.
+        key
+            Digest of the settings and code with which the job would run now.
+        """
+        return self._keys.get(job) != key and (job in self._keys or job in self._made)
+
+    @property
     def is_lost(self) -> bool:
-        """Return whether the folder has results, but no log that tells how they were made."""
-        folders = (self._results / name for name in _RESULTS)
-        return not any(self._keys.values()) and any(
-            path.is_file() for folder in folders for path in folder.rglob("*")
-        )
+        """Whether the folder has results, but no log that tells how they were made."""
+        jobs = (job for job in self._made if job.partition("/")[0] in _OF_JOBS)
+        return not any(self._keys.values()) and any(jobs)
+
+
+_OF_JOBS = {"scenes", "clouds", "coded", "metrics", "drives", "residuals", "tables", "figures"}
+"""Folders in the results folder in which only jobs write."""
+
+
+def _name(path: Path, folder: Path) -> str:
+    return path.relative_to(folder).with_suffix("").as_posix()
 
 
 def _key(log: Path) -> str:

@@ -59,25 +59,8 @@ def _examples(plan: Plan) -> Iterable[Example]:
             for codec in plan.codecs
             if plan.codes(codec, dataset)
             and not plan.has_failed("decoded", dataset, cloud, codec)
-            and (shown := shown_rates(plan, dataset, cloud, codec))
+            and (shown := plan.shown_rates(dataset, cloud, codec))
         }
         yield Example(
             kind=kind, dataset=dataset, cloud=cloud, original=str(original), decoded=decoded
         )
-
-
-def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-    """Return the names of the rates at which the report shows a decoded example cloud."""
-    rates = plan.rates(codec, plan.datasets[dataset].frame)
-    coded = plan.curve_rates(dataset, cloud, codec)
-    return tuple(rate for rate in spread_out(rates, plan.config.report.rates) if rate in coded)
-
-
-def spread_out(names: Sequence[str], count: int) -> list[str]:
-    """Return at most `count` names, evenly spaced; two or more include the first and the last."""
-    if count >= len(names):
-        return list(names)
-    if count == 1:
-        return [names[len(names) // 2]]
-    step = (len(names) - 1) / (count - 1)
-    return [names[round(place * step)] for place in range(count)]

@@ -7,10 +7,10 @@ from statistics import fmean
 from typing import Any
 
 from puckbench.figures.style import FigureStyle
-from puckbench.jobs.curve_files import REMARK
 from puckbench.recordings.drives import AZIMUTH, NONE
 from puckbench.report.bd_rate_text import delta_text, has_delta
 from puckbench.results.columns import TASK, column_named, is_declared
+from puckbench.results.curves import REMARK
 from puckbench.tables.registry import UNDECODED
 
 Row = dict[str, str]

@@ -29,7 +29,8 @@ def job_seconds(bench: Workflow) -> Callable[[str], float]:
 
 
 def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
-    plan, coding, points = bench.plan, bench.coding, int(millions * 1e6)
+    plan, points = bench.plan, int(millions * 1e6)
+    repeats = plan.config.timing.repeats
     truth = any(data.has_truth for data in plan.datasets.values())
     encoded = decoded = number = 0.0
     for dataset, _, codec in plan.curves:
@@ -40,8 +41,8 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
         number += rates
     shown = min(1.0, plan.config.report.rates / max(1.0, number))
     return {
-        "encode": coding.timing.repeats * encoded,
-        "evaluate": coding.timing.repeats * decoded + number * _METRICS[truth] * millions,
+        "encode": repeats * encoded,
+        "evaluate": repeats * decoded + number * _METRICS[truth] * millions,
         "decode_shown": shown * decoded,
         "recovery": decoded,
     }

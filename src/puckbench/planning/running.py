@@ -4,11 +4,12 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import NamedTemporaryFile, TemporaryFile
 
 from pointkit.errors import InputError
 from pointkit.files import remove_leftovers, unreadable, unwritable
 
+SNAKEMAKE_FOLDER = Path(".snakemake")
 _held: list[int] = []
 """File descriptors of the locks, which close when the process ends."""
 _ROOM = 2**20
@@ -53,10 +54,22 @@ def check_room(folder: Path) -> None:
         raise unwritable(folder, error) from error
 
 
-def check_records() -> None:
-    """Raise InputError if Snakemake cannot write to ``.snakemake`` in the working folder."""
+def mark_planning() -> None:
+    """Set the time of Snakemake's folder, in the working folder, to the present time.
+
+    A file is made in it, which is deleted at once. By the clock of its file system, the folder is
+    then newer than all results of earlier runs, so that Snakemake runs those jobs again whose rules
+    have it as an input (`puckbench.planning.rules`).
+
+    Raises
+    ------
+    InputError
+        Snakemake cannot write there.
+    """
     try:
-        check_room(Path(".snakemake"))
+        check_room(SNAKEMAKE_FOLDER)
+        with NamedTemporaryFile(dir=SNAKEMAKE_FOLDER):
+            pass
     except InputError as error:
         advice = "Snakemake writes there, also in a dry run: start it in another folder"
         raise InputError(f"{error}; {advice}") from error

@@ -9,23 +9,22 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from cloud_files.point_columns import WIDE_COLOURS
 from pointkit.errors import InputError
-from pointkit.files import read_object, write_json
 from pointkit.geometry.cloud import Floats, PointCloud, bounds, check_extent
 from pointkit.models import Model, parsed
 from pointkit.terminal import Progress
-from puckbench.datasets.base import DataSet
-from puckbench.datasets.scene import Scene
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
-from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
-from puckbench.planning.planned_job import planned
+from puckbench.planning.memory import Memory
+from puckbench.scene_sets.base import SceneSet
+from puckbench.scene_sets.scene import Scene
+from puckbench.steps.scan import Scan
+from puckbench.steps.step import planned
 
 _PATTERN = re.compile(r"\{\s*[.\w]+\s*(,[^{}]*)?\}|<[a-z][a-z0-9_]*>")
 """Wildcards and path variables of Snakemake, which has no way to escape them."""
@@ -33,16 +32,12 @@ _PATTERN = re.compile(r"\{\s*[.\w]+\s*(,[^{}]*)?\}|<[a-z][a-z0-9_]*>")
 _UNPRINTABLE = re.compile(r"[\r\n\ud800-\udfff]")
 
 
-def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
-    """Return the job that scans a scene with the sensor settings of a data set."""
-    return Scan(**settings.scan_settings(scene, seed))
-
-
 def scene_faults(
-    scenes: DataSet,
+    scenes: SceneSet,
     names: Iterable[str],
     settings: DataSetConfig,
-    results_file: Path,
+    memory: Memory,
+    place: str,
     digest_of: Callable[[Iterable[Path]], str],
 ) -> dict[str, str]:
     """Return the names of the scenes that a data set cannot use, each with the reason.
@@ -55,9 +50,9 @@ def scene_faults(
         Names of the scenes to check.
     settings
         The data set's entry in the configuration.
-    results_file
-        JSON file that stores the results of checks. A scene is read again only if its files or the
-        settings changed, or if it is a cloud that could not be used.
+    memory, place
+        Where the results of checks are stored, and under which name. A scene is read again only if
+        its files or the settings changed, or if it is a cloud that could not be used.
     digest_of
         Function that returns a digest of the content of files.
     """
@@ -74,7 +69,7 @@ def scene_faults(
         for name, files in files_of.items()
         if name not in unnamed
     }
-    results = read_checks(results_file) if states else {}
+    results = read_checks(memory, place) if states else {}
     is_cloud = settings.make == "cloud"
     # Read faulty clouds again: a package that reads their format may have been installed.
     stale = [
@@ -84,15 +79,14 @@ def scene_faults(
         or check.state != state
         or (is_cloud and check.fault)
     ]
-    progress = Progress(f"{results_file.stem}: {'clouds' if is_cloud else 'meshes'} looked at:")
+    progress = Progress(f"{Path(place).stem}: {'clouds' if is_cloud else 'meshes'} looked at:")
     for done, name in enumerate(stale, start=1):
         fault, measured = _check_scene(scenes, name, settings)
         results[name] = SceneCheck(state=states[name], fault=fault, **measured)
         progress(done, len(stale))
     if stale:
         checks = {name: check.model_dump(exclude_unset=True) for name, check in results.items()}
-        with suppress(InputError):  # without this cache, a dry run reads the scenes again
-            write_json(results_file, checks)
+        memory.learn(place, checks)
     return unnamed | {name: fault for name in states if (fault := results[name].fault)}
 
 
@@ -134,25 +128,23 @@ class SceneCheck(Model):
     """Number of points in the scene's files that were left out of the cloud."""
 
 
-def read_checks(results_file: Path) -> dict[str, SceneCheck]:
-    """Return the stored checks by scene name; empty if the file does not exist."""
-    checks = read_object(results_file) if results_file.exists() else {}
-    return {
-        name: parsed(SceneCheck, check, f"{results_file}: {name}") for name, check in checks.items()
-    }
+def read_checks(memory: Memory, name: str) -> dict[str, SceneCheck]:
+    """Return the checks that are stored under a name, by scene."""
+    checks = memory.read(name).items()
+    return {scene: parsed(SceneCheck, check, f"{name}: {scene}") for scene, check in checks}
 
 
-def _state(scenes: DataSet, digest: str, settings: DataSetConfig, name: str) -> str:
+def _state(scenes: SceneSet, digest: str, settings: DataSetConfig, name: str) -> str:
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
-        scan = planned(scan_record(settings, name, seed=0))
-        job += (scan.record, scan.code)
+        scan = planned(Scan.of_entry(settings, name, seed=0), {})
+        job += (scan.settings, scan.fingerprint)
     return hashlib.sha256(repr((job, digest)).encode()).hexdigest()[:16]
 
 
 def _check_scene(
-    scenes: DataSet, name: str, settings: DataSetConfig
+    scenes: SceneSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, Any]]:
     from pointkit.geometry.mesh import check_mesh
 
@@ -178,7 +170,7 @@ def _check_scene(
         corners = scene.mesh.vertices[scene.mesh.triangles].reshape(-1, 3)
         check_extent(corners, what)
         if settings.is_scan:
-            scan_record(settings, name, seed=0).check(scene.mesh, scene.origin)
+            Scan.of_entry(settings, name, seed=0).check(scene.mesh, scene.origin)
             return None, {}
     except InputError as error:
         return " ".join(str(error).split()), {}
@@ -196,7 +188,7 @@ def _extent(points: Floats) -> float:
     return float((high - low).max())
 
 
-def _remark_extent(scenes: DataSet, scene: Scene, settings: DataSetConfig) -> None:
+def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
         warn_of_implausible_extent(path, scene.mesh.bounds())

@@ -56,7 +56,7 @@ def study_configuration(
         for name, data in offered.items()
         if name in (datasets or offered)
     }
-    used = {data["scenes"] for data in selected.values()}
+    used = {data["scene_set"] for data in selected.values()}
     shown = study["figures"].get("examples", {})
     examples = {kind: cloud for kind, cloud in shown.items() if cloud.split("/")[0] in selected}
     user_codecs = codec_entries(codecs)
@@ -66,7 +66,7 @@ def study_configuration(
         deltas = {key: value for key, value in deltas.items() if key != "anchor"}
     config = {
         **study,
-        "scenes": {name: scenes for name, scenes in study["scenes"].items() if name in used},
+        "scene_sets": {name: value for name, value in study["scene_sets"].items() if name in used},
         "datasets": selected,
         "drives": {},
         "codecs": user_codecs,

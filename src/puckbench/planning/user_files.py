@@ -18,15 +18,14 @@ from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.facts import check_lengths, find_rate
 from puckbench.codecs.registry import codec_class, open_codec
-from puckbench.datasets import captured_rooms, recordings
-from puckbench.datasets.registry import open_scene_set
-from puckbench.datasets.units import check_units, is_named
-from puckbench.datasets.user_files import is_file_or_lost
 from puckbench.geometry.scaling import METRIC
 from puckbench.planning.config import checked, trusted
-from puckbench.planning.plan import Plan
-from puckbench.planning.report_contents import spread_out
+from puckbench.planning.plan import Plan, spread_out
 from puckbench.planning.scene_checks import printable
+from puckbench.scene_sets import captured_rooms, recordings
+from puckbench.scene_sets.registry import open_scene_set
+from puckbench.scene_sets.units import check_units, is_named
+from puckbench.scene_sets.user_files import is_file_or_lost
 
 Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]
 Options = dict[str, Any]
@@ -154,13 +153,14 @@ class UserRun:
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
-            "scenes": scenes,
+            "scene_sets": scenes,
             "datasets": datasets,
             "codecs": codec_entries(self.codecs or self._default_codecs(set(paths_by_kind))),
             **({"metrics": list(self.metrics)} if self.metrics else {}),
             "timing": {"repeats": 1, **({"timeout_s": self.timeout_s} if self.timeout_s else {})},
         }
         plan = Plan(trusted(config), check_scenes=True)
+        plan.memory.save()  # so that the run does not read the files again
         for codec, rates in self._chosen_rates(plan).items():
             config["codecs"][codec] |= rates
         if unused := {**self.unused(), **self._reductions}:
@@ -275,15 +275,15 @@ class UserRun:
 
     def _dataset(self, kind: Kind, scenes: Options) -> Options:
         if kind == "recordings":
-            return {"scenes": kind, "make": "cloud", "size": METRIC}
+            return {"scene_set": kind, "make": "cloud", "size": METRIC}
         frame = self.frame or self._default_frame(kind, scenes)
         size = {"size": METRIC if frame == "metric" else _CUBE}
         if kind in ("clouds", "recorded_clouds"):
-            return {"scenes": kind, "make": "cloud", **size}
+            return {"scene_set": kind, "make": "cloud", **size}
         if not self.scan:
-            return {"scenes": kind, "make": "sample", "points": self.points or _POINTS, **size}
+            return {"scene_set": kind, "make": "sample", "points": self.points or _POINTS, **size}
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
-        return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
+        return {"scene_set": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
     def _default_frame(self, kind: Kind, scenes: Options) -> CoordinateFrame:
         if kind == "recorded_clouds":

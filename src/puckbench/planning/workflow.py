@@ -8,18 +8,18 @@ from typing import Any
 
 from pointkit.errors import InputError, among, closest
 from puckbench.core.environment import COMMIT, source_commit
-from puckbench.planning.clouds import CloudJobs
-from puckbench.planning.coding import CodingJobs
 from puckbench.planning.config import trusted
-from puckbench.planning.drives import DriveJobs
-from puckbench.planning.outputs import OutputJobs
+from puckbench.planning.costs import CodingCosts
+from puckbench.planning.drives import Drives
+from puckbench.planning.files import Files
+from puckbench.planning.outputs import Outputs
 from puckbench.planning.plan import Plan
-from puckbench.planning.study import study_jobs
-from puckbench.planning.training import TrainingJobs
+from puckbench.planning.study import Study, study_of
+from puckbench.steps.step import STEPS, PlannedStep
 
 
 class Workflow:
-    """The planned jobs of a run, from which Snakemake's rules take files and settings.
+    """A planned run, from which Snakemake's rules take their steps.
 
     Parameters
     ----------
@@ -37,12 +37,33 @@ class Workflow:
     def __init__(self, config: Mapping[str, Any], check_scenes: bool = False) -> None:
         self.config = trusted(config)
         self.plan = Plan(self.config, check_scenes)
-        self.clouds = CloudJobs(self.plan)
-        self.coding = CodingJobs(self.clouds)
-        self.study = study_jobs(self.plan)
-        self.drives = DriveJobs(self.plan)
-        self.training = TrainingJobs(self.plan)
-        self.outputs = OutputJobs(self.plan, self.coding, self.drives, self.study)
+        self._steps: dict[tuple[str, ...], PlannedStep] = {}
+        self.files = Files(self.plan)
+        self.costs = CodingCosts(self.files)
+        self.study = study_of(self.plan)
+        self.drives = Drives(self.plan, self.costs)
+        self.outputs = Outputs(self.plan, self.drives, self.study)
+
+    @property
+    def sensor_study(self) -> Study:
+        """The sensor study; raises InputError if the run has none."""
+        if self.study is None:
+            raise InputError("the configuration has no sensor study")
+        return self.study
+
+    def step(self, rule: str, **wildcards: str) -> PlannedStep:
+        """Return the step of a rule, as it is planned for values of the rule's wildcards.
+
+        Raises
+        ------
+        InputError
+            The plan has no such result.
+        """
+        key = rule, *wildcards.values()
+        if key not in self._steps:
+            self.check_names(wildcards)
+            self._steps[key] = STEPS.get(rule).of_plan(self, **wildcards)
+        return self._steps[key]
 
     def check_names(self, names: Mapping[str, str]) -> None:
         """Raise InputError if a result is requested that the configuration does not define.
@@ -82,10 +103,10 @@ class Workflow:
         if codec is not None and codec not in entry.rates:
             raise InputError(f"codec {codec} does not code {drives}")
 
-    def _check_scene(self, scenes: str, scene: str) -> None:
-        names = self.plan.scenes[scenes].names
+    def _check_scene(self, scene_set: str, scene: str) -> None:
+        names = self.plan.scene_sets[scene_set].names
         if scene not in names:
-            raise InputError(f"{scenes} has no scene '{scene}'{closest(scene, list(names))}")
+            raise InputError(f"{scene_set} has no scene '{scene}'{closest(scene, list(names))}")
 
 
 def run_jobs_with(source: str) -> None:

@@ -18,6 +18,7 @@ from pydantic import Field
 from pointkit.errors import InputError, among, naming
 from pointkit.files import json_of, written_whole
 from pointkit.models import Model, parsed
+from puckbench.core.renamed_keys import with_new_keys
 from puckbench.report.run_record import RunRecord
 from puckbench.results.columns import column_named, name_in_words
 from puckbench.tables.rate_deltas import MARGIN_PERCENT
@@ -186,6 +187,7 @@ def _read(path: Path) -> ReferenceResults:
         check_results(table)
         check_columns(table, [DIGEST])
         parsed(_About, about, "its metadata")
+        about["configuration"] = with_new_keys(about["configuration"])
         FigureStyle.from_config(*about["style"])
         RunRecord.from_json(about["record"])
     return ReferenceResults(path.stem, table, about)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench import __version__
 from puckbench.core.environment import cpu_model, installed_versions
+from puckbench.core.renamed_keys import with_new_keys
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import LOSSLESS
@@ -64,6 +65,7 @@ def describe_run(
     style
         Style of the figures, for titles.
     """
+    configuration = with_new_keys(configuration)
     return RunDescription(
         datasets=tuple(_datasets(configuration, metrics, clouds, style)),
         codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),
@@ -80,12 +82,12 @@ def _datasets(
 ) -> Iterable[dict[str, str]]:
     peaks = {} if metrics is None else peaks_of_datasets(metrics)
     for name, value in configuration.get("datasets", {}).items():
-        scenes = value["scenes"]
+        scene_set = value["scene_set"]
         count, points = _sizes(clouds, name)
         yield {
             "Data set": style.title(name),
             "Name": name,
-            "Scenes": f"{scenes} ({configuration['scenes'][scenes]['loader']})",
+            "Scene set": f"{scene_set} ({configuration['scene_sets'][scene_set]['loader']})",
             "Clouds are": _MAKES[value["make"]],
             "Error model": value["errors"] if value["make"] == "scan" else "",
             "Clouds": count,

@@ -42,7 +42,7 @@ class RunRecord(Model):
 
     @classmethod
     def of(cls, costs: Iterable[Mapping[str, Any]]) -> RunRecord:
-        """Compute the record from the costs of all jobs (`puckbench.jobs.cost`)."""
+        """Compute the record from the costs of all jobs (`puckbench.steps.cost`)."""
         all_costs = list(costs)
         dated = sorted((c for c in all_costs if "ended" in c), key=lambda cost: str(cost["ended"]))
         ends = [datetime.fromisoformat(cost["ended"]).timestamp() for cost in dated]

@@ -1,1 +1,1 @@
-"""Results of a run: what their columns contain, and the tables that join them."""
+"""Results of steps: streams and rows on disk, and what the columns of rows contain."""

@@ -10,8 +10,8 @@ import pytest
 from pointkit.errors import InputError
 from puck import compress
 from puckbench.cli import main
-from puckbench.datasets.recordings import decompressed
 from puckbench.recordings.reading import read_packets
+from puckbench.scene_sets.recordings import decompressed
 from tests.support.spinning import pcap, rows, spin
 
 

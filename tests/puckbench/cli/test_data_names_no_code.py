@@ -22,21 +22,21 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Labels, Primitive, SceneObject
 from pointkit.tables import write_table
 from puckbench.cli import main
-from puckbench.jobs.process import main as job
 from puckbench.report.reference_results import plain_rows, read_reference, write_reference
 from puckbench.report.run_record import RunRecord
 from puckbench.results.row_files import write_rows
+from puckbench.steps.process import main as job
 from tests.support.reference_lookalike import CLOUDS, clouds_of, rows_of, write_run
 from tests.support.sensor_scenes import room
 
 MARK = Path("mark")
 PAYLOAD = "from pathlib import Path\nPath('mark').touch()\n"
 STUDY: dict[str, Any] = {
-    "scenes": {"objects": {"loader": "embedded_objects"}},
-    "datasets": {"objects": {"scenes": "objects", "make": "sample"}},
+    "scene_sets": {"objects": {"loader": "embedded_objects"}},
+    "datasets": {"objects": {"scene_set": "objects", "make": "sample"}},
     "codecs": {"draco": {}},
 }
-SCAN = {"scenes": "objects", "make": "scan"}
+SCAN = {"scene_set": "objects", "make": "scan"}
 IS_CODE = "is code that is not loaded"
 NOT_REGISTERED = r"codec '{}' is not registered: name its code with --codec '{}'"
 STUDY_NAMES = r"the configuration of the study: names code, which results must not: '{}'"
@@ -141,7 +141,7 @@ def _report_all_else(place: str) -> int:
         metrics="metrics.csv",
         tables={place: "metrics.csv"},
         style=[{"codec_titles": {place: place}}],
-        configuration={**configuration, "datasets": {}, "scenes": {}},
+        configuration={**configuration, "datasets": {}, "scene_sets": {}},
         logs="logs",
     )
 
@@ -183,12 +183,12 @@ def _run_study(**configuration: Any) -> int:
 
 
 def _run_study_loader(place: str) -> int:
-    return _run_study(scenes={"objects": {"loader": place}})
+    return _run_study(scene_sets={"objects": {"loader": place}})
 
 
 def _run_study_stand_in(place: str) -> int:
     scenes = {"objects": {"loader": "embedded_objects", "stand_in": {"loader": place}}}
-    return _run_study(scenes=scenes)
+    return _run_study(scene_sets=scenes)
 
 
 def _run_study_errors(place: str) -> int:
@@ -212,8 +212,8 @@ def _run_study_all_else(place: str) -> int:
     # The clouds are missing, so that nothing is run.
     objects = {"loader": "point_clouds", "options": {"path": "nothing"}}
     return _run_study(
-        scenes={"objects": objects},
-        datasets={"objects": {"scenes": "objects", "make": "cloud"}},
+        scene_sets={"objects": objects},
+        datasets={"objects": {"scene_set": "objects", "make": "cloud"}},
         codecs={"mine": {"class": place, "training": place}},
         sensor_study={"models": {"mine": {"errors": place}}},
         train={"mine": {"codec": "mine", "datasets": ["objects"]}},

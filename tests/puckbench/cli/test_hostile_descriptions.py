@@ -22,9 +22,9 @@ from pointkit.files import read_json, read_object, write_json
 from pointkit.geometry.cloud import PointCloud
 from pointkit.tables import read_table, write_table
 from puckbench.cli import main
-from puckbench.jobs.cost import read_cost
-from puckbench.jobs.process import main as job
 from puckbench.report.reference_results import KEY, read_reference
+from puckbench.steps.cost import read_cost
+from puckbench.steps.process import main as job
 from tests.support.reference_lookalike import rows_of, write_study
 from tests.support.sensor_scenes import room
 

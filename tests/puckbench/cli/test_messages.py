@@ -18,8 +18,7 @@ from puckbench.cli import main
 from puckbench.cli.answers import text_of
 from puckbench.codecs import learned
 from puckbench.codecs.registry import codec_of, open_codec
-from puckbench.jobs import process
-from puckbench.jobs.encode import Encode
+from puckbench.steps import process
 from tests.support.bag_files import ros2_bag
 
 CAPTURE = Path(__file__).parents[2] / "data" / "capture" / "single.pcap"
@@ -58,7 +57,7 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("puckbench.jobs.encode.write_json", interrupted)
+    monkeypatch.setattr("puckbench.steps.encode.write_json", interrupted)
     out = cloud.with_suffix(".bin")
     before = sorted(cloud.parent.iterdir())
     coding = ["--codec", "draco", "--rate", "r1"]
@@ -118,7 +117,7 @@ def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
 ) -> None:
     (cloud.parent / "own.py").write_text(OWN)
     name, stream = f"{cloud.parent}/own.py:Own", cloud.with_suffix(".bin")
-    Encode.create(codec=name, rate="r1").run(cloud, stream)
+    assert main(["encode", str(cloud), str(stream), "--codec", name, "--rate", "r1"]) == 0
     back = cloud.with_name("back.ply")
     assert f"name its code with --codec '{name}'" in _refused(capsys, "decode", stream, back)
     assert main(["decode", str(stream), str(back), "--codec", name]) == 0

@@ -14,8 +14,8 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject, scaled_mesh
 from puckbench.cli import main
-from puckbench.datasets.registry import open_scene_set
 from puckbench.planning.user_files import UserRun
+from puckbench.scene_sets.registry import open_scene_set
 
 GRID = np.random.default_rng(2).integers(0, 4000, (1500, 3))
 """Points of a room, in whole millimetres."""
@@ -161,7 +161,7 @@ def test_units_of_some_files_go_to_their_sets() -> None:
     config = UserRun(
         ("m.xyz", "mm.xyz", "mm.off"), ("draco",), "out", options={"metres_per_unit": units}
     )
-    scenes = config.configuration()["scenes"]
+    scenes = config.configuration()["scene_sets"]
     assert scenes["clouds"]["options"]["metres_per_unit"] == {"mm.xyz": 0.001}
     assert scenes["meshes"]["options"]["metres_per_unit"] == {"mm.off": 0.002}
 

@@ -14,11 +14,11 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns
 from puckbench.codecs.registry import open_codec
 from puckbench.geometry.attributes import attributes_of
-from puckbench.jobs.curve_files import read_curve
-from puckbench.jobs.decode import Decode
-from puckbench.jobs.encode_curve import EncodeCurve
-from puckbench.jobs.evaluate import EvaluateCurve
+from puckbench.results.curves import read_curve
 from puckbench.results.row_files import read_rows
+from puckbench.steps.decode import Decode
+from puckbench.steps.encode import EncodeCurve
+from puckbench.steps.evaluate import EvaluateCurve
 from tests.support.returns import dual, recorded, staggered
 
 CODECS = ("gpcc", "gpcc_angular", "gpcc_predictive")

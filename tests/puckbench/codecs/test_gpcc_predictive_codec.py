@@ -14,7 +14,7 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, write_firings
 from puckbench.cli import main
 from puckbench.codecs.registry import open_codec
-from puckbench.jobs.encode_curve import to_code
+from puckbench.steps.encode import to_code
 from tests.support.returns import EXAMPLES, homemade, recorded
 
 RATES = list(open_codec("gpcc_predictive").metric_rates)

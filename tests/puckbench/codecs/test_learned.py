@@ -231,8 +231,8 @@ for name in sys.argv[1:]:
 def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_path: Path) -> None:
     codec = {"options": {"weights": str(tmp_path)}, "rates": RATES["pcgcv2_plus"]}
     config = {
-        "scenes": {"a": {"loader": "embedded_objects", "select": ["chair_01"]}},
-        "datasets": {"d": {"scenes": "a", "make": "sample"}},
+        "scene_sets": {"a": {"loader": "embedded_objects", "select": ["chair_01"]}},
+        "datasets": {"d": {"scene_set": "a", "make": "sample"}},
         "codecs": {"pcgcv2_plus": codec, "draco": {}},
     }
     codes = []

@@ -17,7 +17,7 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_class, codec_of, open_codec
-from puckbench.jobs.train import Train
+from puckbench.steps.weights import Train
 from tests.support.learned_codecs import RATES, changes, reno_state, save_tiny, shell, weights_name
 
 NETWORKS: dict[str, tuple[ModuleType, dict[str, Any], float]] = {

@@ -18,7 +18,7 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
 from puckbench.cli import main
 from puckbench.codecs.registry import open_codec, open_training
-from puckbench.jobs.validation import faults, peak_of, validation
+from puckbench.steps.validation import faults, peak_of, validation
 from tests.support.learned_codecs import LMBDAS
 
 SMALL: dict[str, dict[str, Any]] = {

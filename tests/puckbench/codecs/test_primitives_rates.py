@@ -12,10 +12,10 @@ from primitive_codec.mode_decision import _best_surface, _evaluate, frame_candid
 from primitive_codec.preparation import prepare
 from primitive_codec.settings import PrimitiveSettings
 from puckbench.codecs.registry import open_codec
-from puckbench.datasets.embedded_rooms import EmbeddedRooms
-from puckbench.jobs.preparation import MeasuredPoints
-from puckbench.jobs.preparation import prepare as prepare_cloud
 from puckbench.metrics.geometry import distortion
+from puckbench.scene_sets.embedded_rooms import EmbeddedRooms
+from puckbench.steps.preparation import MeasuredPoints
+from puckbench.steps.preparation import prepare as prepare_cloud
 from tests.support.default_clouds import CLOUDS, sampled_room
 from virtual_lidar import free_origin, open_error_model, open_sweep, scan
 

@@ -13,8 +13,8 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.lidar.returns import returns_file, write_firings
 from puckbench.codecs.registry import open_codec
-from puckbench.jobs.evaluate import Evaluate, Originals
 from puckbench.metrics.sensor_metrics import range_errors
+from puckbench.steps.evaluate import Evaluate, Originals
 from tests.support.processors import printed_on_processors
 from tests.support.returns import recorded
 

@@ -9,7 +9,7 @@ import pytest
 
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.codecs.base import Codec, Cost, Parameters, SharedWork
-from puckbench.jobs.encode_curve import measured_encoding
+from puckbench.steps.encode import measured_encoding
 
 POINTS = np.arange(30.0).reshape(10, 3)
 WORK = Cost(1000.0, 1e6)

@@ -79,8 +79,8 @@ from importlib.util import find_spec
 from puckbench.planning.workflow import Workflow
 assert find_spec("pcc_networks") is None
 config = {
-    "scenes": {"a": {"loader": "embedded_objects", "select": ["chair_01"]}},
-    "datasets": {"d": {"scenes": "a", "make": "sample"}},
+    "scene_sets": {"a": {"loader": "embedded_objects", "select": ["chair_01"]}},
+    "datasets": {"d": {"scene_set": "a", "make": "sample"}},
     "codecs": {"pcgcv2_plus": {}, "sparse_octree_net": {}, "draco": {}},
 }
 print(len({curve[-1] for curve in Workflow(config).coding.plan.curves}))

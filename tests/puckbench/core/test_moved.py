@@ -9,6 +9,7 @@ MOVED = {
     "puckbench.puck.recording": "puck",
     "puckbench.learned.pcgcv1": "pcc_networks",
     "puckbench.primitives": "primitive_codec",
+    "puckbench.datasets.base": "puckbench.scene_sets",
     "puckbench.scenes.rooms": "virtual_lidar.scenes",
     "puckbench.thesis": "jenco2022",
     "puckbench.core.errors": "pointkit.errors",

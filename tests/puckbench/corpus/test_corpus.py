@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from puckbench.datasets.recordings import decompressed
 from puckbench.recordings.reading import read_recording, read_turns
+from puckbench.scene_sets.recordings import decompressed
 from tests.cloud_files import corpus as cloud_corpus
 from tests.puckbench import corpus
 from tests.support.corpus_case import Case, cases, check

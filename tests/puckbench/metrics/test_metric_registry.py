@@ -48,8 +48,8 @@ def test_a_function_of_ones_own(tmp_path: Path) -> None:
 )
 def test_a_metric_that_does_not_exist_is_named_before_anything_runs(name: str, fault: str) -> None:
     config = {
-        "scenes": {"objects": {"loader": "embedded_objects"}},
-        "datasets": {"objects": {"scenes": "objects", "make": "sample"}},
+        "scene_sets": {"objects": {"loader": "embedded_objects"}},
+        "datasets": {"objects": {"scene_set": "objects", "make": "sample"}},
     }
     Plan(trusted({**config, "metrics": ["density"]}))
     with pytest.raises(InputError, match=fault):

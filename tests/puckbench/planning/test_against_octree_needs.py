@@ -33,9 +33,9 @@ def test_bits_are_compared_where_another_codec_is_beside_the_octree(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     put(tmp_path / "data" / "reno_weights" / "KITTIDetection.pt", "")
-    spins = {"scenes": "rooms", "make": "scan", "sweep": {"preset": "spin"}, "size": size}
+    spins = {"scene_set": "rooms", "make": "scan", "sweep": {"preset": "spin"}, "size": size}
     config = {
-        "scenes": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
+        "scene_sets": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
         "datasets": {"spins": spins},
         "codecs": {name: {} for name in codecs},
     }
@@ -46,10 +46,10 @@ def test_bits_are_compared_where_another_codec_is_beside_the_octree(
 
 def test_scales_of_gpcc_are_drawn_where_it_codes_a_scaled_cloud() -> None:
     config: dict[str, Any] = {
-        "scenes": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
+        "scene_sets": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
         "datasets": {
-            "rooms": {"scenes": "rooms", "make": "sample", "points": 9},
-            "metric": {"scenes": "rooms", "make": "sample", "points": 9, "size": "metric"},
+            "rooms": {"scene_set": "rooms", "make": "sample", "points": 9},
+            "metric": {"scene_set": "rooms", "make": "sample", "points": 9, "size": "metric"},
         },
         "codecs": {"draco": {}, "gpcc": {}},
     }

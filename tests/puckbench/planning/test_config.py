@@ -10,8 +10,8 @@ ROOT = Path(__file__).parents[3]
 
 def _config() -> dict:
     return {
-        "scenes": {"a": {"loader": "embedded_rooms"}},
-        "datasets": {"d": {"scenes": "a", "make": "scan"}},
+        "scene_sets": {"a": {"loader": "embedded_rooms"}},
+        "datasets": {"d": {"scene_set": "a", "make": "scan"}},
     }
 
 
@@ -26,7 +26,7 @@ def test_defaults_are_filled_in_at_every_depth() -> None:
     assert config.figures.style == {}
     assert config.datasets["d"].neighbours == 30
     assert config.datasets["d"].size == 1024
-    assert config.scenes["a"].options == {}
+    assert config.scene_sets["a"].options == {}
 
 
 def test_the_users_configuration_is_not_changed() -> None:
@@ -54,7 +54,7 @@ def test_the_users_configuration_is_not_changed() -> None:
         (("datasets", "d", "stand_in"), {"maek": 1}, r"datasets\.d\.stand_in: unknown key 'maek'"),
         (
             ("datasets", "bad name"),
-            {"scenes": "a", "make": "scan"},
+            {"scene_set": "a", "make": "scan"},
             "'bad name', but must be a name",
         ),
         (("results",), "my;results", "results is 'my;results', but must be a name that matches"),
@@ -72,15 +72,19 @@ def test_the_users_configuration_is_not_changed() -> None:
             r"figures\.examples\.object is 'x', but must",
         ),
         (("sensor_study",), True, "sensor_study is True, but must be"),
-        (("scenes", "a", "select"), ["x", "x"], r"scenes\.a\.select: an entry is repeated"),
+        (("scene_sets", "a", "select"), ["x", "x"], r"scene_sets\.a\.select: an entry is repeated"),
         (
-            ("scenes", "a", "stand_in"),
+            ("scene_sets", "a", "stand_in"),
             {"loader": "x", "stand_in": {"loader": "y"}},
-            r"scenes\.a\.stand_in: unknown key 'stand_in' .known: loader, options, seed",
+            r"scene_sets\.a\.stand_in: unknown key 'stand_in' .known: loader, options, seed",
         ),
         (("figures",), {"stand_in": {"stile": 1}}, r"figures\.stand_in: unknown key 'stile'"),
         (("bd_rate",), {"metrics": ["a", "a"]}, r"bd_rate\.metrics: an entry is repeated"),
-        (("scenes", "a", "select"), [], r"scenes\.a\.select is \(\), but must have at least 1"),
+        (
+            ("scene_sets", "a", "select"),
+            [],
+            r"scene_sets\.a\.select is \(\), but must have at least 1",
+        ),
     ],
 )
 def test_a_fault_is_one_line_with_key_value_and_what_is_allowed(
@@ -96,7 +100,7 @@ def test_a_fault_is_one_line_with_key_value_and_what_is_allowed(
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("missing", ["scenes", "datasets"])
+@pytest.mark.parametrize("missing", ["scene_sets", "datasets"])
 def test_what_is_required_is_named(missing: str) -> None:
     config = _config()
     del config[missing]
@@ -108,7 +112,7 @@ def _thesis() -> dict:
     return {
         "results": "results/t",
         "stand_in": True,
-        "scenes": {
+        "scene_sets": {
             "a": {
                 "loader": "s3dis",
                 "options": {"path": "nowhere"},
@@ -117,7 +121,7 @@ def _thesis() -> dict:
             "b": {"loader": "embedded_rooms"},
         },
         "datasets": {
-            "d": {"scenes": "a", "make": "cloud", "size": 512, "stand_in": {"make": "sample"}}
+            "d": {"scene_set": "a", "make": "cloud", "size": 512, "stand_in": {"make": "sample"}}
         },
         "figures": {
             "examples": {"raw": "d/x"},
@@ -128,11 +132,11 @@ def _thesis() -> dict:
 
 def test_generated_data_stand_in_where_they_are_asked_for() -> None:
     config = checked(_thesis())
-    assert (config.scenes["a"].loader, config.scenes["a"].options) == (
+    assert (config.scene_sets["a"].loader, config.scene_sets["a"].options) == (
         "embedded_areas",
         {"rooms": 1},
     )
-    assert config.scenes["b"].loader == "embedded_rooms"
+    assert config.scene_sets["b"].loader == "embedded_rooms"
     assert (config.datasets["d"].make, config.datasets["d"].size) == ("sample", 512)
     assert config.figures.examples.clouds_by_kind() == {"raw": "d/y"}
     assert config.results == "results/t_stand_in"
@@ -141,7 +145,7 @@ def test_generated_data_stand_in_where_they_are_asked_for() -> None:
 @pytest.mark.parametrize("off", [False, "false"])
 def test_without_the_switch_the_data_are_those_on_disk(off: object) -> None:
     config = checked(_thesis() | {"stand_in": off})
-    assert config.scenes["a"].loader == "s3dis"
+    assert config.scene_sets["a"].loader == "s3dis"
     assert config.datasets["d"].make == "cloud"
     assert config.figures.examples.clouds_by_kind() == {"raw": "d/x"}
     assert config.results == "results/t"
@@ -155,8 +159,8 @@ def test_the_switch_may_come_as_text_from_snakemakes_command_line() -> None:
 
 def test_a_fault_in_a_stand_in_is_named() -> None:
     config = _thesis()
-    config["scenes"]["a"]["stand_in"] = {"loadr": "embedded_areas", "loader": "x"}
-    with pytest.raises(InputError, match=r"scenes\.a.*loadr"):
+    config["scene_sets"]["a"]["stand_in"] = {"loadr": "embedded_areas", "loader": "x"}
+    with pytest.raises(InputError, match=r"scene_sets\.a.*loadr"):
         checked(config | {"stand_in": False})
 
 

@@ -10,7 +10,7 @@ from puckbench.planning.drives import consecutive
 from puckbench.planning.workflow import Workflow
 
 DRIVE = {
-    "scenes": "street",
+    "scene_set": "street",
     "sweep": {"preset": "spin", "trajectory": [[0, 0, 0, 0, 0, 0, 0], [1, 5, 0, 0, 0, 0, 0]]},
     "rates": ["200mm", "2cm"],
 }
@@ -18,7 +18,7 @@ DRIVE = {
 
 def workflow(**drive: Any) -> Workflow:
     config: dict[str, Any] = {
-        "scenes": {
+        "scene_sets": {
             "street": {"loader": "street", "options": {"streets": 1}},
             "streets": {"loader": "street", "options": {"streets": 3}},
         },
@@ -30,15 +30,18 @@ def workflow(**drive: Any) -> Workflow:
 
 
 def test_each_scene_and_seed_is_a_drive_and_each_codec_codes_it() -> None:
-    drives = workflow(seeds=[4, 7]).drives
+    flow = workflow(seeds=[4, 7])
+    drives = flow.drives
     entry = drives.entries["way"]
     assert entry.drives == ("street_1-4", "street_1-7")
     assert entry.rates["draco"] == entry.rates["puck"] == ("200mm", "20mm")
     assert entry.rates["gpcc_predictive"] == ("128mm", "32mm", "16mm", "4mm", "2mm", "1mm")
     assert "packets_xz" not in entry.rates
     assert len(drives.rows) == 2 + len(drives.curves) == 2 * 4
-    assert '"seed":7' in drives.drive("way", "street_1-7").record
-    assert drives.encode("way", "puck").record != drives.encode("way", "draco").record
+    names = {"drives": "way", "drive": "street_1-7"}
+    assert flow.step("drive", **names).step.seed == 7
+    steps = (flow.step("encode_drive", **names, codec=codec) for codec in ("puck", "draco"))
+    assert len({step.settings for step in steps}) == 2
 
 
 def test_each_scene_has_its_trajectory() -> None:
@@ -46,13 +49,15 @@ def test_each_scene_has_its_trajectory() -> None:
         "street_1": {"duration_s": 3, "speed_m_s": 5},
         "street_3": {"duration_s": 4, "speed_m_s": 8, "start": [-20, 0]},
     }
-    config = workflow(trajectories=motions, scenes="streets").drives
-    assert config.entries["way"].drives == ("street_1-1", "street_3-1")
-    first, third = (config.drive("way", f"street_{number}-1") for number in (1, 3))
-    assert '"speed_m_s":5' in first.record
-    assert '"start":[-20' in third.record
-    assert first.code != third.code
-    assert config.encode("way", "puck").record == config.encode("way", "puck").record
+    flow = workflow(trajectories=motions, scene_set="streets")
+    assert flow.drives.entries["way"].drives == ("street_1-1", "street_3-1")
+    both = [{"drives": "way", "drive": f"street_{number}-1"} for number in (1, 3)]
+    first, third = (flow.step("drive", **names) for names in both)
+    assert '"speed_m_s":5' in first.settings
+    assert '"start":[-20' in third.settings
+    assert first.fingerprint != third.fingerprint
+    first, third = (flow.step("encode_drive", **names, codec="puck") for names in both)
+    assert first.settings == third.settings
 
 
 def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Path) -> None:
@@ -60,19 +65,19 @@ def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Pat
         (tmp_path / f"turn_{number}.xyz").write_text("0 0 1\n1 0 1\n")
     clouds = {"loader": "point_clouds", "options": {"path": str(tmp_path)}}
     config = {
-        "scenes": {"clouds": clouds},
+        "scene_sets": {"clouds": clouds},
         "datasets": {},
         "drives": {
             "real": {
-                "scenes": "clouds",
+                "scene_set": "clouds",
                 "make": "cloud",
                 "tasks": {"odometry": {"max_range_m": 20, "voxel_m": 0.2}},
             }
         },
         "codecs": {"draco": {}},
     }
-    record = Workflow(config).drives.drive("real", "turn").record
-    assert '"odometry":{"max_range_m":20,"voxel_m":0.2}' in record
+    step = Workflow(config).step("drive_of_clouds", drives="real", drive="turn").step
+    assert step.odometry == {"max_range_m": 20, "voxel_m": 0.2}
 
 
 def test_table_and_figure_of_odometry_are_made_if_it_is_a_task() -> None:
@@ -86,7 +91,7 @@ def test_table_and_figure_of_odometry_are_made_if_it_is_a_task() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"scenes": "road"}, "drives.way.scenes: no scene set 'road'"),
+        ({"scene_set": "road"}, "drives.way.scene_set: no scene set 'road'"),
         ({"sweep": "spin"}, "drives.way: sweep: needs a trajectory"),
         ({"sweep": {**DRIVE["sweep"], "duration_s": 0.2}}, "1 frames, 5 turns a second: a drive"),
         ({"make": "cloud"}, "make is 'cloud', but street has meshes: scan"),

@@ -35,17 +35,17 @@ def of_few_bits(few_bits: "pd.DataFrame", style: object) -> "Figure":
 """
 TURN = [[0, 0, 0, 0, 0, 0, 0], [0.4, 0, 0.3, 0, 0, 0, 0]]
 CONFIG: dict[str, Any] = {
-    "scenes": {
+    "scene_sets": {
         "objects": {"loader": "embedded_objects", "select": ["airplane_01", "chair_01"]},
         "rooms": {"loader": "embedded_rooms", "select": ["office_1", "copy_room_1"]},
     },
     "datasets": {
-        "objects": {"scenes": "objects", "make": "sample", "seeds": [1, 2]},
-        "noisy": {"scenes": "rooms", "make": "scan", "errors": "vlp16"},
+        "objects": {"scene_set": "objects", "make": "sample", "seeds": [1, 2]},
+        "noisy": {"scene_set": "rooms", "make": "scan", "errors": "vlp16"},
     },
     "drives": {
         "ways": {
-            "scenes": "rooms",
+            "scene_set": "rooms",
             "sweep": {"preset": "spin", "trajectory": TURN},
             "rates": ["20mm"],
         }
@@ -84,10 +84,10 @@ def files(bench: Workflow) -> set[str]:
     outputs = bench.outputs
     rows = {name for table in outputs.gathered.values() for name in table.names}
     study = bench.study.gathered if bench.plan.study else {}
-    rows |= {name for table in study.values() for name in table.names}
+    rows |= {name for names in study.values() for name in names}
     tables = {f"tables/{name}" for name in (*outputs.gathered, *outputs.tables)}
     figures = {f"figures/{name}" for name in outputs.figures}
-    coded = {*bench.coding.artefacts(), *bench.drives.artefacts()}
+    coded = {*bench.plan.artefacts(), *bench.drives.artefacts()}
     return rows | tables | figures | coded | {f"weights/{name}" for name in bench.plan.trainings}
 
 
@@ -220,7 +220,7 @@ def test_an_anchor_without_results_is_replaced_by_the_first_codec() -> None:
 
 def test_without_any_result_there_is_still_a_report_of_what_failed() -> None:
     scenes = {"chairs": {"loader": "embedded_objects", "select": ["chair_01"]}}
-    config = {"scenes": scenes, "datasets": {"d": {"scenes": "chairs", "make": "sample"}}}
+    config = {"scene_sets": scenes, "datasets": {"d": {"scene_set": "chairs", "make": "sample"}}}
     contents = without(config, "scenes/chairs/chair_01").outputs.report_contents
     assert (contents.metrics, list(contents.tables), contents.figures) == (
         None,

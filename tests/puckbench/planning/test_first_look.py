@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-from puckbench.planning.planned_job import Gathering
 from puckbench.planning.workflow import Workflow
+from puckbench.steps.step import PlannedStep
 
 
-def first_look(**codecs: Any) -> Gathering:
+def first_look(**codecs: Any) -> PlannedStep:
     config = {
-        "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
-        "datasets": {"d": {"scenes": "a", "make": "sample"}},
+        "scene_sets": {"a": {"loader": "embedded_objects", "limit": 1}},
+        "datasets": {"d": {"scene_set": "a", "make": "sample"}},
         "codecs": codecs,
     }
-    return Workflow(config).outputs.first_look
+    return Workflow(config).step("first_look")
 
 
 def test_its_rows_are_those_of_the_first_codec_alone() -> None:
     look = first_look(draco={"rates": ["r2", "r5"]}, gpcc={})
-    assert look.names == ("metrics/d/airplane_01/draco.parquet",)
+    assert look.step.names == ("metrics/d/airplane_01/draco.parquet",)
 
 
 def test_other_codecs_rates_do_not_change_its_job() -> None:
     item = first_look(draco={}, gpcc={"rates": ["r1", "r2"]})
-    assert first_look(draco={}, gpcc={"rates": ["r1", "r3"]}) == item
+    assert first_look(draco={}, gpcc={"rates": ["r1", "r3"]}).key == item.key

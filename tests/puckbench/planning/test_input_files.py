@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from pcc_networks.catalogue import shipped
-from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
+from puckbench.steps.step import PlannedStep
 from tests.support.files import put
 
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -36,21 +36,21 @@ def scene_set(loader: str, path: str) -> dict[str, Any]:
 
 
 CONFIG: dict[str, Any] = {
-    "scenes": {
+    "scene_sets": {
         "turns": scene_set("point_clouds", "clouds"),
         "chairs": scene_set("mesh_files", "meshes"),
         "kitti": scene_set("kitti", "kitti"),
         "capod": scene_set("capod", "capod"),
     },
     "datasets": {
-        "turns": {"scenes": "turns", "make": "cloud"},
-        "chairs": {"scenes": "chairs", "make": "sample"},
-        "kitti": {"scenes": "kitti", "make": "cloud"},
-        "capod": {"scenes": "capod", "make": "sample"},
+        "turns": {"scene_set": "turns", "make": "cloud"},
+        "chairs": {"scene_set": "chairs", "make": "sample"},
+        "kitti": {"scene_set": "kitti", "make": "cloud"},
+        "capod": {"scene_set": "capod", "make": "sample"},
     },
     "drives": {
         "way": {
-            "scenes": "turns",
+            "scene_set": "turns",
             "make": "cloud",
             "poses": "poses.txt",
             "tasks": {"registration": {}},
@@ -64,15 +64,15 @@ CONFIG: dict[str, Any] = {
 }
 
 
-def jobs() -> Iterator[tuple[str, PlannedJob]]:
+def jobs() -> Iterator[tuple[str, PlannedStep]]:
     """Plan every job that reads files of the user, as a new process does."""
     workflow = Workflow(CONFIG)
-    for scenes in workflow.plan.scenes.values():
+    for scenes in workflow.plan.scene_sets.values():
         for name in scenes.chosen:
-            yield f"scene {name}", workflow.clouds.scene(scenes.name, name)
-    yield "drive", workflow.drives.drive("way", "turn")
-    yield "capture", workflow.study.capture_residuals("wall")
-    yield "training", workflow.training.train("mine")
+            yield f"scene {name}", workflow.step("scene", scene_set=scenes.name, scene=name)
+    yield "drive", workflow.step("drive_of_clouds", drives="way", drive="turn")
+    yield "capture", workflow.step("capture_residuals", capture="wall")
+    yield "training", workflow.step("weights", trained="mine")
 
 
 @pytest.fixture

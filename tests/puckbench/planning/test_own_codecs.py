@@ -8,8 +8,8 @@ import yaml
 from puckbench.cli import main
 from puckbench.figures.plot_styles import PlotStyle, read_looks
 from puckbench.figures.style import FigureStyle
-from puckbench.jobs.gathered_tables import PlanTable
 from puckbench.planning.workflow import Workflow
+from puckbench.steps.results_table import PlanTable
 
 ROOT = Path(__file__).parents[3]
 

@@ -8,12 +8,10 @@ from typing import Any
 import pytest
 
 from pointkit.errors import InputError
-from puckbench.jobs.evaluate import EvaluateCurve
-from puckbench.jobs.scan import Scan
 from puckbench.planning.workflow import Workflow
 
 CLOUDS = """
-from puckbench.datasets.base import GeneratedSet
+from puckbench.scene_sets.base import GeneratedSet
 
 
 class Clouds(GeneratedSet):
@@ -29,25 +27,24 @@ class Clouds(GeneratedSet):
 
 def workflow(loader: str = "embedded_rooms", **settings: Any) -> Workflow:
     rooms = {"loader": loader, "select": ["office_1"]}
-    dataset = {"scenes": "rooms", "make": "scan", **settings}
-    return Workflow({"scenes": {"rooms": rooms}, "datasets": {"d": dataset}})
+    dataset = {"scene_set": "rooms", "make": "scan", **settings}
+    return Workflow({"scene_sets": {"rooms": rooms}, "datasets": {"d": dataset}})
 
 
 def test_a_scan_from_anywhere_is_asked_for() -> None:
-    assert not Scan.model_validate_json(workflow().clouds.scan("d", "office_1").record).anywhere
-    assert Scan.model_validate_json(
-        workflow(anywhere=True).clouds.scan("d", "office_1").record
-    ).anywhere
+    assert not workflow().step("scan", dataset="d", cloud="office_1").step.anywhere
+    assert workflow(anywhere=True).step("scan", dataset="d", cloud="office_1").step.anywhere
 
 
 def test_each_seed_has_a_cloud_of_every_scene() -> None:
     bench = workflow(seeds=[3, 8])
     assert bench.plan.clouds == (("d", "office_1-3"), ("d", "office_1-8"))
     for cloud, seed in (("office_1-3", 3), ("office_1-8", 8)):
-        assert Scan.model_validate_json(bench.clouds.scan("d", cloud).record).seed == seed
-        assert bench.clouds.scene_file("d", cloud).endswith("scenes/rooms/office_1.ply")
-    sampled = workflow(seeds=[3, 8], make="sample").clouds
-    assert sampled.sample("d", "office_1-3").record != sampled.sample("d", "office_1-8").record
+        assert bench.step("scan", dataset="d", cloud=cloud).step.seed == seed
+        assert bench.files.scene("d", cloud).endswith("scenes/rooms/office_1.ply")
+    sampled = workflow(seeds=[3, 8], make="sample")
+    for cloud, seed in (("office_1-3", 3), ("office_1-8", 8)):
+        assert sampled.step("sample", dataset="d", cloud=cloud).step.seed == seed
 
 
 @pytest.mark.parametrize(
@@ -63,9 +60,9 @@ def test_the_peak_of_a_grid_is_each_clouds_own(tmp_path: Path) -> None:
     (tmp_path / "clouds.py").write_text(CLOUDS)
 
     def peak(**settings: Any) -> float | None:
-        coding = workflow(**settings).coding
-        job = coding.evaluate(*coding.plan.curves[0])
-        return EvaluateCurve.model_validate_json(job.record).peak
+        flow = workflow(**settings)
+        dataset, cloud, codec = flow.plan.curves[0]
+        return flow.step("evaluate", dataset=dataset, cloud=cloud, codec=codec).step.peak
 
     assert peak() == 1023
     assert peak(size=512) == 511
@@ -85,6 +82,7 @@ def test_only_clouds_come_on_a_grid() -> None:
 
 
 def test_pictures_need_memory() -> None:
-    more = workflow(views=1920).coding.memory_mb("draco")
-    more -= workflow().coding.memory_mb("draco")
+    names = {"dataset": "d", "cloud": "office_1", "codec": "draco"}
+    more = workflow(views=1920).step("evaluate", **names).memory_mb
+    more -= workflow().step("evaluate", **names).memory_mb
     assert more == pytest.approx(1920**2 * 100e-6, abs=1)

@@ -11,8 +11,8 @@ from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[3]
 ROOMS = {"loader": "embedded_rooms", "select": ["office_1"]}
-SCAN = {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}}
-SAMPLE = {"scenes": "rooms", "make": "sample"}
+SCAN = {"scene_set": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}}
+SAMPLE = {"scene_set": "rooms", "make": "sample"}
 TRUTH_FIGURES = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff", "truth_accuracy"}
 
 
@@ -21,17 +21,17 @@ def workflow(
 ) -> Workflow:
     codecs = codecs or {"primitives": {"rates": ["r4"]}, "draco": {"rates": ["r1"]}}
     scenes = {"rooms": ROOMS, **scenes}
-    return Workflow({"scenes": scenes, "datasets": datasets, "codecs": codecs})
+    return Workflow({"scene_sets": scenes, "datasets": datasets, "codecs": codecs})
 
 
 def tables_of_rows(bench: Workflow) -> dict[str, tuple[str, ...]]:
-    return {kind: tuple(item.names) for kind, item in bench.outputs.gathered.items()}
+    return {kind: item.names for kind, item in bench.outputs.gathered.items()}
 
 
 def test_scans_are_measured_against_the_truth_and_the_clean_scan() -> None:
     bench = workflow({"scanned": SCAN, "sampled": SAMPLE})
-    assert set(bench.coding.truth("scanned", "office_1")) == {"truth", "clean"}
-    assert set(bench.coding.truth("sampled", "office_1")) == {"truth", "visible"}
+    assert set(bench.files.truth("scanned", "office_1")) == {"truth", "clean"}
+    assert set(bench.files.truth("sampled", "office_1")) == {"truth", "visible"}
     assert tables_of_rows(bench)["scan_errors"] == ("scan_errors/scanned/office_1.json",)
     assert set(bench.outputs.figures) >= TRUTH_FIGURES
     assert set(bench.outputs.tables["nearest_truth"]) == {"metrics", "scan_errors"}
@@ -60,7 +60,7 @@ def test_primitives_are_compared_where_scenes_and_codec_have_them() -> None:
     ("data", "codecs"),
     [
         ({**SCAN, "recovery": False}, None),
-        ({**SCAN, "scenes": "meshes"}, None),
+        ({**SCAN, "scene_set": "meshes"}, None),
         (SCAN, {"draco": {"rates": ["r1"]}}),
     ],
     ids=["switched off", "scenes without primitives", "codec of points"],

@@ -11,8 +11,8 @@ from puckbench.planning.workflow import Workflow
 def workflow(points: int = 100_000, **codecs: Any) -> Workflow:
     return Workflow(
         {
-            "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
-            "datasets": {"d": {"scenes": "a", "make": "sample", "points": points}},
+            "scene_sets": {"a": {"loader": "embedded_objects", "limit": 1}},
+            "datasets": {"d": {"scene_set": "a", "make": "sample", "points": points}},
             "codecs": codecs,
             "timing": {"repeats": 1},
         }

@@ -29,10 +29,10 @@ def meshes(tmp_path: Path) -> Path:
 
 
 def plan(meshes: Path, data: dict[str, Any] | None = None, **top: Any) -> Plan:
-    scanned = {"scenes": "mine", "make": "scan", **(data or {})}
+    scanned = {"scene_set": "mine", "make": "scan", **(data or {})}
     scenes = {"mine": {"loader": "mesh_files", "options": {"path": str(meshes)}}}
     results = str(meshes.parent / "results")
-    config = {"results": results, "scenes": scenes, "datasets": {"scanned": scanned}, **top}
+    config = {"results": results, "scene_sets": scenes, "datasets": {"scanned": scanned}, **top}
     return Plan(checked(config), check_scenes=True)
 
 
@@ -82,7 +82,7 @@ def test_a_mesh_is_looked_at_again_only_when_it_changed(
 ) -> None:
     plan(meshes)
     looked: list[str] = []
-    from puckbench.datasets.mesh_files import MeshFiles
+    from puckbench.scene_sets.mesh_files import MeshFiles
 
     load = MeshFiles.load
     monkeypatch.setattr(
@@ -112,8 +112,12 @@ def test_a_metric_cloud_in_millimetres_is_remarked_upon_and_a_scaled_one_is_not(
     (tmp_path / "room.xyz").write_text("0 0 0\n4000 0 0\n0 4000 0\n")
     scenes = {"mine": {"loader": "point_clouds", "options": {"path": str(tmp_path / "room.xyz")}}}
     for size in (1024, "metric"):
-        data = {"scenes": "mine", "make": "cloud", "size": size}
-        config = {"results": str(tmp_path / "out"), "scenes": scenes, "datasets": {"room": data}}
+        data = {"scene_set": "mine", "make": "cloud", "size": size}
+        config = {
+            "results": str(tmp_path / "out"),
+            "scene_sets": scenes,
+            "datasets": {"room": data},
+        }
         Plan(checked(config), check_scenes=True)
         assert len(caplog.records) == (size == "metric")
 
@@ -124,8 +128,8 @@ def test_points_that_are_left_out_are_counted(tmp_path: Path) -> None:
         points[:missing, :3] = np.nan
         np.save(tmp_path / f"{name}.npy", points)
     scenes = {"mine": {"loader": "point_clouds", "options": {"path": str(tmp_path)}}}
-    datasets = {"taken": {"scenes": "mine", "make": "cloud"}}
-    config = {"results": str(tmp_path / "results"), "scenes": scenes, "datasets": datasets}
+    datasets = {"taken": {"scene_set": "mine", "make": "cloud"}}
+    config = {"results": str(tmp_path / "results"), "scene_sets": scenes, "datasets": datasets}
     points_line, attributes_line = left_out_lines(
         Plan(checked(config), check_scenes=True).left_out_rows()
     )
@@ -144,6 +148,6 @@ def test_a_scene_is_looked_at_again_when_its_unit_changes(meshes: Path) -> None:
 def _scaled_plan(meshes: Path, unit: float) -> Plan:
     options = {"path": str(meshes), "metres_per_unit": unit}
     scenes = {"mine": {"loader": "mesh_files", "options": options}}
-    data = {"scanned": {"scenes": "mine", "make": "scan"}}
-    config = {"results": str(meshes.parent / "results"), "scenes": scenes, "datasets": data}
+    data = {"scanned": {"scene_set": "mine", "make": "scan"}}
+    config = {"results": str(meshes.parent / "results"), "scene_sets": scenes, "datasets": data}
     return Plan(checked(config), check_scenes=True)

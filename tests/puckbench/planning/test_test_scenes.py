@@ -22,10 +22,10 @@ Scene = tuple[str, int, str]
 def scenes_of(config: Path) -> set[Scene]:
     """Loader, seed and name of each generated scene from which a configuration makes clouds."""
     plan = Plan(checked(read_config(config)))
-    sets = {entry.scenes for entry in (*plan.datasets.values(), *plan.config.drives.values())}
+    uses = (*plan.datasets.values(), *plan.config.drives.values())
     return {
         (chosen.loader, chosen.seed, name)
-        for chosen in (plan.scenes[name] for name in sets)
+        for chosen in (plan.scene_sets[use.scene_set] for use in uses)
         for name in chosen.chosen
     }
 

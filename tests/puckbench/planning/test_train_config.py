@@ -12,9 +12,9 @@ import yaml
 
 from pcc_networks import catalogue
 from puckbench.codecs.registry import open_codec, open_training
-from puckbench.jobs.validation import faults
 from puckbench.planning.plan import TrainingPlan
 from puckbench.planning.workflow import Workflow
+from puckbench.steps.validation import faults
 
 ROOT = Path(__file__).parents[3]
 CONFIG = ROOT / "config" / "train.yaml"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -60,9 +59,9 @@ def made(*paths: str, codecs: tuple[str, ...] = ("draco",), **asked: Any) -> dic
 
 def test_a_folder_is_sorted_by_what_its_files_hold() -> None:
     config = made("mine", "drive.pcap")
-    assert config["scenes"]["clouds"] == {"loader": "point_clouds", "options": {"path": "mine"}}
-    assert config["scenes"]["meshes"]["loader"] == "mesh_files"
-    assert config["scenes"]["recordings"]["options"]["path"] == "drive.pcap"
+    assert config["scene_sets"]["clouds"] == {"loader": "point_clouds", "options": {"path": "mine"}}
+    assert config["scene_sets"]["meshes"]["loader"] == "mesh_files"
+    assert config["scene_sets"]["recordings"]["options"]["path"] == "drive.pcap"
     sizes = {name: data["size"] for name, data in config["datasets"].items()}
     assert sizes == {"clouds": 1024, "meshes": 1024, "recordings": "metric"}
     assert config["datasets"]["meshes"]["make"] == "sample"
@@ -76,7 +75,7 @@ def test_a_pipe_is_left_out() -> None:
     os.mkfifo("mine/pipe.las")
     config = made("pipe.ply", "mine")
     assert config["unused"]["pipe.ply"] == "a pipe, not a file"
-    assert config["scenes"].keys() == made("mine")["scenes"].keys()
+    assert config["scene_sets"].keys() == made("mine")["scene_sets"].keys()
     with pytest.raises(InputError, match=r"^pipe\.ply: a pipe, not a file$"):
         made("pipe.ply")
 
@@ -117,7 +116,7 @@ def test_other_letters_of_names_are_no_hindrance(name: str) -> None:
 def test_meshes_are_scanned_where_that_is_asked_for() -> None:
     config = made("mine/box.ply", scan=True, errors="vlp16")
     assert config["datasets"]["scans"] | {"sweep": {}} == {
-        "scenes": "meshes", "make": "scan", "errors": "vlp16", "sweep": {}, "size": 1024
+        "scene_set": "meshes", "make": "scan", "errors": "vlp16", "sweep": {}, "size": 1024
     }  # fmt: skip
     assert config["figures"]["examples"] == {"noisy": "scans/box"}
 
@@ -146,10 +145,12 @@ def test_a_peak_is_that_of_clouds_in_metres() -> None:
     config = made("mine", "utm.las", "drive.pcap", frame="scaled", peak=59.7)
     peaks = {name: data.get("peak") for name, data in config["datasets"].items()}
     assert peaks == {"clouds": None, "meshes": None, "recordings": 59.7}
-    jobs = Workflow(config).coding
-    measured = {
-        curve[0]: json.loads(jobs.evaluate(*curve).record).get("peak") for curve in jobs.plan.curves
-    }
+    flow = Workflow(config)
+    steps = (
+        flow.step("evaluate", dataset=dataset, cloud=cloud, codec=codec)
+        for dataset, cloud, codec in flow.plan.curves
+    )
+    measured = {step.step.dataset: step.step.peak for step in steps}
     assert measured == {"clouds": 1023, "meshes": 1023, "recordings": 59.7}
 
 
@@ -195,7 +196,7 @@ def test_a_compressed_copy_of_a_recording_is_left_out_and_named() -> None:
 def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:
     Path("torn.pcap").write_bytes(b"no capture at all")
     config = made("*.pcap")
-    assert config["scenes"]["recordings"]["options"]["path"] == "*.pcap"
+    assert config["scene_sets"]["recordings"]["options"]["path"] == "*.pcap"
     plan = Plan(checked(config), check_scenes=True)
     assert list(plan.left_out["recordings"]) == ["torn"]
     assert "torn.pcap: not a packet capture" in plan.left_out["recordings"]["torn"]
@@ -239,7 +240,7 @@ def cloud(number: int) -> np.ndarray:
 def test_clouds_of_bags_are_planned_in_metres_ten_of_them() -> None:
     cloud_bag(Path("drive.bag"), {"/points": [cloud(number) for number in range(25)]})
     config = made("drive.bag")
-    scenes = config["scenes"]["recorded_clouds"]
+    scenes = config["scene_sets"]["recorded_clouds"]
     assert scenes["loader"] == "recorded_clouds"
     assert scenes["options"] == {"path": "drive.bag"}
     assert len(scenes["select"]) == 10
@@ -248,7 +249,7 @@ def test_clouds_of_bags_are_planned_in_metres_ten_of_them() -> None:
     assert config["datasets"]["recorded_clouds"]["size"] == "metric"
     assert config["unused"]["recorded_clouds"] == "10 of 25 clouds are coded (--limit)"
     assert made("drive.bag", frame="scaled")["datasets"]["recorded_clouds"]["size"] == 1024
-    few = made("drive.bag", limit=2)["scenes"]["recorded_clouds"]["select"]
+    few = made("drive.bag", limit=2)["scene_sets"]["recorded_clouds"]["select"]
     assert few == ["drive_0000", "drive_0024"]
 
 
@@ -258,7 +259,7 @@ def test_a_folder_of_both_kinds_of_bags_is_divided() -> None:
     sqlite_bag(Path("bags/torn.db3"), [b"damaged"])
     Path("bags/drive.pcap").write_bytes(Path("drive.pcap").read_bytes())
     plan = Plan(checked(config := made("bags")), check_scenes=True)
-    paths = {kind: scenes["options"]["path"] for kind, scenes in config["scenes"].items()}
+    paths = {kind: scenes["options"]["path"] for kind, scenes in config["scene_sets"].items()}
     assert paths["recorded_clouds"] == "bags/clouds.bag"
     assert sorted(paths["recordings"]) == ["bags/drive.pcap", "bags/torn.db3"]
     assert list(plan.left_out) == ["recordings"]
@@ -271,7 +272,7 @@ def test_a_topic_of_several_is_chosen() -> None:
     with pytest.raises(InputError, match=r"two.mcap: .*: /a, /b: choose one by --topic"):
         made("two.mcap")
     config = made("two.mcap", options={"topic": "/b"})
-    assert config["scenes"]["recorded_clouds"]["options"] == {"path": "two.mcap", "topic": "/b"}
+    assert config["scene_sets"]["recorded_clouds"]["options"] == {"path": "two.mcap", "topic": "/b"}
     both = made("two.mcap", "drive.pcap", options={"topic": "/b"})
     clouds = Plan(checked(both), check_scenes=True).datasets
     assert clouds["recorded_clouds"].clouds == ("two_0000", "two_0001")
@@ -304,7 +305,7 @@ def test_codecs_get_fewer_rates_where_all_would_take_long(monkeypatch: pytest.Mo
 def test_what_a_shell_finds_beside_the_clouds_is_left_out_and_named() -> None:
     asked = UserRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
     config = asked.configuration()
-    assert config["scenes"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
+    assert config["scene_sets"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
     assert config["unused"].keys() == {"mine.py", "unit of clouds"}
     assert config["unused"]["mine.py"].startswith("no cloud, mesh or recording there (.ply")
 
@@ -314,7 +315,7 @@ def test_a_studys_configuration_has_its_clouds_and_ones_own_codec() -> None:
     config = study_configuration(study, ["mine.py:MyCodec"], "out", ["objects", "rooms_raw"])
     assert config["codecs"] == {"my_codec": {"class": "mine.py:MyCodec"}}
     assert list(config["datasets"]) == ["objects", "rooms_raw"]
-    assert set(config["scenes"]) == {"objects", "raw_rooms"}
+    assert set(config["scene_sets"]) == {"objects", "raw_rooms"}
     assert config["figures"]["examples"] == {
         "object": "objects/airplane_02",
         "raw": "rooms_raw/Area_1_office_1",
@@ -328,8 +329,8 @@ def test_a_studys_configuration_has_its_clouds_and_ones_own_codec() -> None:
     again = checked(config).as_json()
     for name in config["datasets"]:
         assert again["datasets"][name] == theirs["datasets"][name]
-    for name in config["scenes"]:
-        assert again["scenes"][name] == theirs["scenes"][name]
+    for name in config["scene_sets"]:
+        assert again["scene_sets"][name] == theirs["scene_sets"][name]
     assert again["seed"] == theirs["seed"]
     assert "anywhere" not in config["datasets"]["objects"], "defaults are left to the program"
 

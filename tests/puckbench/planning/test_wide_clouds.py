@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -61,17 +60,16 @@ def test_what_is_left_out_is_named_with_its_remedy() -> None:
 
 def test_jobs_are_planned_for_the_other_cells_alone() -> None:
     config = configured("near.npy", "wide.npy", "wider.npy")
-    coding = Workflow(config, check_scenes=True).coding
+    flow = Workflow(config, check_scenes=True)
     names = ("near", "wide", "wider")
-    assert set(coding.rows("metrics")) == {
+    assert set(flow.plan.rows("metrics")) == {
         f"metrics/clouds/{name}/{codec}.parquet" for name in names for codec in ("gpcc", "draco")
     }
     for name, count in zip(names, (4, 2, 1), strict=True):
-        for job in (coding.encode, coding.evaluate):
-            changes = json.loads(job("clouds", name, "gpcc").record)["changes"]
-            assert tuple(changes["metric_rates"]) == RATES[:count]
-            changes = json.loads(job("clouds", name, "draco").record)["changes"]
-            assert tuple(changes["metric_rates"]) == RATES
+        for rule in ("encode", "evaluate"):
+            for codec, expected in (("gpcc", RATES[:count]), ("draco", RATES)):
+                step = flow.step(rule, dataset="clouds", cloud=name, codec=codec).step
+                assert tuple(step.entry["metric_rates"]) == expected
 
 
 def test_scaled_clouds_are_never_too_wide() -> None:

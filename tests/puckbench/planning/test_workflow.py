@@ -7,11 +7,11 @@ import pytest
 from pointkit.errors import InputError
 from puckbench.planning.workflow import Workflow
 
-ROOMS = {"scenes": "rooms", "rates": ["50mm"], "codecs": ["draco"]}
+ROOMS = {"scene_set": "rooms", "rates": ["50mm"], "codecs": ["draco"]}
 SWEEP = {"preset": "spin", "trajectory": [[0, 0, 0, 0, 0, 0, 0], [0.4, 0, 0.3, 0, 0, 0, 0]]}
 CONFIG = {
-    "scenes": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
-    "datasets": {"d": {"scenes": "rooms", "make": "sample", "points": 10, "codecs": ["draco"]}},
+    "scene_sets": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
+    "datasets": {"d": {"scene_set": "rooms", "make": "sample", "points": 10, "codecs": ["draco"]}},
     "drives": {"push": {**ROOMS, "sweep": SWEEP}},
     "codecs": {"draco": {"rates": ["r1", "r8"]}, "gpcc": {}},
 }
@@ -30,7 +30,7 @@ def workflow() -> Workflow:
         ("dataset=d cloud=ofice_1", "data set d has no cloud 'ofice_1'; did you mean 'office_1'"),
         ("drives=push drive=x codec=draco", "push has no drive 'x'"),
         ("drives=push drive=office_1-1 codec=gpcc", "codec gpcc does not code push"),
-        ("scenes=rooms scene=x", "rooms has no scene 'x'"),
+        ("scene_set=rooms scene=x", "rooms has no scene 'x'"),
     ],
 )
 def test_a_result_that_a_plan_lacks_is_told_in_one_line(
@@ -46,7 +46,7 @@ def test_a_result_that_a_plan_lacks_is_told_in_one_line(
         "dataset=d cloud=office_1 codec=draco rate=r8",
         "drives=push drive=office_1-1 codec=draco",
         "drives=push drive=office_1-1",
-        "scenes=rooms scene=storage_1",
+        "scene_set=rooms scene=storage_1",
         "figure=fig_6_6",
     ],
 )

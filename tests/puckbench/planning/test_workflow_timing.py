@@ -6,15 +6,13 @@ from typing import Any
 
 import pytest
 
-from puckbench.jobs.encode_curve import EncodeCurve
-from puckbench.jobs.evaluate import EvaluateCurve
 from puckbench.planning.workflow import Workflow
 
 
 def workflow(timing: Any) -> Workflow:
     config = {
-        "scenes": {"a": {"loader": "embedded_objects", "limit": 1}},
-        "datasets": {"d": {"scenes": "a", "make": "sample", "truth": False}},
+        "scene_sets": {"a": {"loader": "embedded_objects", "limit": 1}},
+        "datasets": {"d": {"scene_set": "a", "make": "sample", "truth": False}},
         "timing": timing,
     }
     return Workflow(config)
@@ -33,16 +31,17 @@ def workflow(timing: Any) -> Workflow:
 def test_a_timed_job_takes_all_cores_when_it_is_to_run_alone(
     timing: Any, cores: int | None, taken: int
 ) -> None:
-    assert workflow(timing).coding.cores(cores) == taken
+    assert workflow(timing).costs.cores(cores) == taken
 
 
 def test_the_record_says_how_it_is_timed() -> None:
-    alone = workflow({"exclusive": True, "repeats": 5}).coding
-    (curve,) = alone.plan.curves
-    coded = EncodeCurve.model_validate_json(alone.encode(*curve).record)
-    assert (coded.repeats, coded.alone) == (5, True)
-    assert not EncodeCurve.model_validate_json(workflow({}).coding.encode(*curve).record).alone
-    measured = EvaluateCurve.model_validate_json(alone.evaluate(*curve).record)
-    assert (measured.repeats, measured.alone) == (5, True)
+    alone = workflow({"exclusive": True, "repeats": 5})
+    ((dataset, cloud, codec),) = alone.plan.curves
+    names = {"dataset": dataset, "cloud": cloud, "codec": codec}
+    coded = alone.step("encode", **names).step
+    assert (coded.repeats, coded.exclusive) == (5, True)
+    assert not workflow({}).step("encode", **names).step.exclusive
+    measured = alone.step("evaluate", **names).step
+    assert (measured.repeats, measured.exclusive) == (5, True)
     assert (measured.dataset, measured.peak, measured.views) == ("d", 1023, 0)
-    assert workflow({"threads": 3}).coding.threads_environment["OMP_NUM_THREADS"] == "3"
+    assert workflow({"threads": 3}).costs.threads_environment["OMP_NUM_THREADS"] == "3"

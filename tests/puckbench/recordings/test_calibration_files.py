@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pointkit.errors import InputError
-from puckbench.jobs.calibrate import Calibrate
+from puckbench.steps.calibration import Calibrate
 
 
 def test_without_a_recording_there_is_nothing_to_calibrate_to(tmp_path: Path) -> None:

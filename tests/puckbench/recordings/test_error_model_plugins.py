@@ -11,7 +11,7 @@ import pytest
 from cloud_files.meshes import write_mesh
 from pointkit.registry import trust
 from puckbench.cli import main
-from puckbench.planning.fingerprints import code_version
+from puckbench.steps.fingerprints import code_version
 from tests.support.sensor_scenes import room
 from virtual_lidar import open_error_model, read_scan
 from virtual_lidar.errors import module_of_model

@@ -16,8 +16,8 @@ from pointkit.errors import InputError
 from pointkit.lidar.return_table import read_return_table
 from puck.recordings.ouster import read_sensor
 from puckbench.cli import main
-from puckbench.datasets.recordings import Recordings
 from puckbench.recordings.reading import read_recording, read_turns
+from puckbench.scene_sets.recordings import Recordings
 from tests.support.bench import ROOT
 from tests.support.ouster import (
     FORMATS,

@@ -26,7 +26,7 @@ def test_a_long_scan_by_hand_goes_to_disk_in_portions(
     sweep = json.dumps({"trajectory": str(way), "duration_s": 0.3, "azimuth_step_deg": 1})
     words = ["scan", str(mesh), "--errors", "vlp16", "--sweep", sweep, "--origin", "2", "2", "1"]
     assert main([*words[:2], str(tmp_path / "whole.parquet"), *words[2:]]) == 0
-    monkeypatch.setattr("puckbench.jobs.scan._RAYS_IN_MEMORY", 1000)
+    monkeypatch.setattr("puckbench.steps.scan._RAYS_IN_MEMORY", 1000)
     assert main([*words[:2], str(tmp_path / "streamed.parquet"), *words[2:]]) == 0
     whole, streamed = (read_scan(tmp_path / f"{name}.parquet") for name in ("whole", "streamed"))
     assert len(whole) == 36 * 15 * 16

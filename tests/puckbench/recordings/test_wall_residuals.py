@@ -19,9 +19,9 @@ from pointkit.geometry.cloud import Floats
 from pointkit.lidar.sensors import load_sensor
 from puck.recordings.packets import PACKET
 from puckbench.cli import main
-from puckbench.jobs.capture_residuals import planes_of_capture
 from puckbench.recordings.reading import read_recording
 from puckbench.recordings.writing import pcap_bytes, write_pcap
+from puckbench.steps.capture_residuals import planes_of_capture
 from tests.support.capture_lookalike import box_capture
 from tests.support.room_captures import NOISE, ROTATION_HZ, room_scan
 from tests.support.sensor_scenes import quad

@@ -33,9 +33,9 @@ from tests.support.reference_lookalike import kept
 
 CONFIG: dict[str, Any] = {
     "seed": 3,
-    "scenes": {"objects": {"loader": "embedded_objects", "select": ["lamp_01", "chair_01"]}},
+    "scene_sets": {"objects": {"loader": "embedded_objects", "select": ["lamp_01", "chair_01"]}},
     "datasets": {
-        "objects": {"scenes": "objects", "make": "sample", "points": 1500, "truth": False}
+        "objects": {"scene_set": "objects", "make": "sample", "points": 1500, "truth": False}
     },
     "codecs": {"draco": {"rates": ["r3", "r6"]}},
     "timing": {"repeats": 1},
@@ -81,12 +81,12 @@ def only(reference: ReferenceResults) -> dict[str, Any]:
         if chosen.get("seeds"):
             scene, _, seed = cloud.rpartition("-")
             seeds = {"seeds": [int(seed)]}
-        of_one = {**configuration["scenes"][chosen["scenes"]], "select": [scene]}
+        of_one = {**configuration["scene_sets"][chosen["scene_set"]], "select": [scene]}
         scenes[dataset] = {key: value for key, value in of_one.items() if key != "limit"}
-        datasets[dataset] = {**chosen, **seeds, "scenes": dataset, "codecs": None}
+        datasets[dataset] = {**chosen, **seeds, "scene_set": dataset, "codecs": None}
     return {
         "seed": configuration["seed"],
-        "scenes": scenes,
+        "scene_sets": scenes,
         "datasets": datasets,
         "codecs": dict(_sampled_codecs(reference, set(datasets))),
         "timing": {**configuration["timing"], "repeats": 1},
@@ -114,7 +114,7 @@ def _sampled_codecs(
 
 def missing_data(config: dict[str, Any]) -> list[str]:
     """Folders of data that a configuration reads and that are not there."""
-    paths = (scenes["options"].get("path") for scenes in config["scenes"].values())
+    paths = (scenes["options"].get("path") for scenes in config["scene_sets"].values())
     return [path for path in paths if path and not Path(path).exists()]
 
 
@@ -146,10 +146,10 @@ def test_a_study_of_clouds_in_metres_alone_is_made_again(tmp_path: Path) -> None
     spins = {"preset": "spin", "rotation_hz": 10, "frames_per_second": 10, "duration_s": 0.1}
     config: dict[str, Any] = {
         "seed": 5,
-        "scenes": {"streets": {"loader": "street", "options": {"streets": 1}}},
+        "scene_sets": {"streets": {"loader": "street", "options": {"streets": 1}}},
         "datasets": {
             "streets": {
-                "scenes": "streets",
+                "scene_set": "streets",
                 "make": "scan",
                 "errors": "vlp16",
                 "size": "metric",
@@ -183,7 +183,7 @@ def test_the_samples_of_the_default_study_are_an_object_and_a_turn_of_a_sensor()
 
 
 def test_a_study_whose_data_are_not_here_is_known(study: ReferenceResults) -> None:
-    away = {"scenes": {"objects": {"loader": "capod", "options": {"path": "no/such/folder"}}}}
+    away = {"scene_sets": {"objects": {"loader": "capod", "options": {"path": "no/such/folder"}}}}
     assert missing_data(away) == ["no/such/folder"]
 
 

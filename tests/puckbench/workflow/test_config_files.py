@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tests.support.bench import Bench
@@ -28,6 +30,42 @@ def test_a_file_read_in_two_ways_ends_in_one_line(fresh: Bench, lines: str, faul
     assert status == 2
     assert len(said) == 1
     assert said[0].startswith(f"puckbench: {fresh.folder / 'more.yaml'}: {fault}")
+
+
+def _with_old_keys(bench: Bench) -> None:
+    config = bench.folder / "config.yaml"
+    text = re.sub(r"^scene_sets:", "scenes:", config.read_text(), flags=re.MULTILINE)
+    config.write_text(text.replace("scene_set: ", "scenes: "))
+
+
+def test_old_keys_are_read_and_told_in_one_line(fresh: Bench) -> None:
+    _with_old_keys(fresh)
+    status, said = dry_run(fresh)
+    assert status == 0
+    assert said == [
+        "puckbench: configuration: 'scenes' is now 'scene_sets'; "
+        "'scenes' of a data set or drive is now 'scene_set'"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("lines", "fault"),
+    [
+        ("scene_sets: {}\n", "the configuration has 'scenes' and 'scene_sets'"),
+        (
+            "datasets: {raw: {scenes: rooms, scene_set: rooms}}\n",
+            "datasets.raw has 'scenes' and 'scene_set'",
+        ),
+    ],
+)
+def test_an_old_key_beside_the_new_one_ends_in_one_line(
+    fresh: Bench, lines: str, fault: str
+) -> None:
+    (fresh.folder / "more.yaml").write_text(f"scenes: {{}}\n{lines}")
+    status, said = dry_run(fresh, "--configfile", "config.yaml", "more.yaml")
+    assert status == 2
+    file = fresh.folder / "more.yaml"
+    assert said == [f"puckbench: {file}: {fault}, which is its new name: keep one"]
 
 
 def test_layers_of_files_and_values_of_the_command_line_hold(fresh: Bench) -> None:

@@ -75,7 +75,7 @@ def test_an_installed_package_brings_one_of_each_kind(fresh: Bench, installed: s
 def test_the_same_files_serve_without_being_installed(fresh: Bench) -> None:
     write_files(fresh.folder, PAGE)
     config = yaml.safe_load(blocks(PAGE, "yaml")[0])
-    config["scenes"]["boxes"]["loader"] = "example_data_set.py:Boxes"
+    config["scene_sets"]["boxes"]["loader"] = "example_data_set.py:Boxes"
     config["datasets"]["boxes"]["errors"] = "example_error_model.py:ConstantOffset"
     config["codecs"]["half_precision"]["class"] = "example_codec.py:HalfPrecision"
     config["metrics"] = ["example_metric.py:centroid"]

@@ -134,7 +134,7 @@ def test_files_of_ones_own_run_as_the_pages_show(tmp_path: Path) -> None:
     assert len(runs) == 3
     _shell(tmp_path, "\n".join(runs))
     config = yaml.safe_load((tmp_path / "out" / "config.yaml").read_text())
-    assert {"meshes", "clouds"} <= set(config["scenes"])
+    assert {"meshes", "clouds"} <= set(config["scene_sets"])
 
 
 def test_the_default_run_makes_every_result_that_the_pages_name(tmp_path: Path) -> None:
@@ -170,6 +170,6 @@ def test_files_that_the_readme_names_exist() -> None:
 
 def test_the_default_configuration_has_the_paths_that_the_pages_name() -> None:
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
-    assert "Area_1_office_1" in config["scenes"]["rooms"]["select"]
+    assert "Area_1_office_1" in config["scene_sets"]["rooms"]["select"]
     assert "rooms_noisy" in config["datasets"]
     assert Path(ROOT / "config" / "README.md").exists()

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from puckbench.jobs import fork_server
+from puckbench.steps import fork_server
 
 WAITS = """
 import os
@@ -38,8 +38,8 @@ class Waits(Codec):
 """
 CONFIG = """
 results: out
-scenes: {clouds: {loader: point_clouds, options: {path: cloud.npy}}}
-datasets: {clouds: {scenes: clouds, make: cloud}}
+scene_sets: {clouds: {loader: point_clouds, options: {path: cloud.npy}}}
+datasets: {clouds: {scene_set: clouds, make: cloud}}
 codecs: {waits: {class: "waits.py:Waits"}}
 """
 CURVE = "out/coded/clouds/cloud/waits.zip"

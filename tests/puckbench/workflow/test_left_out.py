@@ -55,8 +55,8 @@ def odd_figure(metrics: "pd.DataFrame", style: object) -> "Figure":
     return {}["figure"]
 """
 CONFIG: dict[str, Any] = {
-    "scenes": {"objects": {"loader": "embedded_objects", "select": ["chair_01"]}},
-    "datasets": {"objects": {"scenes": "objects", "make": "sample", "points": 2000}},
+    "scene_sets": {"objects": {"loader": "embedded_objects", "select": ["chair_01"]}},
+    "datasets": {"objects": {"scene_set": "objects", "make": "sample", "points": 2000}},
     "codecs": {"draco": {"rates": ["r1", "r8"]}},
     "timing": {"repeats": 1},
 }
@@ -83,14 +83,14 @@ def _configured(folder: Path, **changes: Any) -> None:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, int]:
     """A run with four faults: its folder, output and status."""
     folder = tmp_path_factory.mktemp("left_out")
-    noisy = {"scenes": "rooms", "make": "scan", "errors": "faults.py:Breaks"}
+    noisy = {"scene_set": "rooms", "make": "scan", "errors": "faults.py:Breaks"}
     figures = {
         "own": ["faults.py:odd_figure", "faults.py:of_odd_table"],
         "examples": {"noisy": "noisy/copy_room_1", "object": "objects/chair_01"},
     }
     _configured(
         folder,
-        scenes={**CONFIG["scenes"], "rooms": ROOMS},
+        scene_sets={**CONFIG["scene_sets"], "rooms": ROOMS},
         datasets={**CONFIG["datasets"], "noisy": {**noisy, "sweep": {"duration_s": 0.02}}},
         tables=["faults.py:odd_table"],
         figures=figures,

@@ -17,8 +17,8 @@ from tests.support.pages import blocks
 
 CONFIG = {
     "results": "benchmark",
-    "scenes": {"objects": {"loader": "embedded_objects", "select": ["chair_01"]}},
-    "datasets": {"objects": {"scenes": "objects", "make": "sample", "points": 2000}},
+    "scene_sets": {"objects": {"loader": "embedded_objects", "select": ["chair_01"]}},
+    "datasets": {"objects": {"scene_set": "objects", "make": "sample", "points": 2000}},
     "codecs": {"draco": {"rates": ["r1", "r8"]}},
 }
 

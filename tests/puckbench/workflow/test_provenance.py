@@ -15,13 +15,13 @@ import pytest
 from tests.support.bench import RAW_CODEC, Bench
 
 SMALL: dict[str, Any] = {
-    "scenes": {"files": {"loader": "point_clouds", "options": {"path": "clouds"}}},
-    "datasets": {"mine": {"scenes": "files", "make": "cloud"}},
+    "scene_sets": {"files": {"loader": "point_clouds", "options": {"path": "clouds"}}},
+    "datasets": {"mine": {"scene_set": "files", "make": "cloud"}},
     "codecs": {"raw_grid": {"class": "raw_grid.py:Raw", "rates": {"r1": {"step": 1.0}}}},
     "sensor_study": None,
     "figures": {},
 }
-OTHER = {"scenes.files.options": {"path": "clouds", "keep_missing": True}}
+OTHER = {"scene_sets.files.options": {"path": "clouds", "keep_missing": True}}
 """A change that makes everything again."""
 ROWS = [f"results/metrics/mine/{cloud}/raw_grid.parquet" for cloud in "ab"]
 ALL = {"scene": 2, "prepare": 2, "encode_raw_grid": 2, "evaluate_raw_grid": 2}

@@ -14,7 +14,7 @@ RULES = sorted((ROOT / "workflow" / "rules").glob("*.smk"))
 @pytest.mark.parametrize("rules", RULES, ids=lambda path: path.stem)
 def test_files_of_commands_are_quoted(rules: Path) -> None:
     lines = [line for line in rules.read_text().splitlines() if re.match(r'\s+"', line)]
-    commands = [line for line in lines if "puckbench.jobs" in line or "{log" in line]
+    commands = [line for line in lines if "puckbench.steps" in line or "{log" in line]
     assert not [line for line in commands if re.search(r"\{(input|output|log)[.\w]*\}", line)], (
         rules
     )
@@ -23,8 +23,8 @@ def test_files_of_commands_are_quoted(rules: Path) -> None:
 @pytest.mark.parametrize("folder", ["my results", "Ergebnisse für München", "a/b-1.0"])
 def test_a_folder_of_results_may_have_any_letters(folder: str) -> None:
     config = {
-        "scenes": {"rooms": {"loader": "embedded_rooms"}},
-        "datasets": {"d": {"scenes": "rooms", "make": "sample", "points": 10}},
+        "scene_sets": {"rooms": {"loader": "embedded_rooms"}},
+        "datasets": {"d": {"scene_set": "rooms", "make": "sample", "points": 10}},
         "results": folder,
     }
     assert checked(config).results == folder

@@ -127,10 +127,10 @@ class Coarse(Codec):
 def test_ones_own_codec_is_compared_with_a_study_in_two_commands(tmp_path: Path) -> None:
     config = {
         "seed": 3,
-        "scenes": {"some": {"loader": "embedded_objects", "select": ["lamp_01", "chair_01"]}},
+        "scene_sets": {"some": {"loader": "embedded_objects", "select": ["lamp_01", "chair_01"]}},
         "datasets": {
-            "few": {"scenes": "some", "make": "sample", "points": 900, "truth": False},
-            "many": {"scenes": "some", "make": "sample", "points": 1500, "truth": False},
+            "few": {"scene_set": "some", "make": "sample", "points": 900, "truth": False},
+            "many": {"scene_set": "some", "make": "sample", "points": 1500, "truth": False},
         },
         "codecs": {"draco": {"rates": ["r2", "r4", "r6"]}},
         "timing": {"repeats": 1},

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import pytest
 import yaml
 
-from puckbench.planning.fingerprints import covered
-from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
+from puckbench.steps.fingerprints import covered
+from puckbench.steps.step import PlannedStep
 from tests.support.bench import ROOT, Bench
 from tests.support.every_job import CODEC, CONFIG, SOURCES, jobs_of
 from tests.support.traced_jobs import Traced
@@ -28,12 +28,12 @@ TARGETS = [
     "results/decoded/sampled/chair_01/draco.zip",
     *(f"results/figures/{name}.png" for name in ("fig_5_1", "fig_5_10", "fig_6_5", "truth_rd")),
 ]
-ALL_TRACED = {"table", "evaluate_curve", "encode_curve"}
+ALL_TRACED = {"table", "evaluate", "encode", "study_table", "results_table"}
 """Jobs of which all are traced, not one of each kind."""
 OF_EVERY_JOB = {
     *("puckbench/core/environment.py", "puckbench/core/introspection.py"),
     *("puckbench/core/packages.py", "puckbench/moved.py"),
-    *("puckbench/jobs/cost.py", "puckbench/jobs/process.py"),
+    *("puckbench/steps/cost.py", "puckbench/steps/process.py"),
 }
 """Code that finds and starts jobs, or measures them: it changes no result."""
 IN_PARAMETERS = {
@@ -61,16 +61,16 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 
 
 @pytest.fixture(scope="module")
-def jobs(bench: Bench) -> dict[str, PlannedJob]:
+def jobs(bench: Bench) -> dict[str, PlannedStep]:
     """The jobs of the configuration, by name."""
     with pytest.MonkeyPatch.context() as place:
         place.chdir(bench.folder)
         return jobs_of(Workflow(yaml.safe_load(Path("config.yaml").read_text())))
 
 
-def code_of(job: PlannedJob) -> set[str]:
+def code_of(job: PlannedStep) -> set[str]:
     """The files of a job's code, from the folder of the packages where they lie in it."""
-    return set(map(_short, covered(*job.modules)))
+    return set(map(_short, covered(type(job.step).__module__, *job.code)))
 
 
 def _short(file: Path) -> str:
@@ -95,8 +95,8 @@ def runs(bench: Bench) -> list[Run]:
     chosen = dict[str, tuple[list[str], set[str]]]()
     for command, files in inputs.items():
         words = shlex.split(command)
-        words = words[words.index("puckbench.jobs") + 1 : words.index(">")]
-        key = words[1] if words[0] in ALL_TRACED else words[0]
+        words = words[words.index("puckbench.steps") + 1 : words.index(">")]
+        key = words[-1] if words[0] in ALL_TRACED else words[0]
         chosen.setdefault(key, (words, set(files)))
     commands = [words for words, _ in chosen.values()]
     traced = subprocess.run(
@@ -115,26 +115,23 @@ def runs(bench: Bench) -> list[Run]:
 
 
 def _outputs(run: Run) -> set[str]:
-    """The record and the outputs of a job, without suffixes: some have another file beside them."""
-    own = {word.partition("=")[2] or word for word in run.words[1:]} - run.inputs - {""}
+    """The outputs of a job, without suffixes: some have another file beside them."""
+    own = {word.partition("=")[2] or word for word in run.words[2:]} - run.inputs - {""}
     return {str(Path(file).with_suffix("")) + "." for file in own}
 
 
 @pytest.fixture(scope="module")
-def code_of_records(jobs: dict[str, PlannedJob]) -> dict[str, set[str]]:
-    """The files of the code of all jobs with the same settings, by the file of the settings."""
-    planned: dict[str, set[str]] = {}
-    for job in jobs.values():
-        planned.setdefault(str(job.path), set()).update(code_of(job))
-    return planned
+def code_by_key(jobs: dict[str, PlannedStep]) -> dict[str, set[str]]:
+    """The files of the code of all jobs, by the word of the command that identifies the job."""
+    return {f"--key={job.key}": code_of(job) for job in jobs.values()}
 
 
 KINDS = {
-    *("scene", "sample", "scan", "prepare", "prepare_returns", "encode_curve", "decode"),
-    *("decode_shown", "evaluate_curve", "evaluate", "recovery_curve", "train", "drive"),
-    *("drive_of_clouds", "encode_drive", "measure_drive", "residuals", "wall_points"),
-    *("capture_residuals", "calibrate", "joined_table", "compared_residuals", "rows_table"),
-    *("plan_table", "table", "figure", "first_look", "reference"),
+    *("scene", "sample", "scan", "prepare", "prepare_returns", "encode", "decode", "weights"),
+    *("decode_shown", "evaluate", "scan_error", "recovery", "drive", "drive_of_clouds"),
+    *("encode_drive", "measure_drive", "measure_undecoded", "residuals", "wall_points"),
+    *("capture_residuals", "calibration", "study_table", "results_table", "table", "figure"),
+    *("first_look", "reference"),
 }
 
 
@@ -144,20 +141,20 @@ def test_a_job_of_each_kind_has_run(runs: list[Run]) -> None:
 
 
 def test_what_a_job_of_each_kind_runs_is_its_code(
-    runs: list[Run], code_of_records: dict[str, set[str]]
+    runs: list[Run], code_by_key: dict[str, set[str]]
 ) -> None:
     def uncovered(run: Run) -> set[str]:
         ours = {file for file in run.traced["ran"] if file.startswith(str(SOURCES))}
         ran = {_short(Path(file)) for file in ours} - OF_EVERY_JOB
         return {
             file for file in ran if not file.endswith(("registry.py", "/__init__.py"))
-        } - code_of_records[run.words[1]]
+        } - code_by_key[run.words[-1]]
 
     assert {" ".join(run.words): left for run in runs if (left := uncovered(run))} == {}
 
 
 def test_what_a_job_of_each_kind_opens_is_an_input_or_its_code(
-    runs: list[Run], code_of_records: dict[str, set[str]], bench: Bench
+    runs: list[Run], code_by_key: dict[str, set[str]], bench: Bench
 ) -> None:
     def uncovered(run: Run) -> set[str]:
         opened = {Path(file) for file in run.traced["opened"] if Path(file).is_file()}
@@ -165,11 +162,11 @@ def test_what_a_job_of_each_kind_opens_is_an_input_or_its_code(
         data = {file for file in ours if not file.endswith(".py")} | {
             str(file.relative_to(bench.folder))
             for file in opened
-            if file.is_relative_to(bench.folder) and str(file) not in code_of_records[run.words[1]]
+            if file.is_relative_to(bench.folder) and str(file) not in code_by_key[run.words[-1]]
         }
         others = tuple(IN_PARAMETERS | NOT_OF_RESULTS | _outputs(run))
         data = {file for file in data if not file.startswith(others)}
-        return data - run.inputs - code_of_records[run.words[1]]
+        return data - run.inputs - code_by_key[run.words[-1]]
 
     assert {" ".join(run.words): left for run in runs if (left := uncovered(run))} == {}
 
@@ -224,9 +221,9 @@ CHANGED_BY: dict[str, set[str]] = {
     "puckbench/codecs/learned.py": _curves(*NETWORKS) | {"train small"},
     "mine.py": MINE,
     # Data sets and readers of files.
-    "puckbench/datasets/mesh_files.py": {"scene meshes"},
-    "puckbench/datasets/point_clouds.py": {"scene clouds"},
-    "puckbench/datasets/recordings.py": RECORDED,
+    "puckbench/scene_sets/mesh_files.py": {"scene meshes"},
+    "puckbench/scene_sets/point_clouds.py": {"scene clouds"},
+    "puckbench/scene_sets/recordings.py": RECORDED,
     "virtual_lidar/scenes/rooms.py": {"scene objects", "scene rooms"} | STUDY | MINE,
     "virtual_lidar/scenes/rooms.yaml": {"scene objects", "scene rooms"} | STUDY | MINE,
     "virtual_lidar/scenes/furniture/seating.py": {"scene objects", "scene rooms"} | STUDY | MINE,
@@ -274,7 +271,7 @@ CHANGED_BY: dict[str, set[str]] = {
     "jenco2022/claims/catalogue.yaml": THESIS,
     "jenco2022/published.yaml": THESIS,
     "jenco2022/figures/residual_violins.py": THESIS,
-    "puckbench/jobs/prepare_recording.py": set(),
+    "puckbench/cli/prepare.py": set(),
     "puckbench/cli/scan.py": set(),
 }
 """Files of code and data, and the jobs that run again if one is edited, by kind and by what they
@@ -287,13 +284,13 @@ def _named(job: str) -> str:
     return f"{kind} {what.rpartition('/')[2]}".rstrip()
 
 
-def test_an_edit_of_pointkit_changes_the_code_of_all_jobs(jobs: dict[str, PlannedJob]) -> None:
+def test_an_edit_of_pointkit_changes_the_code_of_all_jobs(jobs: dict[str, PlannedStep]) -> None:
     assert all("pointkit/geometry/morton.py" in code_of(job) for job in jobs.values())
 
 
 @pytest.mark.parametrize("room", ["puckbench/figures/style.py", "puckbench/results/columns.py"])
 def test_an_edit_of_a_room_changes_no_code_before_tables_and_figures(
-    jobs: dict[str, PlannedJob], room: str
+    jobs: dict[str, PlannedStep], room: str
 ) -> None:
     changed = {name.partition(" ")[0] for name, job in jobs.items() if room in code_of(job)}
     assert "table" in changed
@@ -302,7 +299,7 @@ def test_an_edit_of_a_room_changes_no_code_before_tables_and_figures(
 
 @pytest.mark.parametrize("file", CHANGED_BY)
 def test_an_edit_of_a_file_changes_the_code_of_these_jobs_alone(
-    jobs: dict[str, PlannedJob], file: str, bench: Bench
+    jobs: dict[str, PlannedStep], file: str, bench: Bench
 ) -> None:
     place = str(bench.folder / file) if (bench.folder / file).exists() else file
     changed = {_named(name) for name, job in jobs.items() if place in code_of(job)}

@@ -13,16 +13,16 @@ from tests.support.bench import Bench
 SPIN = {"preset": "spin", "azimuth_step_deg": 1.0}
 CHANGES: dict[str, Any] = {
     "datasets": {
-        "raw": {"scenes": "rooms", "make": "sample", "points": 2000},
-        "spin": {"scenes": "rooms", "make": "scan", "sweep": SPIN, "size": "metric"},
+        "raw": {"scene_set": "rooms", "make": "sample", "points": 2000},
+        "spin": {"scene_set": "rooms", "make": "scan", "sweep": SPIN, "size": "metric"},
         "spin_noisy": {
-            "scenes": "rooms",
+            "scene_set": "rooms",
             "make": "scan",
             "sweep": SPIN,
             "errors": "vlp16",
             "size": "metric",
         },
-        "real": {"scenes": "tape", "make": "cloud", "size": "metric", "codecs": ["puck"]},
+        "real": {"scene_set": "tape", "make": "cloud", "size": "metric", "codecs": ["puck"]},
     },
     "codecs": {
         "draco": {"rates": ["r1", "r8"], "metric_rates": ["50mm", "2mm"]},
@@ -37,7 +37,7 @@ CHANGES: dict[str, Any] = {
 
 def _changes(recording: str) -> dict[str, Any]:
     tape = {"loader": "recordings", "options": {"path": recording}}
-    return {**CHANGES, "scenes.tape": tape}
+    return {**CHANGES, "scene_sets.tape": tape}
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     bench = Bench(tmp_path_factory.mktemp("sweeps"))
     recording = bench.capture()
     bench.configure(
-        {**CHANGES, "scenes.tape": {"loader": "recordings", "options": {"path": recording}}}
+        {**CHANGES, "scene_sets.tape": {"loader": "recordings", "options": {"path": recording}}}
     )
     bench.made()
     return bench
@@ -124,7 +124,7 @@ def test_a_changed_length_re_runs_its_codecs_curves_of_spins_alone(bench: Bench)
 def test_a_recording_must_be_there(bench: Bench, tmp_path: Path) -> None:
     other = Bench(tmp_path)
     other.configure(
-        {**CHANGES, "scenes.tape": {"loader": "recordings", "options": {"path": "no.pcap"}}}
+        {**CHANGES, "scene_sets.tape": {"loader": "recordings", "options": {"path": "no.pcap"}}}
     )
     done = other.snakemake("--dry-run")
     assert done.returncode == 2

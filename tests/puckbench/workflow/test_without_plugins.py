@@ -61,7 +61,7 @@ def test_help_lists_the_commands_of_puckbench_alone(python: Path, tmp_path: Path
 
 def test_a_sensor_study_needs_a_package_that_measures_it(python: Path, tmp_path: Path) -> None:
     (tmp_path / "config.yaml").write_text(
-        yaml.safe_dump({"scenes": {}, "datasets": {}, "sensor_study": {}})
+        yaml.safe_dump({"scene_sets": {}, "datasets": {}, "sensor_study": {}})
     )
     done = called(python, tmp_path, "puckbench", "run", "config.yaml")
     assert done.returncode == 2

@@ -25,8 +25,8 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
-from puckbench.jobs.curve_files import read_curve
 from puckbench.planning.workflow import Workflow
+from puckbench.results.curves import read_curve
 from puckbench.tables.registry import SENSOR, table_entries
 from tests.support.bench import BOX_CODEC, RAW_CODEC, ROOT, Bench
 from tests.support.same_results import after_a_kill, differences
@@ -357,7 +357,7 @@ def test_rules_are_named_on_the_command_line_as_in_any_workflow(fresh: Bench) ->
     assert done.returncode == 0
     assert "mem_mb=123" in text
     assert "threads: 2" in text
-    (command,) = re.findall(r"python -m puckbench.jobs encode_curve .*", text)
+    (command,) = re.findall(r"python -m puckbench.steps encode_curve .*", text)
     assert ".snakemake/records/encode_curve-" in command
     assert "{" not in command
 
@@ -433,10 +433,13 @@ def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
     [
         ({"codecs": {"drako": {}}}, "unknown codec 'drako' (known: draco"),
         ({"codecs.draco.rates": ["r12"]}, "codec draco: unknown rate 'r12'"),
-        ({"datasets.raw.scenes": "roms"}, "datasets.raw.scenes: no scene set 'roms'"),
-        ({"scenes.rooms.loader": "romms"}, "scenes.rooms: unknown loader 'romms'"),
-        ({"scenes.rooms.options": {"detial": 1}}, "scenes.rooms: loader embedded_rooms: unknown"),
-        ({"scenes.rooms.select": ["cellar"]}, "scenes.rooms.select: no scene 'cellar'"),
+        ({"datasets.raw.scene_set": "roms"}, "datasets.raw.scene_set: no scene set 'roms'"),
+        ({"scene_sets.rooms.loader": "romms"}, "scene_sets.rooms: unknown loader 'romms'"),
+        (
+            {"scene_sets.rooms.options": {"detial": 1}},
+            "scene_sets.rooms: loader embedded_rooms: unknown",
+        ),
+        ({"scene_sets.rooms.select": ["cellar"]}, "scene_sets.rooms.select: no scene 'cellar'"),
         ({"datasets.noisy.errors": "vlp61"}, "datasets.noisy: unknown error model 'vlp61'"),
         ({"datasets.noisy.sensor": "vlp61"}, "datasets.noisy: unknown sensor 'vlp61'"),
         ({"datasets.noisy.sweep": {"fsp": 3}}, "datasets.noisy: sweep"),
@@ -445,8 +448,8 @@ def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
         ({"sensor_study.models": {"vlp61": {}}}, "sensor_study.models.vlp61: unknown error model"),
         ({"datsets": {}}, "the configuration: unknown key 'datsets'"),
         (
-            {"scenes.objects": {"loader": "mesh_files", "options": {"path": "nowhere"}}},
-            "scenes.objects: nowhere: no such file",
+            {"scene_sets.objects": {"loader": "mesh_files", "options": {"path": "nowhere"}}},
+            "scene_sets.objects: nowhere: no such file",
         ),
     ],
 )
@@ -480,7 +483,7 @@ def test_an_unreadable_mesh_stops_what_needs_it_and_no_more(fresh: Bench) -> Non
     (meshes / "good.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
     fresh.configure(
         {
-            "scenes.objects": {"loader": "mesh_files", "options": {"path": "meshes"}},
+            "scene_sets.objects": {"loader": "mesh_files", "options": {"path": "meshes"}},
             "figures.examples": {},
         }
     )

@@ -143,9 +143,9 @@ CONFIGURATIONS = {
 @pytest.mark.parametrize("block", CONFIGURATIONS.values(), ids=CONFIGURATIONS)
 def test_a_configuration_is_planned(block: str) -> None:
     shown = yaml.safe_load(block)
-    scenes = shown.get("scenes", {"rooms": {"loader": "embedded_rooms"}})
-    others = {"clouds": {"scenes": next(iter(scenes)), "make": "sample"}}
-    Workflow({"scenes": scenes, "datasets": others, "codecs": {"gpcc": {}}} | shown)
+    scenes = shown.get("scene_sets", {"rooms": {"loader": "embedded_rooms"}})
+    others = {"clouds": {"scene_set": next(iter(scenes)), "make": "sample"}}
+    Workflow({"scene_sets": scenes, "datasets": others, "codecs": {"gpcc": {}}} | shown)
 
 
 @pytest.fixture

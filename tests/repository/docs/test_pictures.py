@@ -16,7 +16,7 @@ from PIL import Image
 from cloud_files.clouds import write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
-from puckbench.jobs.preparation import prepare
+from puckbench.steps.preparation import prepare
 from tests.support.pages import ROOT
 from virtual_lidar.scenes.rooms import make_room
 

@@ -43,7 +43,7 @@ LIGHT = [
     "planning.config",
     "cli",
     "codecs.registry",
-    "datasets.registry",
+    "scene_sets.registry",
 ]
 
 
@@ -56,9 +56,9 @@ def test_planning_imports_nothing_heavy(module: str) -> None:
 
 REGISTRIES = [
     "puckbench.codecs.registry import CODECS",
-    "puckbench.datasets.registry import LOADERS",
+    "puckbench.scene_sets.registry import LOADERS",
     "puckbench.figures.registry import FIGURES",
-    "puckbench.jobs.registry import JOBS",
+    "puckbench.steps.step import JOBS",
     "virtual_lidar.errors import ERROR_MODELS",
     "puckbench.metrics.metric_registry import METRICS",
     "puckbench.tables.registry import TABLES",

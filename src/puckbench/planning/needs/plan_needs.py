@@ -61,8 +61,8 @@ def scans_with_truth(plan: Plan) -> Options | None:
 def several_noises(plan: Plan) -> Options | None:
     """Require that scans of a scene set with several error models are coded."""
     data = _true_spins(plan)
-    models = {(each.scenes, each.settings.errors) for each in data}
-    return _if(len(models) > len({each.scenes for each in data}))
+    models = {(each.scene_set, each.settings.errors) for each in data}
+    return _if(len(models) > len({each.scene_set for each in data}))
 
 
 def _true_spins(plan: Plan) -> list[DataSetPlan]:

@@ -1,1 +1,0 @@
-"""Jobs that the workflow's rules and the command line run."""

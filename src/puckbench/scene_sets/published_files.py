@@ -1,0 +1,120 @@
+"""Download of published files from GitHub: weights of networks, and recordings.
+
+Tables (.yaml) beside this module list the files, with commits and hashes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import tarfile
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pointkit.errors import InputError, naming
+from pointkit.yaml_files import read_yaml
+
+HOST = "https://raw.githubusercontent.com"
+_TIMEOUT_S = 60
+_MAX_BYTES = 2**26
+_OPTIMISER = "main_optimizer/"
+
+
+PCGC = "pcgc_weights"
+TABLES = {
+    PCGC: "published_weights.yaml",
+    "reno_weights": "reno_weights.yaml",
+    "ouster_recordings": "ouster_recordings.yaml",
+}
+
+
+def published(name: str = PCGC) -> dict[str, Any]:
+    """Return a table of files to download, with repositories, commits and hashes."""
+    content: dict[str, Any] = read_yaml(Path(__file__).with_name(TABLES[name]))
+    return content
+
+
+def download(
+    folder: Path, host: str = HOST, table: Mapping[str, Any] | None = None, name: str = PCGC
+) -> Path:
+    """Download published files and their licences from GitHub, and check all hashes.
+
+    Parameters
+    ----------
+    folder
+        Folder in which the archive is written.
+    host
+        Address of the server.
+    table
+        Files, repositories and hashes; by default, the table `name`.
+    name
+        Name of a table, a key of `TABLES`, and of the archive.
+
+    Returns
+    -------
+    Path
+        The tar archive with the files.
+    """
+    table = table or published(name)
+    package = folder / f"{name}.tar"
+    with tarfile.open(package, "w") as archive:
+        for file, entry in table["files"].items():
+            content = _file(file, entry, partial(_fetch, host, table["repositories"]), table)
+            member = tarfile.TarInfo(file)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    return package
+
+
+def _file(
+    name: str, entry: Mapping[str, Any], fetch: Callable[[str], bytes], table: Mapping[str, Any]
+) -> bytes:
+    parts = [fetch(place) for place in entry["from"]]
+    if "git" in entry and [_git_name(part) for part in parts] != entry["git"]:
+        raise InputError(f"{name}: the repository's content differs from the published one")
+    content = parts[0] if len(parts) == 1 else _archive(name, parts, table["order"])
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != entry.get("sha256", digest):
+        raise InputError(f"{name} has the SHA-256 {digest}, not the expected {entry['sha256']}")
+    return content
+
+
+def _fetch(host: str, repositories: Mapping[str, str], place: str) -> bytes:
+    from urllib.error import URLError
+    from urllib.request import urlopen
+
+    repository, _, path = place.partition("/")
+    address = f"{host}/{repositories[repository]}/{path}"
+    try:
+        with urlopen(address, timeout=_TIMEOUT_S) as answer:  # noqa: S310 (the host is ours)
+            content: bytes = answer.read(_MAX_BYTES)
+    except (URLError, OSError) as error:
+        reason = getattr(error, "reason", error)
+        raise InputError(f"{address} cannot be fetched ({reason})") from error
+    return content
+
+
+def _git_name(content: bytes) -> str:
+    return hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
+
+
+def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
+    import numpy as np
+
+    from puckbench.scene_sets.tensorflow_checkpoints import read_variables
+
+    with naming(name):
+        variables = read_variables(*checkpoint)
+    names = sorted(name for name in variables if not name.startswith(_OPTIMISER))
+    order_of_variables = bytes.fromhex(order)
+    if len(names) != len(order_of_variables):
+        raise InputError(f"{name}: {len(names)} variables, not {len(order_of_variables)}")
+    archive = io.BytesIO()
+    np.savez(archive, **{names[place]: variables[names[place]] for place in order_of_variables})  # type: ignore[arg-type]
+    return archive.getvalue()
+
+
+def credits_text(name: str, _: Path) -> str:
+    return str(published(name)["credits"])

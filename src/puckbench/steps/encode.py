@@ -1,0 +1,186 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cloud_files.clouds import IN_METRES, read_cloud
+from cloud_files.content import plain_suffix
+from pointkit.errors import InputError, naming, noting
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud
+from pointkit.lidar.returns import with_returns
+from pointkit.measurement import Cost, Measured, measured
+from pointkit.terminal import Progress
+from puckbench.codecs.base import Codec, SharedWork
+from puckbench.core.code import CLOUD_FILES, CODEC
+from puckbench.core.environment import cpu_model, run_environment
+from puckbench.geometry.attributes import not_coded
+from puckbench.results.curves import NOT_CODED, REMARK, Coded, write_curve
+from puckbench.steps.coding import (
+    TimedStep,
+    TimingSettings,
+    is_checked_twice,
+    planned_codec_step,
+    ready,
+)
+from puckbench.steps.step import STEPS, PlannedStep
+
+if TYPE_CHECKING:
+    from puckbench.planning.workflow import Workflow
+
+CODE = (*CLOUD_FILES, *CODEC)
+
+
+@STEPS.register("encode")
+class Encode(TimedStep):
+    """Encode a cloud at all rates of a codec for the cloud's coordinate frame."""
+
+    @classmethod
+    def of_plan(cls, flow: Workflow, /, dataset: str, cloud: str, codec: str) -> PlannedStep:
+        rates = flow.plan.curve_rates(dataset, cloud, codec)
+        entry = flow.plan.coding_entry(dataset, codec, rates)
+        step = cls(codec=codec, entry=entry, **flow.plan.timing)
+        return planned_codec_step(flow, step, flow.files.cloud(dataset, cloud))
+
+    def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
+        """Encode the file `cloud`, write all streams to `curve`, and return the number of rates."""
+        codec = self.opened()
+        original = to_code(codec, cloud)
+        rates = tuple(codec.rates_of(original.frame or "scaled"))
+        ready(codec)
+        twice = is_checked_twice(codec, self.repeats)
+        progress, coded, shared = Progress("rate"), {}, codec.shared_work()
+        for done, rate in enumerate(rates, start=1):
+            first = twice and done == 1
+            coded[rate] = coded_cloud(codec, original, rate, self, shared, again=first)
+            progress(done, len(rates))
+        write_curve(curve, coded)
+        return {"rates": len(coded)}
+
+
+def coded_cloud(
+    codec: Codec,
+    cloud: PointCloud,
+    rate: str,
+    timing: TimingSettings,
+    shared: SharedWork | None = None,
+    again: bool = False,
+) -> Coded:
+    """Encode a cloud at one rate, and return the stream with facts about the encoding.
+
+    Parameters
+    ----------
+    codec, cloud, rate
+        The codec, ready to code, the cloud to encode, and the name of the rate.
+    timing
+        How the encoding is timed.
+    shared
+        Results of the encoding at other rates that are reused (`Codec.shared_work`).
+    again
+        Whether to encode once more. If the streams differ, the record gets a remark.
+    """
+    with noting(f"rate {rate}"):
+        streams: set[bytes] = set()
+        timed = measured_encoding(codec, cloud, rate, timing.repeats, shared, streams.add)
+        if again:
+            streams.add(codec.encode_cloud(cloud, rate))
+    weights = codec.weights_of(rate)
+    record = {
+        "codec": codec.name,
+        "rate": rate,
+        "codec_version": codec.version,
+        **({"weights": weights} if weights else {}),
+        "points_in": len(cloud),
+        "bytes": len(timed.result),
+        "bpp": 8 * len(timed.result) / len(cloud),
+        "repeats": timing.repeats,
+        **_attribute_columns(codec, cloud, timed.result),
+        **timed.costs("encode"),
+        **run_environment(timing.exclusive),
+        "encode_cpu": cpu_model(),  # decoding may run on another machine
+        **({REMARK: "repeated encodings differ"} if len(streams) > 1 else {}),
+    }
+    return Coded(timed.result, record)
+
+
+def to_code(
+    codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
+) -> PointCloud:
+    """Return the cloud in a file, ready for a codec to encode.
+
+    The sensor's returns beside the file are read too if the codec encodes returns or attributes.
+
+    Parameters
+    ----------
+    codec
+        The codec that will encode the cloud.
+    path
+        File of the cloud.
+    frame
+        Coordinate frame of the cloud; by default metric for file formats that are in metres, and
+        otherwise the frame in the description beside the file.
+    rate
+        Name of the rate, which must be one for this coordinate frame; by default, any rate.
+
+    Raises
+    ------
+    InputError
+        The description names another frame, or the codec has no rate for clouds in this frame.
+    """
+    cloud = read_cloud(path)
+    if frame is None and plain_suffix(path) in IN_METRES:
+        frame = "metric"
+    with naming(path):
+        if frame and cloud.frame and frame != cloud.frame:
+            raise InputError(f"its description says that it is {cloud.frame}, not {frame}")
+        cloud = _in_frame(cloud, frame)
+        codec.check_frame(cloud.frame, rate)
+        points_alone = codec.takes == "points" and not codec.attributes
+        return cloud if points_alone else with_returns(cloud, path)
+
+
+def _in_frame(cloud: PointCloud, frame: CoordinateFrame | None) -> PointCloud:
+    if frame in (None, cloud.frame):
+        return cloud
+    size = 0 if frame == "metric" else max(2, int(cloud.xyz.max()) + 1)
+    return replace(cloud, about={**cloud.about, "size": size})
+
+
+def measured_encoding(
+    codec: Codec,
+    cloud: PointCloud,
+    rate: str,
+    repeats: int = 1,
+    shared: SharedWork | None = None,
+    each: Callable[[bytes], object] = lambda stream: None,
+) -> Measured[bytes]:
+    """Encode a cloud, and return the stream with the time and memory of the encoding.
+
+    Parameters
+    ----------
+    codec, cloud, rate
+        The codec, the cloud to encode, and the name of the rate.
+    repeats
+        Number of times that the cloud is encoded.
+    shared
+        Results of the encoding at other rates that are reused (`Codec.shared_work`). Their cost is
+        added, as if they were computed again.
+    each
+        Function that is called with the stream of every repetition.
+    """
+
+    def whole(here: Cost) -> Cost:
+        cost = codec.cost(here)
+        return cost if shared is None else cost.plus(shared.saved)
+
+    return measured(lambda: codec.encode_cloud(cloud, rate, shared), repeats, whole, each)
+
+
+def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:
+    columns: dict[str, Any] = {}
+    if sizes := codec.attribute_bytes(stream) if codec.attributes else {}:
+        parts = {"geometry": len(stream) - sum(sizes.values()), **sizes}
+        columns = {f"bpp_{name}": 8 * size / len(cloud) for name, size in parts.items()}
+    left = not_coded(cloud, sizes or codec.attributes)
+    return {**columns, **({NOT_CODED: ", ".join(left)} if left else {})}

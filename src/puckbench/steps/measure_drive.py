@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Field
+
+from pointkit.errors import InputError, naming, noting
+from pointkit.geometry.cloud import PointCloud, check_points
+from pointkit.measurement import measured
+from puckbench import __version__
+from puckbench.codecs.base import Codec
+from puckbench.core.code import CLOUD_FILES, CODEC
+from puckbench.core.environment import run_environment
+from puckbench.geometry.digest import cloud_digest
+from puckbench.metrics.task_registry import TASKS, task_results
+from puckbench.recordings.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
+from puckbench.results.coded_drives import CodedDrive, read_coded_drive
+from puckbench.results.row_files import write_rows
+from puckbench.steps.coding import TimedStep, planned_codec_step, ready
+from puckbench.steps.step import STEPS, PlannedStep, Step
+
+if TYPE_CHECKING:
+    from puckbench.planning.workflow import Workflow
+
+CODE = (
+    *(*CLOUD_FILES, *CODEC, "cloud_files.poses", "puckbench.geometry.digest"),
+    *("puckbench.recordings", "puckbench.results.coded_drives"),
+)
+
+
+class TaskStep(Step):
+    """Base class of steps that measure a robot's tasks, such as odometry, on the turns of a drive.
+
+    Tasks use the times at which points were measured during a turn (a revolution of the sensor).
+    The column ``times`` of the results tells where these times come from. They are ``kept`` by
+    codecs that encode a sensor's returns. Codecs that encode points lose them: the tasks are then
+    measured twice, with times that follow from the points' ``azimuth``, and with ``none``. Azimuths
+    give times only if the original drive has returns, and the sensor moves during a turn.
+
+    Parameters
+    ----------
+    dataset
+        Name of the entry under ``drives`` in the configuration.
+    tasks
+        Options of each task, by the name or place (``file.py:function``) of the task.
+    """
+
+    dataset: str
+    tasks: dict[str, dict[str, Any]] = Field({})
+
+    def plugins(self) -> Iterable[str | None]:
+        return *super().plugins(), *self.tasks
+
+    def rows(
+        self, drive: Drive, turns: Sequence[PointCloud], record: Mapping[str, Any], name: str
+    ) -> Iterator[dict[str, Any]]:
+        """Yield a row of results for each kind of times that turns can have.
+
+        Parameters
+        ----------
+        drive
+            The original drive.
+        turns
+            Its turns, original or decoded.
+        record
+            Facts about the turns, such as codec and rate, by name of the column.
+        name
+            Name of the drive.
+        """
+        points = np.concatenate([turn.xyz for turn in drive.turns])
+        described = {"dataset": self.dataset, "cloud": name, **drive.about}
+        described["digest"] = cloud_digest(points, metric=True)
+        for times, timed in _with_times(drive, turns):
+            row = {
+                **record,
+                "times": times,
+                "turns": len(turns),
+                "points_in": drive.points,
+                "points_out": sum(map(len, turns)),
+                "puckbench_version": __version__,
+            }
+            yield {**described, **row, **task_results(self.tasks, drive, timed, row)}
+
+
+@STEPS.register("measure_drive")
+class MeasureDrive(TaskStep, TimedStep):
+    """Decode a drive at all rates, and measure a robot's tasks on the decoded turns."""
+
+    @classmethod
+    def of_plan(cls, flow: Workflow, /, drives: str, drive: str, codec: str) -> PlannedStep:
+        tasks = flow.plan.drives[drives].tasks
+        entry = flow.drives.coding_entry(drives, codec)
+        step = cls(dataset=drives, codec=codec, entry=entry, tasks=tasks, **flow.plan.timing)
+        files, request = flow.files, flow.drives.request(drives, codec)
+        inputs = {
+            "drive": files.drive(drives, drive),
+            "curve": files.coded_drive(drives, drive, codec),
+        }
+        return planned_codec_step(flow, step, inputs, *map(TASKS.module_of, tasks), **request)
+
+    def run(self, drive: Path, curve: Path, rows: Path) -> dict[str, Any]:
+        """Write a row of results for each rate and kind of times to the file `rows` (Parquet).
+
+        `drive` is the original drive, and `curve` the encoded one.
+        """
+        original, codec = read_drive(drive), ready(self.opened())
+        with naming(curve):
+            results = [
+                row
+                for coded in read_coded_drive(curve).values()
+                for row in self.rows(original, *self._decoded(original, codec, coded), drive.stem)
+            ]
+        write_rows(rows, results)
+        return {"rates": len(results)}
+
+    def _decoded(
+        self, drive: Drive, codec: Codec, coded: CodedDrive
+    ) -> tuple[list[PointCloud], dict[str, Any]]:
+        """Return the decoded turns, and the record of the streams with costs of decoding."""
+        if len(coded.streams) != len(drive.turns):
+            raise InputError(f"{len(coded.streams)} coded turns for a drive of {len(drive.turns)}")
+        with noting(f"rate {coded.record.get('rate', '?')}"):
+            timed = measured(lambda: [*map(codec.decode_cloud, coded.streams)], self.repeats)
+            for turn in timed.result:
+                check_points(turn.xyz, f"codec {codec.name}: decoded points")
+        costs = {**timed.costs("decode"), **run_environment(self.exclusive)}
+        return timed.result, {**coded.record, **costs}
+
+
+def _with_times(
+    drive: Drive, turns: Sequence[PointCloud]
+) -> Iterator[tuple[str, Sequence[PointCloud]]]:
+    """Yield a kind of times and the turns with such times, for each kind that turns can have."""
+    if _is_timed(drive, turns):
+        yield KEPT, turns
+        if turns is not drive.turns:
+            return
+    if _is_timed(drive, drive.turns):
+        both = zip(turns, drive.turns, strict=True)
+        yield AZIMUTH, tuple(timed_by_azimuth(turn, original) for turn, original in both)
+    yield NONE, tuple(PointCloud(turn.xyz) for turn in turns)
+
+
+def _is_timed(drive: Drive, turns: Sequence[PointCloud]) -> bool:
+    return drive.turn_s > 0 and all(turn.returns is not None for turn in turns)

@@ -1,0 +1,95 @@
+"""The process of a job with a plug-in that does what it should not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cloud_files.clouds import write_cloud
+from pointkit.geometry.cloud import PointCloud
+from pointkit.registry import trust
+from puckbench.steps.process import main
+
+OWN = """
+import os
+import sys
+
+from puckbench.codecs.base import Codec
+
+
+class Own(Codec):
+    rates = {
+        "r1": {"do": "move"},
+        "r2": {"do": "exit"},
+        "r3": {"do": "stop"},
+        "r4": {"do": "remove"},
+    }
+
+    def _encode(self, points, parameters):
+        if parameters["do"] == "move":
+            os.chdir(os.path.dirname(__file__))
+        if parameters["do"] == "exit":
+            sys.exit()
+        if parameters["do"] == "stop":
+            sys.exit("no licence")
+        if parameters["do"] == "remove":
+            os.remove("cloud.ply")
+        return b"coded"
+
+    def _decode(self, stream):
+        raise ValueError
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with a cloud; the user's codec is in another."""
+    work, plugins = tmp_path / "work", tmp_path / "plugins"
+    work.mkdir()
+    plugins.mkdir()
+    (plugins / "own.py").write_text(OWN)
+    points = np.random.default_rng(0).random((10, 3)) * 1023
+    write_cloud(work / "cloud.ply", PointCloud(points, about={"size": 1024}))
+    place = f"{plugins}/own.py:Own"
+    trust([place])
+    for rate in ("r1", "r2", "r3", "r4"):
+        record = {"codec": "own", "rate": rate, "changes": {"class": place}}
+        (work / f"{rate}.json").write_text(json.dumps(record))
+    monkeypatch.chdir(work)
+    return work
+
+
+def _status(rate: str) -> int:
+    return main(["encode", f"{rate}.json", "cloud=cloud.ply", "stream=out.bin"])
+
+
+def test_files_are_where_they_were_asked_for_though_a_plug_in_changes_the_folder(
+    folder: Path,
+) -> None:
+    assert _status("r1") == 0
+    assert (folder / "out.bin").read_bytes() == b"coded"
+
+
+@pytest.mark.parametrize(
+    ("rate", "line"),
+    [("r2", "SystemExit: exit status 0 (own.py:"), ("r3", "SystemExit: exit status no licence (")],
+)
+def test_a_plug_in_that_ends_the_process_has_failed(
+    rate: str, line: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _status(rate) == 2
+    (last,) = capsys.readouterr().err.splitlines()
+    assert last.startswith(f"puckbench: rate {rate}: codec own: {line}")
+    assert not (folder / "out.bin").exists()
+
+
+def test_a_job_without_one_of_its_files_has_failed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _status("r4") == 2
+    output = capsys.readouterr()
+    assert output.err == "puckbench: cloud.ply: the job ended without this file\n"
+    assert output.out == ""
