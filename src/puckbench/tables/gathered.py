@@ -22,7 +22,7 @@ from puckbench.tables.registry import TABLES
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("puckbench.results.rows",)
+CODE = ("puckbench.results.rows", "puckbench.results.row_files")
 
 
 @TABLES.register("metrics", title="All results", gathered=True)
