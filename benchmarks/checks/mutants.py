@@ -51,7 +51,7 @@ TESTS = {
     "puckbench/geometry/neighbours": "neighbours geometry",
     "puckbench/metrics": "seen",
     "puckbench/metrics/geometry": "geometry truth",
-    "puckbench/metrics/tables/rate_deltas": "bjontegaard",
+    "puckbench/tables/rate_deltas": "bjontegaard",
     "puckbench/recordings": "recordings",
     "puckbench/recordings/writing": "recording_writing",
     "virtual_lidar/calibration": "calibration_parts calibration",

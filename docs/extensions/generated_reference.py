@@ -245,7 +245,7 @@ def scene_sets() -> str:
 
 def tables() -> str:
     """Every table with its title, and what it is made from."""
-    from puckbench.metrics.table_registry import table_entries
+    from puckbench.tables.registry import table_entries
 
     return _table(
         ["table", "title", "group", "made from"],

@@ -19,10 +19,10 @@ import pandas as pd
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.metrics.statistics import MIN_SCENES, SCENE, Estimate, with_scenes
-from puckbench.metrics.tables.nearest_truth import nearest_truth, truth_bits
-from puckbench.metrics.tables.noise_bits import noise_bits
-from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
-from puckbench.metrics.tables.uses import uses
+from puckbench.tables.nearest_truth import nearest_truth, truth_bits
+from puckbench.tables.noise_bits import noise_bits
+from puckbench.tables.rate_deltas import bd_rate, bd_rate_pairs
+from puckbench.tables.uses import uses
 from puckbench.report.bd_rate_text import delta_text
 from puckbench.report.findings import findings, short_title
 from puckbench.report.reference_results import ReferenceResults, read_reference

@@ -9,10 +9,10 @@ from typing import Any
 
 from pointkit.errors import InputError
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
-from puckbench.metrics.table_registry import table_entries
 from puckbench.planning.config import Config, DataSetConfig, read_config, trusted
 from puckbench.planning.plan import open_scenes
 from puckbench.planning.workflow import Workflow
+from puckbench.tables.registry import table_entries
 
 _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5")
 """Configuration that makes chapter 5 without downloads, and its folder of results."""

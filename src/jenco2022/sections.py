@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from puckbench.report.cells import cell_text
 from puckbench.report.sections import SECTIONS, SectionData
+from puckbench.tables.cells import cell_text
 
 if TYPE_CHECKING:
     from markupsafe import Markup

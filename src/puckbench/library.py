@@ -172,8 +172,8 @@ def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int 
     InputError
         The cloud is empty or has no extent, or an argument is not valid.
     """
-    from puckbench.steps import preparation
     from puckbench.geometry.scaling import METRIC
+    from puckbench.steps import preparation
     from puckbench.steps.prepare import PreparationSettings
 
     plain = size.item() if isinstance(size, np.integer) else size

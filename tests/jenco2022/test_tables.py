@@ -9,12 +9,17 @@ from scipy.stats import wasserstein_distance
 
 from jenco2022 import published
 from jenco2022.residuals.tables import JOINED, MAX_ROWS, joined_files
+from jenco2022.tables.claims import claims
 from jenco2022.tables.incidence_effect import incidence_effect, incidence_table
 from jenco2022.tables.printed_tables import table_4_1, table_4_2, table_5_1
+from jenco2022.tables.residual_statistics import residual_statistics
 from jenco2022.tables.thesis_numbers import DISTANCE, FAR, NEAR, distance_to_normal, thesis_numbers
 from pointkit.errors import InputError
 from pointkit.seeding import generator
-from puckbench.metrics.table_registry import table_entries, table_entry
+from puckbench.tables.registry import table_entries, table_entry
+from tests.support.declared_columns import undeclared
+from tests.support.figures_lookalike import gpcc_scales_table, thesis_medians_table
+from tests.support.residuals_lookalike import residual_table
 
 HALF_NORMAL = np.sqrt(2 / np.pi)
 THESIS_4_2 = {  # as printed: laser 13 is missing
@@ -179,3 +184,15 @@ def test_every_table_can_be_loaded_and_an_unknown_one_is_named() -> None:
     assert all(callable(entry.make) for entry in table_entries().values())
     with pytest.raises(InputError, match=r"unknown table 'table_6_1' \(known: .*table_4_1, "):
         table_entry("table_6_1")
+
+
+def test_every_column_of_the_thesis_s_tables_is_declared() -> None:
+    residuals = residual_table()
+    scans = residuals.assign(y_m=0.0, z_m=0.0, range_error_m=residuals["residual_m"])
+    tables = [
+        *(table_4_1(), table_4_2(), table_5_1(), incidence_table(residuals)),
+        *(incidence_effect(scans, residuals), residual_statistics(residuals)),
+        *(thesis_numbers(residuals), gpcc_scales_table(), thesis_medians_table()),
+        claims(datasets={}, codecs={}),
+    ]
+    assert undeclared(tables) == set()

@@ -10,7 +10,7 @@ import pandas as pd
 
 from puckbench.planning.workflow import Workflow
 from puckbench.steps.step import PlannedStep
-from puckbench.steps.tables.results import CLOUD_KEYS, METRIC_KEYS, cloud_row, metric_rows, table_of
+from puckbench.tables.registry import table_entry
 
 
 def run_in_process(config: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -25,10 +25,10 @@ def run_in_process(config: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
             if bench.plan.codes(codec, dataset)
         ]
     about = [
-        cloud_row(dataset, bench.plan.results / "clouds" / dataset / f"{cloud}.json")
+        bench.plan.results / "clouds" / dataset / f"{cloud}.json"
         for dataset, cloud in bench.plan.clouds
     ]
-    return table_of(metric_rows(rows), METRIC_KEYS), table_of(about, CLOUD_KEYS)
+    return table_entry("metrics").make(rows), table_entry("clouds").make(about)
 
 
 def _prepare(flow: Workflow, dataset: str, cloud: str) -> None:

@@ -11,10 +11,10 @@ from PIL import Image
 from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.tables import write_table
-from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
-from puckbench.metrics.tables.uses import uses
 from puckbench.report.contents import Contents, Example
-from puckbench.steps.tables.results import summary
+from puckbench.tables.rate_deltas import bd_rate, bd_rate_pairs
+from puckbench.tables.summary import summary
+from puckbench.tables.uses import uses
 from tests.support.figures_lookalike import (
     clouds_table,
     metrics_table,

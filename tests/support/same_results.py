@@ -15,7 +15,7 @@ from typing import Any
 
 from puckbench.core.archives import SUFFIX as ARCHIVE
 from puckbench.core.archives import read_archive
-from puckbench.report.column_labels import is_time
+from puckbench.results.columns import column_named
 
 _MEMORY = re.compile(r"(en|de)code_peak_mib(_\w+)?")
 _CLAIM_ABOUT_TIMES = "Times grow with the rate"
@@ -82,7 +82,7 @@ def _table(path: Path) -> list[list[str]]:
 
 
 def _varies(column: str) -> bool:
-    return is_time(column) or _MEMORY.fullmatch(column) is not None
+    return column_named(column).timed or _MEMORY.fullmatch(column) is not None
 
 
 def _without_times(rows: list[list[str]]) -> list[list[str]]:

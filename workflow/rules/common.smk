@@ -16,7 +16,7 @@ from puckbench.core.interrupts import interrupt_with_run
 from puckbench.core.packages import packages_alone
 from puckbench.core.renamed_keys import renaming_line
 from puckbench.figures.registry import figure_entry
-from puckbench.metrics.table_registry import table_entry
+from puckbench.tables.registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
 from puckbench.planning.launch import CALLER_GOES_ON, command_for_the_rest

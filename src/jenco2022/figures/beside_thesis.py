@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.figures import panels
+from puckbench.figures.axis_labels import CD_PLANE, HD_PLANE, axis_label
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.plotted_metrics import CD_PLANE, HD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
@@ -43,9 +43,9 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
     figure, grid = panels.panel_grid(*shape, 1.5, style, sharey="col", sharex="row")
     for index, axes in enumerate(grid):
         codec, quantity = codecs[index // abreast], _COLUMNS[index % abreast]
-        rows = thesis_medians[thesis_medians["quantity"] == quantity.column]
+        rows = thesis_medians[thesis_medians["quantity"] == quantity.name]
         values = rows[list(columns)].to_numpy(dtype=float).ravel()
-        panels.set_log(axes, "y", panels.log_limits(values, quantity.column, style), minor=False)
+        panels.set_log(axes, "y", panels.log_limits(values, quantity.name, style), minor=False)
         rows = rows[rows["codec"] == codec]
         rates = ordered_rates(rows["rate"])
         for dataset, look in looks.items():
@@ -55,7 +55,7 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
             axes.plot(x, thesis, color=look.colour, **_THESIS)
             panels.draw_line(axes, x, here, look)
         panels.label_rates([axes], rates, abreast)
-        axes.set_ylabel(quantity.short_label)
+        axes.set_ylabel(axis_label(quantity, 2))
         if index % abreast == 0:
             axes.set_title(style.of_codec(codec).title, loc="left", fontweight="bold", pad=3)
     figure.supxlabel("Compression rate of the codec", fontsize=style.font_size)

@@ -8,7 +8,7 @@ import numpy as np
 from pointkit.geometry.cloud import Floats
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
-from puckbench.metrics.table_registry import STUDY
+from puckbench.tables.registry import STUDY
 from virtual_lidar.sweep import Sweep
 
 if TYPE_CHECKING:

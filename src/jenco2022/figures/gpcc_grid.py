@@ -7,6 +7,7 @@ import numpy as np
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
+from puckbench.figures.axis_labels import BPP, CD_POINT, axis_label
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import (
     add_fitting_legend,
@@ -18,7 +19,6 @@ from puckbench.figures.panels import (
     set_title,
 )
 from puckbench.figures.plot_styles import PlotStyle
-from puckbench.figures.plotted_metrics import BPP, CD_POINT
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.metrics.statistics import MIN_SCENES
@@ -56,16 +56,16 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     for index, axes in enumerate(panels):
         metric, dataset = _ROWS[index // len(datasets)], datasets[index % len(datasets)]
         rows = gpcc_scales[gpcc_scales["dataset"] == dataset]
-        values = gpcc_scales[metric.column].to_numpy(dtype=float)
-        set_log(axes, "y", log_limits(values, metric.column, style), minor=False)
+        values = gpcc_scales[metric.name].to_numpy(dtype=float)
+        set_log(axes, "y", log_limits(values, metric.name, style), minor=False)
         for codec in style.ordered_codecs(rows["codec"]):
             look = style.of_codec(codec)
-            _draw(axes, rows[rows["codec"] == codec], metric.column, look, "_none")
+            _draw(axes, rows[rows["codec"] == codec], metric.name, look, "_none")
         _set_scales(axes, gpcc_scales["scale"].to_numpy(dtype=float))
         if index < len(datasets):
             set_title(axes, _counted(rows, style), len(datasets), style)
         if index % len(datasets) == 0:
-            axes.set_ylabel(metric.short_label)
+            axes.set_ylabel(axis_label(metric, 2))
     figure.supxlabel(_SCALE, fontsize=style.font_size)
     add_legend(figure, style.ordered_codecs(gpcc_scales["codec"]), style)
     return figure

@@ -8,9 +8,9 @@ from jenco2022.figures.model_styles import model_style, ordered_models
 from jenco2022.figures.residual_table import residuals_of, violin_shape
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
+from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import add_rows_legend, set_log
-from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from virtual_lidar.residual_table import REAL

@@ -7,7 +7,7 @@ from jenco2022.claims.catalogue import CLAIMS, Claim
 from jenco2022.claims.evidence import Evidence, thesis_evidence
 from jenco2022.claims.verdicts import UNTESTED, needs_text, results_text, verdict
 from jenco2022.published import GPCC, GPCC_AS_RUN, ROOMS, SAMPLED, medians_of_thesis
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,8 +15,26 @@ if TYPE_CHECKING:
 CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 
+_COLUMNS = {
+    "number": "Number",
+    "section": "Section",
+    "claim": "Claim",
+    "here": "Here",
+    "not_tested": "Not tested",
+    "thesis": "Thesis",
+    "thesis_verdict": "Thesis verdict",
+    "figure": "Figure",
+    "thesis_figure": "Thesis figure",
+}
+"""Columns of this table, of which other tables of the thesis have ``here`` and ``thesis``."""
+
+
 @TABLES.register(
-    "claims", title="The thesis's claims, one by one", category="Claims", needs=("claims",)
+    "claims",
+    title="The thesis's claims, one by one",
+    category="Claims",
+    needs=("claims",),
+    columns=_COLUMNS,
 )
 def claims(
     metrics: pd.DataFrame | None = None,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pointkit.errors import InputError
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,7 +19,10 @@ _MEASURED = ("bpp", "cd_point", "cd_plane", "d1_psnr")
 _COMPARED = {"bits": "bpp", "distortion": "cd_point"}
 
 
-@TABLES.register("gpcc_scales", title="G-PCC by scale", needs=("gpcc_scales",))
+_COLUMNS = {"role": "Role", "dyadic": "Dyadic", "distortion": "Distortion"}
+
+
+@TABLES.register("gpcc_scales", title="G-PCC by scale", needs=("gpcc_scales",), columns=_COLUMNS)
 def gpcc_scales(
     metrics: pd.DataFrame, *, codecs: Mapping[str, str], scales: Mapping[str, Mapping[str, float]]
 ) -> pd.DataFrame:

@@ -6,7 +6,8 @@ import numpy as np
 
 from jenco2022.published import BIN_STDS_M, FAR_M, LARGEST_RAD
 from pointkit.errors import InputError
-from puckbench.metrics.table_registry import SENSOR, TABLES
+from puckbench.results.columns import Column
+from puckbench.tables.registry import SENSOR, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,7 +17,23 @@ CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 BINS = len(BIN_STDS_M)
 
 
-@TABLES.register("residual_incidence", title="Plane residuals by incidence", category=SENSOR)
+_BINS = [
+    Column("low_rad", "Incidence from", "rad"),
+    Column("high_rad", "Incidence to", "rad"),
+    Column("thesis_real_std_m", "Std of real residuals in the thesis", "m"),
+]
+_EFFECTS = {
+    "range_error_std_m": "Range error std",
+    "rms_cos": "RMS cosine of the incidence",
+    "predicted_std_m": "Predicted std",
+    "surface_distance_std_m": "Surface distance std",
+    "plane_residual_std_m": "Plane residual std",
+}
+
+
+@TABLES.register(
+    "residual_incidence", title="Plane residuals by incidence", category=SENSOR, columns=_BINS
+)
 def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     """Mean and standard deviation of the plane residuals in ten bins of the angle of incidence.
 
@@ -29,7 +46,9 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     return table.assign(thesis_real_std_m=np.array(BIN_STDS_M)[place])
 
 
-@TABLES.register("incidence_effect", title="The effect of incidence", category=SENSOR)
+@TABLES.register(
+    "incidence_effect", title="The effect of incidence", category=SENSOR, columns=_EFFECTS
+)
 def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFrame:
     """Range error and distance from the surface by error model and angle of incidence.
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from jenco2022.figures.model_styles import ordered_models
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from puckbench.metrics.table_registry import SENSOR, TABLES
+from puckbench.tables.registry import SENSOR, TABLES
 from virtual_lidar.residual_table import REAL
 
 if TYPE_CHECKING:
@@ -21,8 +21,18 @@ _BIN_M, _REACH_M = 2e-4, 0.5
 _BINS = round(2 * _REACH_M / _BIN_M)
 
 
+_COLUMNS = {
+    "residuals": "Residuals",
+    "emd_m": "Earth mover's distance",
+    "chance_m": "Distance that chance exceeds in 5 %",
+}
+
+
 @TABLES.register(
-    "model_distances", title="How far error models are from real walls", category=SENSOR
+    "model_distances",
+    title="How far error models are from real walls",
+    category=SENSOR,
+    columns=_COLUMNS,
 )
 def model_distances(compared: pd.DataFrame) -> pd.DataFrame:
     """Earth mover's distance of each error model's wall residuals from those of real sensors.

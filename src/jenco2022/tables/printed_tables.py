@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pointkit.lidar.sensors import load_sensor
-from puckbench.metrics.table_registry import SENSOR, STUDY, TABLES
+from puckbench.tables.registry import SENSOR, STUDY, TABLES
 from virtual_lidar.errors import open_error_model
 
 if TYPE_CHECKING:
@@ -51,7 +51,15 @@ def table_4_1() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["quantity", "thesis", "here", "note"])
 
 
-@_table("table_4_2", title="Lasers of the VLP-16 (thesis table 4.2)", number="4.2")
+_LASERS = {"elevation_deg": "Elevation", "vertical_correction_mm": "Vertical correction"}
+
+
+@_table(
+    "table_4_2",
+    title="Lasers of the VLP-16 (thesis table 4.2)",
+    number="4.2",
+    columns=_LASERS,
+)
 def table_4_2() -> pd.DataFrame:
     """Elevation and vertical correction of each laser in the sensor's file.
 
@@ -76,7 +84,13 @@ _MODELS = ("vlp16", "vlp16_table51")
 _TITLE_5_1 = "Parameters of the virtual VLP-16 (thesis table 5.1)"
 
 
-@_table("table_5_1", title=_TITLE_5_1, number="5.1", error_models=_MODELS)
+@_table(
+    "table_5_1",
+    title=_TITLE_5_1,
+    number="5.1",
+    error_models=_MODELS,
+    columns={"as_printed": "As printed"},
+)
 def table_5_1() -> pd.DataFrame:
     """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 

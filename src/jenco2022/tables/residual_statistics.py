@@ -8,7 +8,8 @@ import numpy as np
 from jenco2022.published import FAR_M
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from puckbench.metrics.table_registry import SENSOR, TABLES
+from puckbench.results.columns import Column
+from puckbench.tables.registry import SENSOR, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +27,25 @@ _SURFACES = ("wall", "floor")
 _CONFIDENCE = 0.95
 
 
-@TABLES.register("residual_statistics", title="Statistics of plane residuals", category=SENSOR)
+_TOO_FEW = "too few residuals, or no repeated scans"
+_COLUMNS = (
+    Column("surface", "Surface"),
+    Column("distance_m", "Distance", "m"),
+    Column("laser_id", "Laser"),
+    Column("scans", "Scans", bookkeeping=True),
+    Column("mean_m", "Mean", "m", missing=_TOO_FEW),
+    Column("std_m", "Std", "m", missing=_TOO_FEW),
+    Column("rms_m", "RMS", "m"),
+    Column("median_m", "Median", "m"),
+)
+
+
+@TABLES.register(
+    "residual_statistics",
+    title="Statistics of plane residuals",
+    category=SENSOR,
+    columns=_COLUMNS,
+)
 def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     """Statistics of the plane residuals (thesis procedure 1), in metres.
 

@@ -9,7 +9,8 @@ from jenco2022 import published
 from jenco2022.tables.residual_statistics import ALL, residual_statistics
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from puckbench.metrics.table_registry import SENSOR, TABLES
+from puckbench.results.columns import Column
+from puckbench.tables.registry import SENSOR, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +21,18 @@ NEAR, FAR = "std, walls and floors, 1 to 5 m", "std, walls and floors, 30 m"
 DISTANCE = "earth mover's distance to the real residuals, 1 to 5 m"
 
 
-@TABLES.register("thesis_numbers", title="The thesis's numbers beside this run's", category=SENSOR)
+_COLUMNS = (
+    Column("thesis_m", "Thesis", "m", missing="the thesis has no such number"),
+    Column("here_m", "Here", "m", missing="not estimated"),
+)
+
+
+@TABLES.register(
+    "thesis_numbers",
+    title="The thesis's numbers beside this run's",
+    category=SENSOR,
+    columns=_COLUMNS,
+)
 def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
     """Numbers of thesis figures 5.18 and 5.19 beside those of this run, in metres.
 

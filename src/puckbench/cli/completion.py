@@ -60,6 +60,6 @@ _NAMES = {
     "names": "puckbench.scene_sets.sources:SOURCES",
     "sensor": "pointkit.lidar.sensor:sensor_names",
     "study": "puckbench.report.reference_results:shipped_studies",
-    "table": "puckbench.metrics.table_registry:TABLES",
+    "table": "puckbench.tables.registry:TABLES",
 }
 """Sources (``module:object``) of the names that an argument can take, by the argument's name."""

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import files_by_name, json_object, made_of_tables, selected
-from puckbench.metrics.table_registry import TABLES
 from puckbench.steps.table import Table
+from puckbench.tables.registry import TABLES
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

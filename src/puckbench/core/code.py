@@ -21,17 +21,21 @@ MESH_FILES = (*CLOUD_FILES, "cloud_files.meshes", "cloud_files.meshes.ply")
 """Code that reads and writes scenes on disk, which are meshes or clouds."""
 SENSOR = ("virtual_lidar", "virtual_lidar.errors")
 """Code of the virtual sensor, without its error models, which are plug-ins."""
-CODEC = ("puckbench.codecs.base", "puckbench.steps.coding", "puckbench.results.curves")
-"""Code that calls codecs, and that reads and writes archives of streams."""
+CODEC = (
+    *("puckbench.codecs.base", "puckbench.steps.coding"),
+    *("puckbench.results.curves", "puckbench.results.row_files"),
+)
+"""Code that calls codecs, and that reads and writes archives of streams and rows of results."""
 STATISTICS = (
     *("puckbench.metrics.bjontegaard", "puckbench.metrics.coordinate_frames"),
     *("puckbench.metrics.interpolation", "puckbench.metrics.lossless", "puckbench.metrics.peaks"),
     *("puckbench.metrics.statistics", "puckbench.metrics.timing"),
 )
 """Code that computes statistics of results."""
-FIGURES = (*(*STATISTICS, "puckbench.figures", "puckbench.codecs.facts", "virtual_lidar.errors"),)
-"""Code that all figures share."""
-TABLES = (
-    *(*FIGURES, "puckbench.metrics.tables", "puckbench.report", "puckbench.steps.table_files"),
+FIGURES = (
+    *(*STATISTICS, "puckbench.results.columns", "puckbench.figures", "puckbench.codecs.facts"),
+    "virtual_lidar.errors",
 )
+"""Code that all figures share."""
+TABLES = (*FIGURES, "puckbench.tables")
 """Code that all tables share, with that of their columns and file formats."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pointkit.errors import InputError
+from puckbench.figures.axis_labels import BETTER, HIGHER_BETTER
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import (
     add_legend,
@@ -16,18 +17,17 @@ from puckbench.figures.panels import (
     set_title,
     titled,
 )
-from puckbench.figures.plotted_metrics import BETTER, HIGHER_BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import PAGE_WIDTH_IN, FigureStyle
-from puckbench.metrics.table_registry import ATTRIBUTES
-from puckbench.metrics.tables.attribute_bits import BITS, attribute_bits, coded_attributes
+from puckbench.tables.attribute_bits import BITS, attribute_bits, coded_attributes
+from puckbench.tables.registry import ATTRIBUTES
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CODE = ("puckbench.metrics.tables.attribute_bits",)
+CODE = ("puckbench.tables.attribute_bits",)
 
 _PSNR = {"reflectance": "reflectance_psnr", "colour": "y_psnr"}
 _BAR_IN, _CURVES_IN, _AROUND_IN = 0.16, 1.7, 1.3

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pointkit.errors import InputError
+from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
@@ -18,13 +19,12 @@ from puckbench.figures.panels import (
     titled,
 )
 from puckbench.figures.plot_styles import PlotStyle
-from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.interpolation import bits_at_error
 from puckbench.metrics.statistics import MIN_SCENES
-from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
-from puckbench.metrics.tables.against_octree import COMPLETE_OCTREE, OCTREE
+from puckbench.tables.against_octree import COMPLETE_OCTREE, OCTREE
+from puckbench.tables.registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pointkit.geometry.cloud import Floats
     from puckbench.figures.style import Range
 
-CODE = ("puckbench.metrics.tables.against_octree",)
+CODE = ("puckbench.tables.against_octree",)
 
 _ERRORS_MM = np.geomspace(0.5, 50, 61)
 _MARK_EVERY = 10

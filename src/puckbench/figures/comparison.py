@@ -1,10 +1,12 @@
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from puckbench.figures.axis_labels import BPP, axis_label
 from puckbench.figures.binning import Curve, medians_against
 from puckbench.figures.panels import (
     add_fitting_legend,
@@ -19,10 +21,11 @@ from puckbench.figures.panels import (
     titled,
 )
 from puckbench.figures.plot_styles import PlotStyle
-from puckbench.figures.plotted_metrics import BETTER, BPP, HIGHER_BETTER
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.lossless import MOST_DB, lossless_rows, with_lossless_best
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
+from puckbench.results.columns import LOWER, column_named, unit_in_frames
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PANEL_IN = 2.1
-_LABELS = {"d1_psnr": "D1 PSNR (dB)", "d2_psnr": "D2 PSNR (dB)"}
 
 
 def draw_comparison(
@@ -80,13 +82,13 @@ def draw_comparison(
             for codec, plot_style in styles.items():
                 codec_rows = rows[rows["codec"] == codec].dropna(subset=[quality])
                 if len(codec_rows):
-                    curves.append(medians_against(codec_rows, BPP.column, quality))
+                    curves.append(medians_against(codec_rows, BPP.name, quality))
                     _draw(axes, curves[-1], quality, plot_style, zorder, style)
         title = titled(style.title(dataset), metrics[metrics["dataset"] == dataset])
         set_title(axes, title, shape[1], style)
-    label_outer(panels, shape[1], BPP.label, "")
+    label_outer(panels, shape[1], axis_label(BPP), "")
     for number, axes in enumerate(panels):
-        axes.set_ylabel(_label(qualities[number % shape[1]], peak))
+        axes.set_ylabel(_label(qualities[number % shape[1]], peak, frames_of(metrics)))
     handles: list[Artist] = [
         line_handle(k.title, **_line(k, 4, style)) for k in run_styles.values()
     ]
@@ -99,10 +101,11 @@ def draw_comparison(
     return figure
 
 
-def _label(quality: str, peak: str) -> str:
-    is_higher_better = quality.endswith("_psnr")
-    name = f"{_LABELS.get(quality, quality)}, {HIGHER_BETTER if is_higher_better else BETTER}"
-    return f"{name}\n{peak}" if quality in WITH_PEAK and peak else name
+def _label(quality: str, peak: str, frames: Collection[str]) -> str:
+    shown = column_named(quality)
+    unit, better = unit_in_frames(shown.unit, frames), shown.better or LOWER
+    label = axis_label(replace(shown, unit=unit, better=better))
+    return f"{label}\n{peak}" if quality in WITH_PEAK and peak else label
 
 
 def _set_axes(axes: Axes, quality: str) -> None:
@@ -112,7 +115,7 @@ def _set_axes(axes: Axes, quality: str) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    if not quality.endswith("_psnr"):
+    if column_named(quality).unit != "dB":
         axes.set_yscale("log")
     axes.grid(which="minor", axis="x", linewidth=0.25, color="#ececec")
 
@@ -126,7 +129,7 @@ def _draw(
     style: FigureStyle,
 ) -> None:
     bpp, values = curve.x, curve.y
-    is_psnr = quality.endswith("_psnr")
+    is_psnr = column_named(quality).unit == "dB"
     is_exact = values > MOST_DB if is_psnr else values == 0
     is_drawn = np.isfinite(values) & ~is_exact
     line = _line(plot_style, zorder, style)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pointkit.errors import InputError
+from puckbench.figures.axis_labels import BPP, axis_label
 from puckbench.figures.binning import Curve, medians_against
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
@@ -25,9 +26,9 @@ from puckbench.figures.panels import (
     titled,
     unranked_handle,
 )
-from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.style import FigureStyle, Range
 from puckbench.metrics.timing import unranked_codecs
+from puckbench.results.columns import Column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,18 +40,16 @@ Lines = dict[str, Curve]
 """The curve of each codec in a panel, by name of the codec."""
 
 
-def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
+def check_curve_columns(metrics: pd.DataFrame, metric: Column) -> None:
     """Raise InputError unless a table of results has the values for curves on logarithmic axes."""
-    columns = (BPP.column, metric.column)
+    columns = (BPP.name, metric.name)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")
-    if (metrics[BPP.column] == 0).any():
+    if (metrics[BPP.name] == 0).any():
         raise InputError("metrics table: column 'bpp' has a value of zero: a stream of no bytes")
 
 
-def binned_curves(
-    metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
-) -> dict[str, Lines]:
+def binned_curves(metrics: pd.DataFrame, metric: Column, style: FigureStyle) -> dict[str, Lines]:
     """Return medians of a metric against bits per point, for each data set and codec.
 
     Parameters
@@ -69,10 +68,10 @@ def binned_curves(
     """
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
-        rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, metric.column])
+        rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.name, metric.name])
         for codec in style.ordered_codecs(rows["codec"]):
             codec_rows = rows[rows["codec"] == codec]
-            lines[codec] = medians_against(codec_rows, BPP.column, metric.column)
+            lines[codec] = medians_against(codec_rows, BPP.name, metric.name)
     return curves
 
 
@@ -114,10 +113,10 @@ def draw_curves(
 
 def draw_data_sets(
     metrics: pd.DataFrame,
-    metric: PlottedMetric,
+    metric: Column,
     style: FigureStyle,
     *,
-    bits: str = BPP.label,
+    bits: str = axis_label(BPP),
     panel_in: float | None = None,
     scans: Mapping[str, float] = MappingProxyType({}),
 ) -> Figure:
@@ -147,14 +146,14 @@ def draw_data_sets(
     figure, panels = panel_grid(len(curves), abreast, height, style)
     for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
         rows = metrics[metrics["dataset"] == dataset]
-        unranked = unranked_codecs(rows) if metric.is_time else ()
+        unranked = unranked_codecs(rows) if metric.timed else ()
         draw_curves(axes, lines, limits[0], limits[1], style, unranked)
         if dataset in scans:
             axes.axhline(scans[dataset], zorder=2, **SCAN_LINE)
         set_title(axes, titled(style.title(dataset), rows), abreast, style)
-    label_outer(panels, abreast, bits, metric.label if is_tall else metric.short_label)
+    label_outer(panels, abreast, bits, axis_label(metric) if is_tall else axis_label(metric, 2))
     extra_handles = [scan_handle()] if scans else []
-    extra_handles += [unranked_handle()] if metric.is_time and unranked_codecs(metrics) else []
+    extra_handles += [unranked_handle()] if metric.timed and unranked_codecs(metrics) else []
     add_legend(
         figure,
         codecs_of(curves.values(), style),
@@ -175,7 +174,7 @@ def mark_handles(curves: Iterable[Lines]) -> list[Artist]:
     return spread_handles(drawn) + ([lossless_tick_handle()] if has_lossless else [])
 
 
-def shared_limits(curves: Iterable[Lines], metric: PlottedMetric, style: FigureStyle) -> Range:
+def shared_limits(curves: Iterable[Lines], metric: Column, style: FigureStyle) -> Range:
     """Return the limits of a logarithmic axis that all panels share.
 
     Parameters
@@ -191,4 +190,4 @@ def shared_limits(curves: Iterable[Lines], metric: PlottedMetric, style: FigureS
     arrays = [values for curve in drawn for values in (curve.x, curve.singles[:, 0])]
     if metric is not BPP:
         arrays = [v for c in drawn for v in (c.y, c.low, c.high, c.singles[:, 1])]
-    return log_limits(np.concatenate([np.empty(0), *arrays]), metric.column, style)
+    return log_limits(np.concatenate([np.empty(0), *arrays]), metric.name, style)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from puckbench.figures.axis_labels import CD_PLANE, axis_label
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
@@ -15,7 +16,6 @@ from puckbench.figures.panels import (
     set_title,
     titled,
 )
-from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
@@ -37,7 +37,7 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     The elongation is the shortest side of the bounding box divided by the longest. A marker stands
     for one of n clouds. Distances of zero (lossless) are not drawn.
     """
-    numbers = ("elongation", CD_PLANE.column)
+    numbers = ("elongation", CD_PLANE.name)
     require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")
     require_rows(clouds, (*_KEYS, numbers[0]), "clouds")
     columns = metrics[[*_KEYS, "codec", "rate", numbers[1]]]
@@ -46,7 +46,7 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     datasets = style.ordered_datasets(rows["dataset"])
     abreast = panels_abreast(len(datasets))
     figure, panels = panel_grid(len(datasets), abreast, 2.1, style)
-    limits = log_limits(rows[CD_PLANE.column].to_numpy(dtype=float), CD_PLANE.column, style)
+    limits = log_limits(rows[CD_PLANE.name].to_numpy(dtype=float), CD_PLANE.name, style)
     low, high = rows["elongation"].min(), rows["elongation"].max()
     margin = 0.05 * (high - low) or 0.05
     for axes, dataset in zip(panels, datasets, strict=True):
@@ -55,11 +55,11 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
         of_dataset = rows[rows["dataset"] == dataset]
         set_title(axes, titled(style.title(dataset), of_dataset), abreast, style)
         for codec in style.ordered_codecs(of_dataset["codec"]):
-            is_drawn = (of_dataset["codec"] == codec) & (of_dataset[CD_PLANE.column] > 0)
-            x, y = (of_dataset.loc[is_drawn, name] for name in (numbers[0], CD_PLANE.column))
+            is_drawn = (of_dataset["codec"] == codec) & (of_dataset[CD_PLANE.name] > 0)
+            x, y = (of_dataset.loc[is_drawn, name] for name in (numbers[0], CD_PLANE.name))
             look = style.of_codec(codec)
             axes.plot(x, y, color=look.colour, marker=look.marker, **_POINTS)
-    label_outer(panels, abreast, "Elongation, shortest over longest side", CD_PLANE.short_label)
+    label_outer(panels, abreast, "Elongation, shortest over longest side", axis_label(CD_PLANE, 2))
     looks = map(style.of_codec, style.ordered_codecs(rows["codec"]))
     handles = [line_handle(k.title, color=k.colour, marker=k.marker, **_POINTS) for k in looks]
     add_fitting_legend(figure, handles, style)

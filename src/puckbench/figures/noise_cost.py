@@ -7,15 +7,15 @@ import numpy as np
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
+from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import add_fitting_legend, line_handle, set_title
 from puckbench.figures.plot_styles import error_model_colour
-from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.metrics.statistics import MIN_SCENES, SCENE, with_scenes
-from puckbench.metrics.table_registry import SEVERAL_NOISES
-from puckbench.metrics.tables.noise_bits import noise_bits
+from puckbench.tables.noise_bits import noise_bits
+from puckbench.tables.registry import SEVERAL_NOISES
 from virtual_lidar.errors import error_model_title
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CODE = ("puckbench.metrics.tables.noise_bits",)
+CODE = ("puckbench.tables.noise_bits",)
 
 _PANELS = {"grid_1_mm": "lossless, or 1 mm", "at_5_mm": "D1 error of 5 mm"}
 _MARKERS = "osD^vP"

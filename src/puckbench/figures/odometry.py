@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.checks import require_rows
 from puckbench.figures.panels import (
     add_fitting_legend,
@@ -12,18 +13,17 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
 from puckbench.metrics.statistics import MIN_SCENES
-from puckbench.metrics.table_registry import ODOMETRY, UNDECODED
-from puckbench.metrics.tables.odometry_differences import (
+from puckbench.recordings.drives import AZIMUTH, KEPT, NONE
+from puckbench.tables.odometry_differences import (
     ALL,
     MEASURES,
     ODOMETRIES,
     odometry_differences,
 )
-from puckbench.recordings.drives import AZIMUTH, KEPT, NONE
+from puckbench.tables.registry import ODOMETRY, UNDECODED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CODE = ("puckbench.metrics.tables.odometry_differences",)
+CODE = ("puckbench.tables.odometry_differences",)
 
 _PANEL_IN, _AROUND_IN = 1.75, 0.75
 _COLUMNS = ("dataset", "cloud", "codec", "rate", "times")

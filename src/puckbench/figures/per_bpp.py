@@ -3,8 +3,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from puckbench.figures.axis_labels import CD_PLANE, DECODE_TIME, ENCODE_TIME, HD_PLANE
 from puckbench.figures.curves import draw_data_sets
-from puckbench.figures.plotted_metrics import CD_PLANE, DECODE_TIME, ENCODE_TIME, HD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from puckbench.figures.axis_labels import CD_PLANE, DECODE_TIME, ENCODE_TIME, HD_PLANE, axis_label
 from puckbench.figures.binning import medians_per_rate, ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import mark_handles
@@ -18,7 +19,6 @@ from puckbench.figures.panels import (
     titled,
     unranked_handle,
 )
-from puckbench.figures.plotted_metrics import CD_PLANE, DECODE_TIME, ENCODE_TIME, HD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.timing import unranked_codecs
@@ -41,7 +41,7 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     process. Bars are quartiles; with fewer than six clouds, there is a dot for each cloud instead.
     Ticks at the lower edge mark lossless rates.
     """
-    columns = tuple(quantity.column for quantity in _COLUMNS)
+    columns = tuple(quantity.name for quantity in _COLUMNS)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")
     codecs, abreast = style.ordered_codecs(metrics["codec"]), len(_COLUMNS)
@@ -53,18 +53,18 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     curves = []
     for index, axes in enumerate(panels):
         codec, quantity = codecs[index // abreast], _COLUMNS[index % abreast]
-        values = metrics[quantity.column].to_numpy(dtype=float)
-        set_log(axes, "y", log_limits(values, quantity.column, style), minor=False)
+        values = metrics[quantity.name].to_numpy(dtype=float)
+        set_log(axes, "y", log_limits(values, quantity.name, style), minor=False)
         codec_rows = {name: rows[rows["codec"] == codec] for name, rows in parts.items()}
         rates = ordered_rates(metrics.loc[metrics["codec"] == codec, "rate"])
         for name, rows in codec_rows.items():
-            curve = medians_per_rate(rows, quantity.column, rates)
+            curve = medians_per_rate(rows, quantity.name, rates)
             if np.isfinite(curve.y).any():
-                is_faint = quantity.is_time and codec in unranked[name]
+                is_faint = quantity.timed and codec in unranked[name]
                 draw_curve(axes, curve, looks[name], is_faint)
                 curves.append({name: curve})
         label_rates([axes], rates, abreast)
-        axes.set_ylabel(quantity.short_label)
+        axes.set_ylabel(axis_label(quantity, 2))
         if index % abreast == 0:
             axes.set_title(style.of_codec(codec).title, loc="left", fontweight="bold", pad=3)
     figure.supxlabel("Compression rate of the codec", fontsize=style.font_size)

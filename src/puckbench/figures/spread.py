@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pointkit.geometry.cloud import Floats
+from puckbench.figures.axis_labels import CD_PLANE, axis_label
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
@@ -16,7 +17,6 @@ from puckbench.figures.panels import (
     titled,
     wrapped,
 )
-from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.statistics import MIN_SCENES
@@ -42,8 +42,8 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
     Distances of zero (lossless) are not drawn.
     """
-    require_rows(metrics, ("dataset", "cloud", "codec", "rate", CD_PLANE.column), "metrics")
-    require_numbers(metrics, (CD_PLANE.column,), "metrics")
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", CD_PLANE.name), "metrics")
+    require_numbers(metrics, (CD_PLANE.name,), "metrics")
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
     rates = {codec: ordered_rates(part["rate"]) for codec, part in metrics.groupby("codec")}
@@ -62,7 +62,7 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
             set_title(axes, titled(style.title(dataset), of_dataset), len(datasets), style)
         if index % len(datasets) == 0:
             axes.set_ylabel(wrapped(style.of_codec(codec).title, 1.0, style), fontweight="bold")
-    figure.supylabel(CD_PLANE.label, fontsize=style.font_size)
+    figure.supylabel(axis_label(CD_PLANE), fontsize=style.font_size)
     figure.supxlabel("Compression rate of the codec", fontsize=style.font_size)
     return figure
 

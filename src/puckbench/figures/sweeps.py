@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pointkit.errors import InputError
+from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.panels import panel_grid, set_title
-from puckbench.figures.plotted_metrics import BETTER, PlottedMetric
 from puckbench.figures.registry import FIGURES, SPINS
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.table_registry import SPINS_OR_RECORDINGS
+from puckbench.results.columns import LOWER, Column, column_named
+from puckbench.tables.registry import SPINS_OR_RECORDINGS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
 CODE = ("puckbench.codecs.base", "puckbench.codecs.puck")
 
 BITS = f"Bits per return, {BETTER}"
-ERROR = PlottedMetric("error_mm", "RMS error to the scan (D1)", "mm")
-TO_TRUTH = PlottedMetric("truth_mm", "RMS distance to the truth (D2)", "mm")
-RANGES = PlottedMetric("range_rms_mm", "RMS error of ranges", "mm")
+ERROR = Column("error_mm", "RMS error to the scan (D1)", "mm", LOWER)
+TO_TRUTH = Column("truth_mm", "RMS distance to the truth (D2)", "mm", LOWER)
+RANGES = column_named("range_rms_mm")
 _SOURCES = {"error_mm": "d1_rms_m", "truth_mm": "truth_d2_rms_m"}
 _PANEL_IN = 2.1
 
@@ -75,7 +76,7 @@ def _in_millimetres(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _draw(
-    metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle, scans: Mapping[str, float]
+    metrics: pd.DataFrame, metric: Column, style: FigureStyle, scans: Mapping[str, float]
 ) -> Figure:
     return draw_data_sets(metrics, metric, style, bits=BITS, panel_in=_PANEL_IN, scans=scans)
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from puckbench.figures.axis_labels import BPP, axis_label
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import (
     binned_curves,
@@ -22,20 +23,20 @@ from puckbench.figures.panels import (
     set_title,
     titled,
 )
-from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
+from puckbench.results.columns import LOWER, Column
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
 _PREFIXES = {"": "to the scan", "truth_": "to the truth"}
-_D1 = PlottedMetric("d1_mm", "RMS distance (D1)", "mm")
-_D2 = PlottedMetric("d2_mm", "RMS distance (D2)", "mm")
-_FARTHEST = PlottedMetric("farthest_mm", "Largest distance", "mm")
-_ACCURACY = PlottedMetric("truth_accuracy_mm", "RMS distance", "mm")
-_COMPLETENESS = replace(_ACCURACY, column="truth_completeness_mm")
+_D1 = Column("d1_mm", "RMS distance (D1)", "mm", LOWER)
+_D2 = Column("d2_mm", "RMS distance (D2)", "mm", LOWER)
+_FARTHEST = Column("farthest_mm", "Largest distance", "mm", LOWER)
+_ACCURACY = Column("truth_accuracy_mm", "RMS distance", "mm", LOWER)
+_COMPLETENESS = replace(_ACCURACY, name="truth_completeness_mm")
 _SOURCES = {
     "d1_mm": "d1_rms_m",
     "d2_mm": "d2_rms_m",
@@ -112,11 +113,10 @@ def draw_truth_accuracy(
 
 
 def _draw_references(
-    metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
+    metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: Column, style: FigureStyle
 ) -> Figure:
     references = {
-        title: replace(metric, column=f"{prefix}{metric.column}")
-        for prefix, title in _PREFIXES.items()
+        title: replace(metric, name=f"{prefix}{metric.name}") for prefix, title in _PREFIXES.items()
     }
     return _draw_distances(metrics, scan_errors, references, style)
 
@@ -124,17 +124,17 @@ def _draw_references(
 def _draw_distances(
     metrics: pd.DataFrame,
     scan_errors: pd.DataFrame,
-    distances: dict[str, PlottedMetric],
+    distances: dict[str, Column],
     style: FigureStyle,
 ) -> Figure:
     references, titles = list(distances.values()), list(distances)
     metric = references[0]
-    of_truth = [name for name in references if name.column.startswith("truth_")]
-    metrics = _in_millimetres(metrics, [name.column for name in references], "metrics")
-    scan_errors = _in_millimetres(scan_errors, [name.column for name in of_truth], "scan errors")
+    of_truth = [each for each in references if each.name.startswith("truth_")]
+    metrics = _in_millimetres(metrics, [each.name for each in references], "metrics")
+    scan_errors = _in_millimetres(scan_errors, [each.name for each in of_truth], "scan errors")
     for reference in references:
         check_curve_columns(metrics, reference)
-    rows = metrics.dropna(subset=[reference.column for reference in of_truth])
+    rows = metrics.dropna(subset=[reference.name for reference in of_truth])
     curves = [binned_curves(rows, reference, style) for reference in references]
     panel_lines = [lines for dataset_curves in curves for lines in dataset_curves.values()]
     limits = [shared_limits(panel_lines, of_axis, style) for of_axis in (BPP, metric)]
@@ -144,13 +144,13 @@ def _draw_distances(
     for index, axes in enumerate(panels):
         dataset, column = list(curves[0])[index // abreast], index % abreast
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
-        scan = scan_medians.get((dataset, references[column].column), 0.0)
+        scan = scan_medians.get((dataset, references[column].name), 0.0)
         if scan >= limits[1][0]:
             axes.axhline(scan, zorder=2, **SCAN_LINE)
         title = f"{style.title(dataset)}: {titles[column]}"
         set_title(axes, titled(title, rows[rows["dataset"] == dataset]), abreast, style)
-    label_outer(panels, abreast, "", metric.short_label)
-    figure.supxlabel(BPP.label, fontsize=style.font_size)
+    label_outer(panels, abreast, "", axis_label(metric, 2))
+    figure.supxlabel(axis_label(BPP), fontsize=style.font_size)
     extra_handles = [scan_handle(), *mark_handles(panel_lines)]
     add_legend(figure, codecs_of(panel_lines, style), style, extra_handles)
     return figure
@@ -171,9 +171,9 @@ def _in_millimetres(table: pd.DataFrame, columns: Iterable[str], what: str) -> p
 
 
 def _scan_medians(
-    scan_errors: pd.DataFrame, references: list[PlottedMetric]
+    scan_errors: pd.DataFrame, references: list[Column]
 ) -> dict[tuple[str, str], float]:
-    columns = [reference.column for reference in references]
+    columns = [reference.name for reference in references]
     medians = scan_errors.groupby("dataset")[columns].median()
     return {
         (str(dataset), column): float(row[column])

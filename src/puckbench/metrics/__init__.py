@@ -1,1 +1,1 @@
-"""Metrics for decoded point clouds, and tables computed from them."""
+"""Metrics for decoded point clouds, and statistics of results."""

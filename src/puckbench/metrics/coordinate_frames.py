@@ -4,13 +4,10 @@ from typing import TYPE_CHECKING
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import CoordinateFrame
+from puckbench.results.columns import FRAME
 
 if TYPE_CHECKING:
     import pandas as pd
-
-FRAME = "frame"
-"""Column of tables of clouds and results: "metric" for clouds in metres, empty for scaled
-clouds."""
 
 
 def frames_of(table: pd.DataFrame) -> set[str]:

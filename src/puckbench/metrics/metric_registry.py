@@ -8,38 +8,30 @@ A metric is a registered function::
         offset = reference.xyz.mean(axis=0) - decoded.xyz.mean(axis=0)
         return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
-Each key becomes a column of the results and should end in the unit; `columns` explains them. Both
-clouds are in one coordinate frame, with ``reference.about["scale"]`` units per metre.
+Each key becomes a column of the results and should end in the unit; `columns` declares them, with
+their meanings or as `Column` objects. Both clouds are in one coordinate frame, with
+``reference.about["scale"]`` units per metre.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from types import MappingProxyType
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import Registry
+from puckbench.results.columns import Columns, declare, declared_by
 
 Metric = Callable[[PointCloud, PointCloud], Mapping[str, float]]
 
-_meanings: dict[str, str] = {}
 
-
-def _registered(
-    _: str, metric: Metric, columns: Mapping[str, str] = MappingProxyType({})
-) -> Metric:
-    _meanings.update(columns)
+def _registered(_: str, metric: Metric, columns: Columns = ()) -> Metric:
+    declare(columns)
     return metric
 
 
 METRICS: Registry[Metric] = Registry("metric", "further_metrics", make=_registered)
-
-
-def metric_columns() -> dict[str, str]:
-    """Return what the columns of all optional metrics mean, by name of the column."""
-    METRICS.names()
-    return dict(_meanings)
+declared_by(METRICS.names)
 
 
 def further_metrics(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pointkit.errors import InputError
-from puckbench.metrics.coordinate_frames import FRAME
+from puckbench.results.columns import FRAME
 
 if TYPE_CHECKING:
     import pandas as pd

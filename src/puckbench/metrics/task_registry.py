@@ -6,7 +6,8 @@ A task is a registered function::
     def nearest(drive: Drive, decoded: Sequence[PointCloud]) -> dict[str, float]:
         \"\"\"Return the smallest distance of a point.\"\"\"
 
-Each key becomes a column of the results and should end in the unit. Decoded turns have ``returns``
+Each key becomes a column of the results and should end in the unit; ``columns=`` declares them as
+that of a metric does (`puckbench.metrics.metric_registry`). Decoded turns have ``returns``
 if the codec keeps the order and times of firings. Further parameters are options. With
 ``needs=("package",)``, runs without the package omit the task.
 """
@@ -23,6 +24,9 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import Registry
 from puckbench.recordings.drives import Drive
+from puckbench.results.columns import TASK, Columns, declare, declared_by
+
+Measure = Callable[..., Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class Task:
     """
 
     name: str
-    measure: Callable[..., Mapping[str, Any]]
+    measure: Measure
     needs: tuple[str, ...] = ()
 
     @property
@@ -49,7 +53,13 @@ class Task:
         return tuple(name for name in self.needs if find_spec(name) is None)
 
 
-TASKS: Registry[Task] = Registry("task", "tasks", make=Task)
+def _registered(name: str, measure: Measure, columns: Columns = (), **more: Any) -> Task:
+    declare(columns, TASK)
+    return Task(name, measure, **more)
+
+
+TASKS: Registry[Task] = Registry("task", "tasks", make=_registered)
+declared_by(TASKS.names)
 
 
 def task_results(

@@ -9,12 +9,12 @@ from typing import Any
 from pointkit.errors import InputError, among, naming
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.facts import find_rate
-from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import checked_task
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.costs import CodingCosts
 from puckbench.planning.plan import Plan, SceneSetPlan
 from puckbench.planning.scene_checks import refuse_paths
+from puckbench.tables.registry import UNDECODED
 from virtual_lidar import open_error_model, open_sweep
 
 _CODING_S, _TASK_S = 0.25, 0.06

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from pointkit.files import text_end, write_bytes
 from pointkit.yaml_files import yaml_text
-from puckbench.metrics.table_registry import UNDECODED
 from puckbench.steps.cost import BEGIN as COST
 from puckbench.steps.fork_server import EXIT_STATUS
+from puckbench.tables.registry import UNDECODED
 
 PREFIX = "puckbench: "
 """Start of the last line in the log of a failed job, before the reason."""

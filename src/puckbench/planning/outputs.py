@@ -13,13 +13,13 @@ from puckbench.codecs.registry import LOOKS, codec_class, is_codec
 from puckbench.figures.plot_styles import class_style, codec_rank, looks_layer
 from puckbench.figures.registry import FigureEntry, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.table_registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
 from puckbench.planning.drives import Drives
 from puckbench.planning.needs.registry import Options, met_needs
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import planned_contents
 from puckbench.planning.study import STUDIES, Study
 from puckbench.report.contents import Contents, register_user_plugins
+from puckbench.tables.registry import SENSOR, TABLES, TableEntry, table_entries, table_entry
 
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Tables with a row for each cloud, or for each cloud and codec."""

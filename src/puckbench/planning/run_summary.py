@@ -1,17 +1,17 @@
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.table_registry import UNDECODED
 from puckbench.recordings.drives import AZIMUTH, NONE
 from puckbench.report.bd_rate_text import delta_text, has_delta
+from puckbench.results.columns import TASK, column_named, is_declared
 from puckbench.results.curves import REMARK
+from puckbench.tables.registry import UNDECODED
 
 Row = dict[str, str]
 
@@ -20,37 +20,22 @@ def _ends(form: str) -> Callable[[list[float] | None], str]:
     return lambda ends: " to ".join(f"{end:{form}}" for end in ends or ())
 
 
+_RANGES = ("bpp", "d1_rms_m", "d1_psnr")
+"""Columns of the table ``summary`` whose least and greatest medians are printed."""
 _COLUMNS: dict[str, tuple[str, Callable[[Any], str]]] = {
-    "dataset": ("data set", str),
-    "codec": ("codec", str),
-    "clouds": ("clouds", str),
-    "bpp": ("bits per point", _ends(".2g")),
-    "d1_rms_m": ("D1 error, m", _ends(".2g")),
-    "d1_psnr": ("D1 PSNR, dB", _ends(".0f")),
+    **{name: (column_named(name).heading, str) for name in ("dataset", "codec", "clouds")},
+    **{each.name: (each.heading, _ends(each.digits)) for each in map(column_named, _RANGES)},
     "bd_rate": ("BD-rate", str),
     "seconds": ("s, at most", "{:.2g}".format),
 }
 """Heading and format of each printed column, by key of a row in `summary_rows`."""
-_RATE_COLUMNS = {
-    "bpp": "bits per point",
-    "file_ratio": "file / stream",
-    "d1_rms_mm": "D1, mm",
-    "d2_rms_mm": "D2, mm",
-    "range_rms_mm": "range, mm",
-    "q99_mm": "99 %, mm",
-    "largest_mm": "largest, mm",
-    "encode_s": "encode, s",
-    "decode_s": "decode, s",
-}
-"""Headings of the printed columns of the table ``rates``."""
+_RATE_COLUMNS = (
+    *("bpp", "file_ratio", "d1_rms_mm", "d2_rms_mm", "range_rms_mm", "q99_mm", "largest_mm"),
+    *("encode_s", "decode_s"),
+)
+"""Columns of the table ``rates`` that are printed."""
 _MAX_RATES = 24
 _MAX_REMARKS = 10
-_NO_TASK = re.compile(
-    r"dataset|cloud|codec|rate|points_.*|bytes|bpp|(encode|decode)_.*|turns|seed|length_m|repeats"
-    r"|threads|times|timed_alone|gicp_length_m"
-)
-"""Matches the names of columns of the table ``drives`` that are not results of tasks."""
-_FIRST_TASKS = ("drift_percent", "ate_m", "lost_turns")
 _MAX_TASKS = 5
 _TIMES = {AZIMUTH: ", azimuth times", NONE: ", no times"}
 """Text after the rate of a drive whose codec does not keep the times at which lasers fired."""
@@ -123,11 +108,11 @@ def _task_columns(rows: Sequence[Row]) -> list[str]:
     names = [
         name
         for name in rows[0]
-        if not _NO_TASK.fullmatch(name)
+        if (not is_declared(name) or column_named(name).group == TASK)
         and all(_is_number(row[name]) for row in rows)
         and (name.partition("_")[0] not in rows[0] or len({row[name] for row in rows}) > 1)
     ]
-    return sorted(names, key=lambda name: name not in _FIRST_TASKS)[:_MAX_TASKS]
+    return sorted(names, key=lambda name: not column_named(name).summarised)[:_MAX_TASKS]
 
 
 def _is_number(text: str) -> bool:
@@ -214,7 +199,7 @@ def _rate_lines(results: Path, style: FigureStyle) -> Iterator[str]:
     elif rows:
         yield ""
         names = [name for name in _RATE_COLUMNS if any(row.get(name) for row in rows)]
-        heads = ["data set", "codec and rate", *(_RATE_COLUMNS[name] for name in names)]
+        heads = ["data set", "codec and rate", *(column_named(name).heading for name in names)]
         yield from aligned([heads, *(_rate_cells(row, names, style) for row in rows)])
         yield "99 % and largest: point to point, of the worst cloud; times for a million points."
 
@@ -238,7 +223,7 @@ def _odd_results(results: Path) -> Iterator[str]:
 
 def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
     first = medians[0]
-    ranges = {name: _range(medians, name) for name in ("bpp", "d1_rms_m", "d1_psnr")}
+    ranges = {name: _range(medians, name) for name in _RANGES}
     return {
         "dataset": style.title(first["dataset"]),
         "codec": style.of_codec(first["codec"]).title,

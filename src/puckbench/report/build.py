@@ -13,9 +13,7 @@ from pointkit.tables import read_table
 from pointkit.threads import in_threads
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.table_registry import TABLES, table_entry
 from puckbench.report.captions import caption_html
-from puckbench.report.column_labels import name_in_words
 from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
@@ -26,6 +24,8 @@ from puckbench.report.run_record import RunRecord
 from puckbench.report.sections import SectionData, sections_of
 from puckbench.report.tables import table_html
 from puckbench.report.viewer_data import viewer_payload
+from puckbench.results.columns import name_in_words
+from puckbench.tables.registry import TABLES, table_entry
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,8 +9,8 @@ from pointkit.errors import InputError, among, naming
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks
 from puckbench.metrics.statistics import SCENE, with_scenes
-from puckbench.metrics.tables.rate_deltas import bd_rate
 from puckbench.report.reference_results import DIGEST, ReferenceResults, check_results
+from puckbench.tables.rate_deltas import bd_rate
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,7 @@ from typing import Any
 
 from pointkit.models import Model, parsed
 from puckbench.figures.registry import FIGURES
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 TITLE = "Point-cloud compression on virtual LiDAR scans"
 

@@ -11,11 +11,11 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import lossless_rows
 from puckbench.metrics.statistics import BETTER, MIN_SCENES, NO_VERDICT, NOT_WORSE, UNDECIDED
-from puckbench.metrics.tables.uses import FEWEST, NEAREST, USES
 from puckbench.report.bd_rate_text import delta_note, delta_text, delta_value
-from puckbench.report.cells import interval_text
-from puckbench.report.column_labels import column_label
 from puckbench.report.plot_data import codec_payload
+from puckbench.results.columns import column_named
+from puckbench.tables.cells import interval_text
+from puckbench.tables.uses import FEWEST, NEAREST, USES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -259,7 +259,7 @@ def _of_dataset(
 def short_title(metric: str) -> str:
     """Return a metric's name for headings, such as "D1" for ``d1_psnr``."""
     bare = metric.removesuffix("_psnr")
-    return bare.upper() if bare in ("d1", "d2") else column_label(metric).words
+    return bare.upper() if bare in ("d1", "d2") else column_named(metric).words
 
 
 def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 from pointkit.files import write_bytes
 from pointkit.tables import write_table
-from puckbench.metrics.table_registry import table_entry
-from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds, bd_rate_pairs
-from puckbench.metrics.tables.uses import uses
 from puckbench.report.build import build_page
 from puckbench.report.contents import Contents
 from puckbench.report.findings import Findings, findings
 from puckbench.report.reference_results import ReferenceResults, read_reference, shipped_studies
+from puckbench.tables.rate_deltas import bd_rate, bd_rate_clouds, bd_rate_pairs
+from puckbench.tables.registry import table_entry
+from puckbench.tables.uses import uses
 
 if TYPE_CHECKING:
     import pandas as pd

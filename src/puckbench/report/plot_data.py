@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -12,13 +13,7 @@ from puckbench.metrics.coordinate_frames import frames_of
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
 from puckbench.metrics.statistics import MIN_SCENES
-from puckbench.report.column_labels import (
-    ColumnLabel,
-    column_label,
-    has_label,
-    ordered_labels,
-    unit_in_frames,
-)
+from puckbench.results.columns import OTHER, PLOTTED, Column, column_named, unit_in_frames
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +41,7 @@ def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
         columns to [first quartile, median, third quartile] over clouds.
     """
     metrics = with_lossless_best(without_mixed_peaks(metrics))
-    labels = _shown(metrics)
+    shown, frames = _shown(metrics), frames_of(metrics)
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
     return {
@@ -55,8 +50,8 @@ def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
             for name in datasets
         ],
         "codecs": [codec_payload(name, style) for name in codecs],
-        "metrics": [_described(item) for item in labels if item.column != "bpp"],
-        "cells": _cells(metrics, [item.column for item in labels], datasets, codecs),
+        "metrics": [_described(each, frames) for each in shown if each.name != "bpp"],
+        "cells": _cells(metrics, [each.name for each in shown], datasets, codecs),
     }
 
 
@@ -74,21 +69,21 @@ def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
     }
 
 
-def _shown(metrics: pd.DataFrame) -> list[ColumnLabel]:
-    """Return labels of the columns that the plot offers: numbers that depend on codec or rate."""
+def _shown(metrics: pd.DataFrame) -> list[Column]:
+    """Return the columns that the plot offers: numbers that depend on codec or rate."""
     numbers = metrics.select_dtypes("number").dropna(axis="columns", how="all")
     names = [str(name) for name in numbers]
     different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1
-    labels = ordered_labels([name for name in names if has_label(name) or different[name]])
-    frames, peak = frames_of(metrics), peak_phrase(metrics)
-    return [
-        _with_peak(replace(item, unit=unit_in_frames(item.unit, frames)), peak) for item in labels
-    ]
+    shown = [each for each in map(column_named, names) if each.group in PLOTTED]
+    shown = [each for each in shown if each.group != OTHER or different[each.name]]
+    shown.sort(key=lambda each: PLOTTED.index(each.group))
+    peak = peak_phrase(metrics)
+    return [_with_peak(each, peak) for each in shown]
 
 
-def _with_peak(item: ColumnLabel, peak: str) -> ColumnLabel:
-    has_peak = item.column in WITH_PEAK and peak
-    return replace(item, words=f"{item.words}, {peak}") if has_peak else item
+def _with_peak(shown: Column, peak: str) -> Column:
+    has_peak = shown.name in WITH_PEAK and peak
+    return replace(shown, words=f"{shown.words}, {peak}") if has_peak else shown
 
 
 def _frame_of(metrics: pd.DataFrame, dataset: str) -> CoordinateFrame:
@@ -96,11 +91,14 @@ def _frame_of(metrics: pd.DataFrame, dataset: str) -> CoordinateFrame:
     return "metric" if "metric" in frames else "scaled"
 
 
-def _described(item: ColumnLabel) -> dict[str, Any]:
-    unit = column_label(item.column).unit
-    units = {frame: unit_in_frames(unit, {frame}) for frame in get_args(CoordinateFrame)}
-    described = {"name": item.column, "words": item.words, "unit": item.unit}
-    return {**described, "units": units, "group": item.group}
+def _described(shown: Column, frames: Collection[str]) -> dict[str, Any]:
+    return {
+        "name": shown.name,
+        "words": shown.words,
+        "unit": unit_in_frames(shown.unit, frames),
+        "units": {each: unit_in_frames(shown.unit, {each}) for each in get_args(CoordinateFrame)},
+        "group": shown.group,
+    }
 
 
 def _cells(
@@ -118,9 +116,9 @@ def _cells(
     cells = []
     for key, values in zip(keys, known.reshape(len(keys), len(_SHARES), -1), strict=True):
         shown = {
-            name: round_significant(column)
-            for name, column in zip(columns, values.T, strict=True)
-            if not np.isnan(column).any()
+            name: round_significant(quartiles_of_column)
+            for name, quartiles_of_column in zip(columns, values.T, strict=True)
+            if not np.isnan(quartiles_of_column).any()
         }
         head = dict(zip(_KEYS, key, strict=True))
         cells.append({**head, "clouds": len(places[key]), "values": shown})
@@ -138,9 +136,9 @@ def _quartiles(values: Floats) -> Floats:
     is_missing = np.isnan(values)
     whole = ~is_missing.any(axis=0)
     quartiles[:, whole] = np.quantile(values[:, whole], shares, axis=0)
-    for column in np.flatnonzero(~whole & ~is_missing.all(axis=0)):
-        present = values[~is_missing[:, column], column]
-        quartiles[:, column] = np.quantile(present, shares)
+    for place in np.flatnonzero(~whole & ~is_missing.all(axis=0)):
+        present = values[~is_missing[:, place], place]
+        quartiles[:, place] = np.quantile(present, shares)
     return quartiles
 
 

@@ -19,9 +19,9 @@ from pointkit.errors import InputError, among, naming
 from pointkit.files import json_of, written_whole
 from pointkit.models import Model, parsed
 from puckbench.core.renamed_keys import with_new_keys
-from puckbench.metrics.tables.rate_deltas import MARGIN_PERCENT
-from puckbench.report.column_labels import is_time, name_in_words
 from puckbench.report.run_record import RunRecord
+from puckbench.results.columns import column_named, name_in_words
+from puckbench.tables.rate_deltas import MARGIN_PERCENT
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -291,16 +291,16 @@ def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
 
 def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
     """Return a table of results without the columns of times."""
-    return metrics[[name for name in metrics if not is_time(str(name))]]
+    return metrics[[name for name in metrics if not column_named(str(name)).timed]]
 
 
 def _rounded(table: Any) -> pd.DataFrame:
     rounded: pd.DataFrame = table.copy()
-    for column in table.select_dtypes("floating"):
-        values = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
-        rounded[column] = values
-        if column != "bpp":
-            rounded[column] = rounded[column].astype("float32")
+    for name in table.select_dtypes("floating"):
+        values = [float(f"{value:.{_DIGITS}g}") for value in table[name]]
+        rounded[name] = values
+        if name != "bpp":
+            rounded[name] = rounded[name].astype("float32")
     return rounded
 
 

@@ -14,8 +14,8 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import LOSSLESS
 from puckbench.metrics.peaks import peaks_of_datasets
-from puckbench.report.cells import cell_text
-from puckbench.report.column_labels import name_in_words
+from puckbench.results.columns import column_named
+from puckbench.tables.cells import cell_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -128,14 +128,14 @@ def _measured_on(metrics: pd.DataFrame) -> dict[str, str]:
     texts = [str(n) for n in metrics.select_dtypes(exclude="number") if n not in _KEYS]
     values_by_column = {name: _distinct(metrics[name]) for name in texts if not _is_of_codec(name)}
     return {
-        f"Results: {name_in_words(name).lower()}": ", ".join(values[:_MOST_VALUES])
+        f"Results: {column_named(name).words.lower()}": ", ".join(values[:_MOST_VALUES])
         for name, values in values_by_column.items()
         if values
     }
 
 
-def _is_of_codec(column: str) -> bool:
-    return column == "codec_version" or "weights" in column
+def _is_of_codec(name: str) -> bool:
+    return name == "codec_version" or "weights" in name
 
 
 def _distinct(values: pd.Series[Any]) -> list[str]:

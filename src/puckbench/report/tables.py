@@ -1,15 +1,14 @@
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.coordinate_frames import frames_of
-from puckbench.report.cells import cell_text
-from puckbench.report.column_labels import has_label, table_heading, unit_in_frames
 from puckbench.report.page import rendered
+from puckbench.results.columns import column_named, is_declared, is_spread, unit_in_frames
+from puckbench.tables.cells import cell_text, is_bookkeeping
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,14 +16,6 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 1000
 """Largest number of rows of a table in the page; the linked file has all rows."""
-_SPREAD = re.compile(r"(.+)_(q25|q75)")
-_BOOKKEEPING = re.compile(
-    "clouds|compared|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?pooled"
-    "|little_overlap|anchor_lossless|anchor_points|bd_(rate|quality)_status|log_ratio"
-    "|truth_points_[ab]"
-    "|group|count|scans|weights|digest|(truth_|clean_)?acd_.*"
-)
-"""Columns that tell how values were obtained. Like empty columns, they come last and are hidden."""
 
 
 @dataclass(frozen=True)
@@ -86,34 +77,29 @@ def _in_order(table: pd.DataFrame) -> list[str]:
     return [name for name in names if name not in last] + last
 
 
-def is_bookkeeping(values: pd.Series[Any]) -> bool:
-    """Return whether a column is empty, or tells only how other values were obtained."""
-    return bool(_BOOKKEEPING.fullmatch(str(values.name))) or bool(values.isna().all())
-
-
-def _titles(column: str, style: FigureStyle) -> Callable[[str], str]:
+def _titles(name: str, style: FigureStyle) -> Callable[[str], str]:
     from virtual_lidar.errors import error_model_title
 
     titles: dict[str, Callable[[str], str]] = {
         "dataset": style.title,
-        "codec": lambda name: style.of_codec(name).title,
-        "anchor": lambda name: style.of_codec(name).title,
-        "metric": lambda name: table_heading(name)[0],
+        "codec": lambda codec: style.of_codec(codec).title,
+        "anchor": lambda codec: style.of_codec(codec).title,
+        "metric": lambda metric: column_named(metric).short_words,
         "quantity": _quantity_title,
         "model": error_model_title,
     }
-    return titles.get(column, str)
+    return titles.get(name, str)
 
 
 def _quantity_title(name: str) -> str:
-    return table_heading(name)[0] if has_label(name) else name
+    return column_named(name).words if is_declared(name) else name
 
 
 def _column(values: pd.Series[Any], names: list[str], frames: Collection[str]) -> TableColumn:
     name = str(values.name)
-    quantile = _SPREAD.fullmatch(name)
     kinds = ["number"] if values.dtype.kind in "fiu" else []
-    kinds += ["spread"] if quantile and quantile[1] in names else []
+    kinds += ["spread"] if is_spread(name, names) else []
     kinds += ["bookkeeping"] if is_bookkeeping(values) else []
-    words, unit = table_heading(name, names)
-    return TableColumn(name, words, unit_in_frames(unit, frames), " ".join(kinds))
+    described = column_named(name, names)
+    unit = unit_in_frames(described.unit, frames)
+    return TableColumn(name, described.words, unit, " ".join(kinds))

@@ -1,1 +1,1 @@
-"""Results of steps on disk: streams, rows and tables."""
+"""Results of steps: streams and rows on disk, and what the columns of rows contain."""

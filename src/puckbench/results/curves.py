@@ -1,14 +1,13 @@
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import NonNegativeFloat, NonNegativeInt
 
-from pointkit.column_tables import check_parquet_memory
 from pointkit.errors import InputError
-from pointkit.files import json_bytes, object_of, read_bytes, read_object, written_whole
+from pointkit.files import json_bytes, object_of, read_bytes, read_object
 from pointkit.models import Model, parsed
 from puckbench.core.archives import SUFFIX, read_archive, write_archive
 
@@ -129,33 +128,3 @@ def read_coded(path: Path, rate: str | None = None) -> Coded:
 def record_file(stream: Path) -> Path:
     """Return the path of the record (JSON) beside a file of one stream."""
     return stream.with_name(f"{stream.name}.json")
-
-
-def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows of results, given as values by column name, to a Parquet file."""
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    names = dict.fromkeys(name for row in rows for name in row)
-    table = pa.table({name: [row.get(name) for row in rows] for name in names})
-    with written_whole(path) as temporary:
-        parquet.write_table(table, temporary, compression="zstd")
-
-
-def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """Return the rows of results in Parquet files, as one list of values by column name.
-
-    A row lacks the columns in which it has no value.
-    """
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    rows: list[dict[str, Any]] = []
-    for path in paths:
-        check_parquet_memory(path)
-        try:
-            rows += parquet.ParquetFile(path).read().to_pylist()
-        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            fault = " ".join(str(error).split())
-            raise InputError(f"{path}: not a readable table of results ({fault})") from error
-    return [{key: value for key, value in row.items() if value is not None} for row in rows]

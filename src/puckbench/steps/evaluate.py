@@ -16,10 +16,11 @@ from puckbench import __version__
 from puckbench.core.code import CODEC, MESH_FILES
 from puckbench.geometry.surfaces import read_truth
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
-from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.metric_registry import METRICS, further_metrics
 from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_metrics
-from puckbench.results.curves import REMARK, read_curve, write_rows
+from puckbench.results.columns import FRAME
+from puckbench.results.curves import REMARK, read_curve
+from puckbench.results.row_files import write_rows
 from puckbench.steps.coding import Decoded, TimedStep, decoded, planned_codec_step, ready
 from puckbench.steps.step import STEPS, PlannedStep
 

@@ -31,14 +31,14 @@ from pointkit.registry import Registry, trusted_files
 from pointkit.sources import import_folder, package_files, package_folder
 from puckbench.core.packages import ENGINES, package_folders
 from puckbench.figures.registry import FIGURES
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 from virtual_lidar.errors import ERROR_MODELS
 
 ALWAYS = ("pointkit.*",)
 """Packages that count as code of every job."""
 _PLUGINS: dict[str, Registry[Any]] = {
     "puckbench.figures": FIGURES,
-    "puckbench.metrics.tables": TABLES,
+    "puckbench.tables": TABLES,
     "virtual_lidar.errors": ERROR_MODELS,
 }
 """Packages of puckbench with plug-ins, whose modules count only where a job names them."""

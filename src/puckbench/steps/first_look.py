@@ -40,10 +40,9 @@ class FirstLook(OfNames):
         from pointkit.tables import write_table
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
-        from puckbench.steps.tables import results as result_tables
+        from puckbench.tables.gathered import metrics
 
-        rows = result_tables.metric_rows(self.files(results))
-        table = result_tables.table_of(rows, result_tables.METRIC_KEYS)
+        table = metrics(self.files(results))
         write_table(table, parquet)
         style = FigureStyle.from_config(*self.style)
         for path in out:

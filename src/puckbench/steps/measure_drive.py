@@ -18,7 +18,7 @@ from puckbench.geometry.digest import cloud_digest
 from puckbench.metrics.task_registry import TASKS, task_results
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
 from puckbench.results.coded_drives import CodedDrive, read_coded_drive
-from puckbench.results.curves import write_rows
+from puckbench.results.row_files import write_rows
 from puckbench.steps.coding import TimedStep, planned_codec_step, ready
 from puckbench.steps.step import STEPS, PlannedStep, Step
 

@@ -3,12 +3,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import TASKS
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE, read_drive
-from puckbench.results.curves import write_rows
+from puckbench.results.row_files import write_rows
 from puckbench.steps.measure_drive import TaskStep
 from puckbench.steps.step import STEPS, PlannedStep, planned
+from puckbench.tables.registry import UNDECODED
 
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow

@@ -18,8 +18,8 @@ from puckbench.geometry.scaling import METRIC
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 
 if TYPE_CHECKING:
-    from puckbench.steps.preparation import MeasuredPoints
     from puckbench.planning.workflow import Workflow
+    from puckbench.steps.preparation import MeasuredPoints
 
 CODE = (
     *CLOUD_FILES,

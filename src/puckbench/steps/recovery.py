@@ -13,7 +13,8 @@ from pointkit.geometry.mesh import Labels, Mesh
 from puckbench import __version__
 from puckbench.codecs.base import Codec
 from puckbench.core.code import CODEC, MESH_FILES
-from puckbench.results.curves import Coded, read_curve, write_rows
+from puckbench.results.curves import Coded, read_curve
+from puckbench.results.row_files import write_rows
 from puckbench.steps.coding import CodecStep, planned_codec_step, ready
 from puckbench.steps.step import STEPS, PlannedStep
 

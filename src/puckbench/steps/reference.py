@@ -12,8 +12,9 @@ if TYPE_CHECKING:
 
 CODE = (
     *TABLES,
+    "puckbench.report",
     "puckbench.steps.cost",
-    "puckbench.metrics.tables.rate_deltas",
+    "puckbench.tables.rate_deltas",
 )
 
 _AFTERWARDS = {"report_page", "reference"}

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from pointkit.files import write_bytes
 from puckbench.core.code import CLOUD_FILES, TABLES
 from puckbench.figures.registry import FigureEntry, figure_entries
-from puckbench.metrics.table_registry import TableEntry, table_entries
 from puckbench.report.page import assets_version
 from puckbench.report.sections import SECTIONS, sections_of
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
+from puckbench.tables.registry import TableEntry, table_entries
 
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 CODE = (
     *CLOUD_FILES,
     *TABLES,
+    "puckbench.report",
     "puckbench.core.renamed_keys",
     "puckbench.steps.cost",
-    "puckbench.metrics.tables.uses",
+    "puckbench.tables.uses",
 )
 
 

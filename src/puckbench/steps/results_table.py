@@ -7,15 +7,13 @@ from pydantic import Field
 
 from puckbench.core.code import TABLES
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
-from puckbench.steps.table_files import write_result
-from puckbench.steps.tables.results import PLAN_TABLES, ROWS, table_of
+from puckbench.tables.files import write_result
+from puckbench.tables.registry import table_entry
 
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
 
-CODE = (
-    *(*TABLES, "puckbench.results.curves", "puckbench.steps.tables", "puckbench.core.archives"),
-)
+CODE = (*TABLES, "puckbench.tables.gathered")
 
 
 class OfNames(Step):
@@ -57,7 +55,5 @@ class ResultsTable(OfNames):
 
         `results` is the results folder, in which the files `names` are.
         """
-        if self.table in PLAN_TABLES:
-            return write_result(PLAN_TABLES[self.table](self.rows), columns, csv, parquet)
-        make, keys = ROWS[self.table]
-        return write_result(table_of(make(self.files(results)), keys), columns, csv, parquet)
+        source = self.files(results) if self.names else self.rows
+        return write_result(table_entry(self.table).make(source), columns, csv, parquet)

@@ -9,10 +9,10 @@ from pydantic import Field
 
 from pointkit.errors import InputError
 from puckbench.core.code import TABLES
-from puckbench.metrics.table_registry import TABLES as REGISTRY
-from puckbench.metrics.table_registry import TableEntry, table_entry
 from puckbench.steps.sensing import code_of_models
 from puckbench.steps.step import STEPS, Paths, PlannedStep, Step, planned
+from puckbench.tables.registry import TABLES as REGISTRY
+from puckbench.tables.registry import TableEntry, table_entry
 from virtual_lidar import open_error_model
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Table(Step):
             Files of the tables that the function reads, by the names of its parameters.
         """
         from pointkit.tables import read_table
-        from puckbench.steps.table_files import write_result
+        from puckbench.tables.files import write_result
 
         entry = table_entry(self.table)
         if missing := [needed for needed in entry.inputs if needed not in inputs]:

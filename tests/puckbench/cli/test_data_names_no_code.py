@@ -24,7 +24,7 @@ from pointkit.tables import write_table
 from puckbench.cli import main
 from puckbench.report.reference_results import plain_rows, read_reference, write_reference
 from puckbench.report.run_record import RunRecord
-from puckbench.results.curves import write_rows
+from puckbench.results.row_files import write_rows
 from puckbench.steps.process import main as job
 from tests.support.reference_lookalike import CLOUDS, clouds_of, rows_of, write_run
 from tests.support.sensor_scenes import room

@@ -14,7 +14,8 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns
 from puckbench.codecs.registry import open_codec
 from puckbench.geometry.attributes import attributes_of
-from puckbench.results.curves import read_curve, read_rows
+from puckbench.results.curves import read_curve
+from puckbench.results.row_files import read_rows
 from puckbench.steps.decode import Decode
 from puckbench.steps.encode import EncodeCurve
 from puckbench.steps.evaluate import EvaluateCurve

@@ -15,7 +15,7 @@ from puckbench.core.environment import (
     run_environment,
     thread_environment,
 )
-from puckbench.metrics.tables.machines import machines
+from puckbench.tables.machines import machines
 
 
 def test_the_environment_of_a_timed_job_gives_every_library_its_threads() -> None:

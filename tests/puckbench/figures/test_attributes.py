@@ -9,7 +9,7 @@ from pointkit.errors import InputError
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.tables.attribute_bits import attribute_bits
+from puckbench.tables.attribute_bits import attribute_bits
 
 
 def _rows() -> pd.DataFrame:

@@ -38,7 +38,7 @@ def test_a_lossless_rate_is_a_tick_at_the_edge_of_better_values() -> None:
         drawn = [y for line in axes.lines for y in np.asarray(line.get_ydata(), float)]
         assert 0 < min(drawn) < max(drawn) < 100
     assert figure.axes[0].get_ylabel() == "D1 PSNR (dB), better \N{RIGHTWARDS ARROW}\npeak 59.7"
-    assert figure.axes[1].get_ylabel() == "d1_mse, \N{LEFTWARDS ARROW} better"
+    assert figure.axes[1].get_ylabel() == "D1 MSE (grid units²), \N{LEFTWARDS ARROW} better"
     assert "bits of lossless streams" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 

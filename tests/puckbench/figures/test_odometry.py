@@ -8,7 +8,7 @@ import pytest
 from pointkit.errors import InputError
 from puckbench.figures.odometry import draw_odometry
 from puckbench.figures.style import FigureStyle
-from tests.puckbench.metrics.test_odometry_bits import drives
+from tests.puckbench.tables.test_odometry_bits import drives
 
 LONG = drives("a")
 SHORT = drives("b", column="ate_m", scale=0.1)

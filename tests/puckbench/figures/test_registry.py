@@ -11,7 +11,7 @@ import pytest
 from pointkit.registry import trust
 from puckbench.cli import main
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
-from puckbench.metrics.table_registry import TABLES, table_entry
+from puckbench.tables.registry import TABLES, table_entry
 
 FIGURE = '''
 from __future__ import annotations
@@ -39,7 +39,7 @@ def draw(clouds: "pd.DataFrame", style):
     return figure
 '''
 TABLE = '''
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 @TABLES.register("counts", title="Counts")
 def counts(clouds: "pd.DataFrame", metrics: "pd.DataFrame | None" = None, *, factor: float = 1):
     """How many points."""

@@ -12,7 +12,7 @@ from pointkit.geometry.cloud import PointCloud
 from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.tables.noise_bits import noise_bits
+from puckbench.tables.noise_bits import noise_bits
 from tests.support.figures_lookalike import (
     sweeps_clouds_table,
     sweeps_scan_errors_table,

@@ -19,7 +19,7 @@ from puckbench.metrics.bjontegaard import (
     bjontegaard_delta,
     rate_distortion_curve,
 )
-from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds, bd_rate_pairs
+from puckbench.tables.rate_deltas import bd_rate, bd_rate_clouds, bd_rate_pairs
 
 RATES = np.array([0.1, 0.3, 0.8, 2.0, 5.0])
 PSNRS = np.array([40.0, 48.0, 55.0, 62.0, 71.0])

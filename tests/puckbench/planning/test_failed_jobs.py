@@ -10,14 +10,14 @@ import pytest
 
 from pointkit.errors import InputError
 from puckbench.figures.registry import FIGURES
-from puckbench.metrics.table_registry import TABLES
 from puckbench.planning.workflow import Workflow
+from puckbench.tables.registry import TABLES
 
 OWN = """
 from typing import TYPE_CHECKING
 
 from puckbench.figures.registry import FIGURES
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -174,7 +174,7 @@ def test_bd_rates_stand_first_and_bookkeeping_behind_a_fold(opened: Opened) -> N
     page.click("#table-bd_rate .controls .box:last-of-type input")
     assert "little_overlap" in page.run(shown)
     first = "document.querySelector('#table-bd_rate tbody tr').innerText.split('\\t').slice(0, 3)"
-    assert page.run(first) == ["Capod", "PSNR D1", "G-PCC"]
+    assert page.run(first) == ["Capod", "D1 PSNR", "G-PCC"]
 
 
 def test_every_median_is_a_marker_and_every_curve_a_line(opened: Opened) -> None:

@@ -21,15 +21,11 @@ from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.registry import CODECS
 from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
-from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_pairs
-from puckbench.metrics.tables.uses import uses
 from puckbench.planning.report_contents import spread_out
 from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text
 from puckbench.report.build import TableShown, build_page
 from puckbench.report.captions import caption_html
-from puckbench.report.cells import cell_text
-from puckbench.report.column_labels import column_label, table_heading
 from puckbench.report.contents import Contents
 from puckbench.report.findings import UseRow, findings, ranking_text
 from puckbench.report.page import whole_page
@@ -48,6 +44,10 @@ from puckbench.report.viewer_data import (
     points_per_cloud,
     subsample_points,
 )
+from puckbench.results.columns import column_named, unit_in_frames
+from puckbench.tables.cells import cell_text
+from puckbench.tables.rate_deltas import bd_rate, bd_rate_pairs
+from puckbench.tables.uses import uses
 
 
 def test_text_and_attributes_are_escaped_and_markup_is_not() -> None:
@@ -125,11 +125,12 @@ def test_curves_show_what_differs_between_rates_and_not_what_describes_the_cloud
         ("hausdorff_point_m", "Hausdorff distance, point to point (m)"),
         ("encode_s_max", "Encoding time, most of the repetitions (s)"),
         ("d2_psnr", "PSNR D2, point to plane (dB)"),
-        ("of_ones_own", "of_ones_own"),
+        ("of_ones_own", "Of ones own"),
+        ("of_ones_own_mm", "Of ones own (mm)"),
     ],
 )
 def test_columns_have_words_and_units(column: str, label: str) -> None:
-    assert column_label(column).label == label
+    assert column_named(column).label == label
 
 
 def test_coordinates_come_back_within_half_a_step() -> None:
@@ -549,15 +550,18 @@ def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(
     [
         ("bpp_q25", ["bpp"], ("Bits per point, 25 %", "bpp")),
         ("density_q25_m2", [], ("Density, 25 %", "1/m²")),
-        ("std_half_m", ["std_m"], ("Std, half the interval", "m")),
-        ("here_half_m", [], ("Here half", "m")),
-        ("truth_d2_rms_m", [], (column_label("truth_d2_rms_m").words, "m")),
+        ("spread_q25_m2", [], ("Spread, 25 %", "1/m²")),
+        ("thing_least", [], ("Thing least", "")),
+        ("thing_half_m", ["thing_m"], ("Thing, half the interval", "m")),
+        ("thing_half_m", [], ("Thing half", "m")),
+        ("truth_d2_rms_m", [], (column_named("truth_d2_rms_m").words, "m")),
     ],
 )
 def test_headings_put_names_into_words(
     column: str, others: list[str], heading: tuple[str, str]
 ) -> None:
-    assert table_heading(column, others) == heading
+    described = column_named(column, others)
+    assert (described.words, described.unit) == heading
 
 
 def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
@@ -579,8 +583,6 @@ def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
 
 
 def test_units_are_those_of_the_clouds_frames() -> None:
-    from puckbench.report.column_labels import unit_in_frames
-
     assert unit_in_frames("grid units²", {"scaled"}) == "grid units²"
     assert unit_in_frames("grid units²", {"metric"}) == "m²"
     assert unit_in_frames("grid units", {"metric", "scaled"}) == "grid units or m"

@@ -21,8 +21,9 @@ from puckbench.codecs.registry import codec_class
 from puckbench.core.archives import read_archive, write_archive
 from puckbench.library import compare, open_codec
 from puckbench.metrics import geometry
-from puckbench.report.column_labels import is_time
-from puckbench.results.curves import Coded, read_curve, read_rows, write_curve, write_rows
+from puckbench.results.columns import column_named
+from puckbench.results.curves import Coded, read_curve, write_curve
+from puckbench.results.row_files import read_rows, write_rows
 from puckbench.steps.coding import Decoded
 from puckbench.steps.decode_shown import DecodeShown
 from puckbench.steps.encode import Encode
@@ -122,7 +123,11 @@ def test_the_rates_of_a_curve_share_the_search_for_a_surface(
 
 
 def timeless(row: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in row.items() if not is_time(key) and "peak_mib" not in key}
+    return {
+        key: value
+        for key, value in row.items()
+        if not column_named(key).timed and "peak_mib" not in key
+    }
 
 
 def test_commands_read_a_rate_of_a_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

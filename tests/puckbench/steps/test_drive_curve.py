@@ -11,7 +11,7 @@ from cloud_files.meshes import write_mesh
 from pointkit.models import parsed
 from puckbench.metrics.tasks.odometry import estimated_poses
 from puckbench.recordings.drives import Drive, azimuth_shares, firing_shares, read_drive
-from puckbench.results.curves import read_rows
+from puckbench.results.row_files import read_rows
 from puckbench.steps.drive import VirtualDrive
 from puckbench.steps.encode_drive import EncodeDrive, MeasureDrive
 from virtual_lidar.scenes.street import make_street, street_origin

@@ -263,7 +263,7 @@ CHANGED_BY: dict[str, set[str]] = {
     "puckbench/metrics/tasks/registration.py": {
         *("measure_drive puck", "measure_undecoded virtual", "measure_undecoded real"),
     },
-    "puckbench/metrics/tables/nearest_truth.py": {"table nearest_truth", "table truth_bits"},
+    "puckbench/tables/nearest_truth.py": {"table nearest_truth", "table truth_bits"},
     "puckbench/figures/truth_rd.py": {
         f"figure truth_{name}" for name in ("rd", "rd_point", "rd_hausdorff", "accuracy")
     },
@@ -288,7 +288,7 @@ def test_an_edit_of_pointkit_changes_the_code_of_all_jobs(jobs: dict[str, Planne
     assert all("pointkit/geometry/morton.py" in code_of(job) for job in jobs.values())
 
 
-@pytest.mark.parametrize("room", ["puckbench/figures/style.py", "puckbench/report/findings.py"])
+@pytest.mark.parametrize("room", ["puckbench/figures/style.py", "puckbench/results/columns.py"])
 def test_an_edit_of_a_room_changes_no_code_before_tables_and_figures(
     jobs: dict[str, PlannedStep], room: str
 ) -> None:

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from pointkit.files import read_json
-from puckbench.results.curves import read_rows
+from puckbench.results.row_files import read_rows
 from tests.support.bench import ROOT, Bench
 
 SETTINGS = {"lmbdas": [1, 4], "channels": [4, 8, 8, 8], "batch_size": 1, "cube_size": 1024}

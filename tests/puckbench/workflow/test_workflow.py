@@ -25,9 +25,9 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
-from puckbench.metrics.table_registry import SENSOR, table_entries
 from puckbench.planning.workflow import Workflow
 from puckbench.results.curves import read_curve
+from puckbench.tables.registry import SENSOR, table_entries
 from tests.support.bench import BOX_CODEC, RAW_CODEC, ROOT, Bench
 from tests.support.same_results import after_a_kill, differences
 
@@ -497,7 +497,7 @@ def test_an_unreadable_mesh_stops_what_needs_it_and_no_more(fresh: Bench) -> Non
 
 TABLE = '''"""One more table."""
 
-from puckbench.metrics.table_registry import TABLES
+from puckbench.tables.registry import TABLES
 
 
 @TABLES.register("streams", title="Streams")

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from pointkit.tables import read_table
-from puckbench.metrics.tables.odometry_bits import odometry_bits
-from puckbench.metrics.tables.odometry_differences import ALL, odometry_differences
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE
 from puckbench.report.reference_results import OF_DRIVES
+from puckbench.tables.odometry_bits import odometry_bits
+from puckbench.tables.odometry_differences import ALL, odometry_differences
 from tests.support.bench import ROOT
 
 PAGE = (ROOT / "docs" / "explanation" / "odometry.md").read_text(encoding="utf-8")

@@ -61,7 +61,7 @@ REGISTRIES = [
     "puckbench.steps.step import JOBS",
     "virtual_lidar.errors import ERROR_MODELS",
     "puckbench.metrics.metric_registry import METRICS",
-    "puckbench.metrics.table_registry import TABLES",
+    "puckbench.tables.registry import TABLES",
 ]
 
 

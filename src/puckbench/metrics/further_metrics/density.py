@@ -6,7 +6,15 @@ from puckbench.metrics.metric_registry import METRICS
 CODE = ("puckbench.metrics.density",)
 
 
-@METRICS.register("density")
+_COLUMNS = {
+    "decoded_spacing_m": "Distance of decoded points to the nearest",
+    "decoded_density_m2": "Density of decoded points",
+    "decoded_duplicates": "Share of duplicates decoded",
+    "decoded_outliers": "Share of outliers decoded",
+}
+
+
+@METRICS.register("density", columns=_COLUMNS)
 def decoded_density(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
     """Return the spacing, density and outliers of a decoded cloud, in metres.
 

@@ -15,7 +15,7 @@ M. Grupp, evo, github.com/MichaelGrupp/evo.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Any
@@ -27,6 +27,7 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.core.code import CLOUD_FILES
 from puckbench.metrics.task_registry import TASKS
 from puckbench.recordings.drives import Drive, shares_of
+from puckbench.results.columns import LOWER, RUN, TASK, Column
 
 CODE = (*CLOUD_FILES, "cloud_files.poses", "puckbench.recordings")
 
@@ -48,9 +49,38 @@ _SKIP = 15
 _FINER = 4
 """Voxels of GICP's map in a row over those of a turn (1 m and 0.25 m in small_gicp's example)."""
 _NEIGHBOURS = 10
+_SHORT = "the drive is too short"
 
 
-@TASKS.register("odometry", needs=("kiss_icp", "evo"))
+def _columns(errors: str, settings: str, method: str = "") -> Iterator[Column]:
+    """Yield the columns of errors and settings, with prefixes of names and the method in words."""
+
+    def error(name: str, words: str, unit: str = "", **more: Any) -> Column:
+        return Column(errors + name, words + method, unit, LOWER, TASK, **more)
+
+    is_shown = not errors
+    yield error("ate_m", "Absolute error of positions", "m", summarised=is_shown)
+    yield error("lost_turns", "Lost turns", summarised=is_shown)
+    yield error("drift_percent", "Drift", "%", missing=_SHORT, summarised=is_shown)
+    yield error("drift_deg_per_m", "Drift of rotation", "°/m", missing=_SHORT)
+    yield error("kitti_percent", "Drift over 100 to 800 m", "%", missing=_SHORT)
+    yield error("kitti_deg_per_m", "Drift of rotation over 100 to 800 m", "°/m", missing=_SHORT)
+    names = [(f"drift_{length}m", length) for length in LENGTHS_M]
+    names += [(f"kitti_{length}m", length) for length in KITTI_LENGTHS_M]
+    for name, length in names:
+        yield error(f"{name}_percent", f"Drift over {length} m", "%", missing=_SHORT)
+        text = f"Drift of rotation over {length} m"
+        yield error(f"{name}_deg_per_m", text, "°/m", missing=_SHORT)
+    for name, words, unit in (
+        ("voxel_m", "Voxel of the map", "m"),
+        ("max_range_m", "Largest range used", "m"),
+        ("skip", "Turns skipped at the start", ""),
+        ("threads", "Threads of odometry", ""),
+    ):
+        yield Column(settings + name, words + method, unit, group=RUN)
+
+
+@TASKS.register("odometry", needs=("kiss_icp", "evo"), columns=_columns("", "odometry_"))
 def odometry(
     drive: Drive,
     decoded: Sequence[PointCloud],
@@ -101,7 +131,14 @@ def odometry(
     return {**pose_errors(true[skip:], estimated[skip:]), **settings}
 
 
-@TASKS.register("gicp_odometry", needs=("small_gicp", "evo"))
+_OF_GICP = (
+    *_columns(GICP, GICP, ", GICP"),
+    Column("gicp", "Version of GICP", group=RUN),
+    Column("gicp_length_m", "Length of the drive, GICP", "m", group=RUN),
+)
+
+
+@TASKS.register("gicp_odometry", needs=("small_gicp", "evo"), columns=_OF_GICP)
 def gicp_odometry(
     drive: Drive,
     decoded: Sequence[PointCloud],

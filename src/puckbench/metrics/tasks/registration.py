@@ -7,7 +7,7 @@ K. Koide, "small_gicp: Efficient and parallel algorithms for point cloud registr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -17,6 +17,7 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.metrics.task_registry import TASKS
 from puckbench.metrics.tasks.odometry import check_installed
 from puckbench.recordings.drives import Drive
+from puckbench.results.columns import HIGHER, LOWER, RUN, TASK, Column
 
 CODE = ("puckbench.metrics.tasks.odometry",)
 
@@ -25,7 +26,20 @@ _TOLERANCE = 0.3
 """Largest relative deviation of a pair's distance from the nominal one."""
 
 
-@TASKS.register("registration", needs=("small_gicp", "evo"))
+def _columns() -> Iterator[Column]:
+    for apart in _APART_M:
+        name, pairs = f"registration_{apart}m", f"of pairs {apart} m apart"
+        yield Column(f"{name}_percent", f"Registered {pairs}", "%", HIGHER, TASK)
+        text = f"Error of the registrations {pairs}"
+        yield Column(f"{name}_error_m", text, "m", LOWER, TASK, missing="none succeeded")
+    yield Column("registration", "Version of the registration", group=RUN)
+    yield Column("registration_voxel_m", "Voxel of the registration", "m", group=RUN)
+    yield Column("registration_reach_m", "Largest distance of matches", "m", group=RUN)
+    yield Column("registration_most_m", "Largest error of a registration", "m", group=RUN)
+    yield Column("registration_most_deg", "Largest error of a registration", "°", group=RUN)
+
+
+@TASKS.register("registration", needs=("small_gicp", "evo"), columns=_columns())
 def registration(
     drive: Drive,
     decoded: Sequence[PointCloud],

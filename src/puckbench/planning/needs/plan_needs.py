@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from puckbench.metrics.tables.against_octree import OCTREE
 from puckbench.planning.needs.registry import NEEDS, Options
 from puckbench.planning.plan import DataSetPlan, Plan
+from puckbench.tables.against_octree import OCTREE
 
 
 @NEEDS.register("sensor_study")

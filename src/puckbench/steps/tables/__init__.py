@@ -1,1 +1,0 @@
-"""Tables from the files of many jobs, and the summary of results."""

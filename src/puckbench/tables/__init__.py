@@ -1,0 +1,1 @@
+"""Tables computed from results, and how tables are written."""

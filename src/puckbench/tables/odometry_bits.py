@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pointkit.errors import InputError
+from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
+from puckbench.tables.odometry_differences import odometry_differences
+from puckbench.tables.registry import ODOMETRY, TABLES, UNDECODED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CODE = ("puckbench.tables.odometry_differences",)
+
+NONE_SUFFICES = "no rate suffices"
+_KEYS = ["dataset", "odometry", "codec", "times"]
+_OF_RATE = ("bits", "rate", "value", "difference", "low", "high")
+
+
+@TABLES.register("odometry_bits", title="Bits that odometry needs", needs=(ODOMETRY,))
+def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
+    """The table shows from how many bits per return on odometry is as good as without coding.
+
+    ``bits`` and ``rate`` are those of the lowest rate that, like all higher ones, is not worse by
+    more than the margin; the upper end of the interval decides (see `odometry_differences`). They
+    are empty if no rate is good enough, or if there are fewer than 6 trajectories, which allow no
+    verdict. ``value`` is the mean error at this rate, and ``difference`` its mean difference to the
+    same trajectories without coding (``undecoded``). ``low`` and ``high`` are the 95 % interval of
+    the difference. All are in ``unit``. ``times`` tells whether the codec keeps the firing times,
+    whether they come from the azimuths of decoded points, or whether there are none. The results
+    without coding use the sensor's own times in all rows.
+    """
+    import pandas as pd
+
+    differences = odometry_differences(drives)
+    coded = differences[differences["codec"] != UNDECODED]
+    if coded.empty:
+        raise InputError("drives table: no codec's results")
+    groups = coded.groupby(_KEYS, sort=False)
+    return pd.DataFrame(
+        [{**dict(zip(_KEYS, key, strict=True)), **_of_codec(rows)} for key, rows in groups]
+    )
+
+
+def _of_codec(rows: pd.DataFrame) -> dict[str, Any]:
+    curve = rows.sort_values("bits", ignore_index=True)
+    suffices = curve["verdict"].isin([BETTER, NOT_WORSE]).to_numpy()
+    kept = np.flatnonzero(np.logical_and.accumulate(suffices[::-1])[::-1])
+    first = curve.iloc[kept[0]] if len(kept) else None
+    lowest = curve.iloc[0]
+    verdict = NONE_SUFFICES if first is None else NOT_WORSE
+    if lowest["verdict"] == NO_VERDICT:
+        verdict = NO_VERDICT
+    empty = {name: "" if name == "rate" else np.nan for name in _OF_RATE}
+    return {
+        "measure": lowest["measure"],
+        "unit": lowest["unit"],
+        "trajectories": int(lowest["trajectories"]),
+        "undecoded": float(lowest["undecoded"]),
+        "margin": float(lowest["margin"]),
+        "verdict": verdict,
+        **(empty if first is None else {name: first[name] for name in _OF_RATE}),
+        "poses": lowest["poses"],
+    }
