@@ -8,6 +8,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 _MOVED = {
+    "puckbench.codecs.facts": "puckbench.codecs.base, puckbench.codecs.rates or .registry",
     "puckbench.coding": "pointkit.coding or puckbench.codecs",
     "puckbench.core.compiling": "pointkit.compiling",
     "puckbench.core.content": "cloud_files.content",

@@ -8,6 +8,7 @@ from pydantic import Field, PrivateAttr
 from pointkit.errors import InputError
 from pointkit.registry import is_place
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.registry import codec_of, is_codec, open_codec
 from puckbench.jobs.curve_files import Coded
 from puckbench.jobs.registry import Job
@@ -91,8 +92,7 @@ def ready(codec: Codec) -> Codec:
 
     Raises InputError if the codec cannot run on this machine.
     """
-    ok, why = codec.available()
-    if not ok:
+    if why := why_not_here(codec):
         raise InputError(f"codec {codec.name} cannot run here: {why}")
     codec.load()
     return codec

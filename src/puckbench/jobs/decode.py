@@ -15,7 +15,8 @@ from cloud_files.meshes import write_mesh
 from cloud_files.point_columns import WIDE_COLOURS
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, PointCloud
-from puckbench.codecs.facts import find_rate
+from puckbench.codecs.coding import decoded_surfaces
+from puckbench.codecs.rates import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
@@ -113,7 +114,7 @@ class Decode(Decoding):
         coded = read_coded(path, self.rate)
         with naming(path):
             name = self.codec_of(coded)
-            mesh = self.loaded(name).decode_mesh(coded.stream)
+            mesh = decoded_surfaces(self.loaded(name), coded.stream)
         write_mesh(out, mesh, {"source": path.name, "codec": name})
         return {
             "codec": name,

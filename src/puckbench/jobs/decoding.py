@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from pointkit.errors import noting
 from pointkit.geometry.cloud import PointCloud, check_points
 from pointkit.measurement import measured
+from puckbench.codecs.coding import cost_of, decoded
 from puckbench.core.code import CODEC
 from puckbench.core.environment import run_environment
 from puckbench.jobs.codec_jobs import TimedJob
@@ -42,11 +44,13 @@ class Decoding(TimedJob):
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):
-            timed = measured(lambda: codec.decode_cloud(coded.stream), self.repeats, codec.cost)
+            timed = measured(
+                lambda: decoded(codec, coded.stream), self.repeats, partial(cost_of, codec)
+            )
             check_points(timed.result.xyz, f"codec {name}: decoded points")
             again = again and self.runs_twice(codec)
             differ = again and not np.array_equal(
-                codec.decode_cloud(coded.stream).xyz, timed.result.xyz
+                decoded(codec, coded.stream).xyz, timed.result.xyz
             )
         remarks = [coded.record.get(REMARK), "repeated decodings differ" if differ else None]
         record = {

@@ -15,6 +15,8 @@ from pointkit.measurement import Cost, measured
 from pointkit.terminal import Progress
 from puckbench import __version__
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import decoded, encoded
+from puckbench.codecs.rates import rates_of
 from puckbench.codecs.registry import open_codec
 from puckbench.core.archives import read_archive, write_archive
 from puckbench.core.code import CLOUD_FILES, CODEC
@@ -88,17 +90,17 @@ class EncodeDrive(TimedJob):
         """Encode the file `drive`, write all streams to `curve`, and return the number of rates."""
         codec, turns = ready(open_codec(self.codec, self.changes)), read_drive(drive).turns
         points = sum(map(len, turns))
-        rates, shared = codec.rates_of("metric"), [codec.shared_work() for _ in turns]
+        rates, shared = rates_of(codec, "metric"), [codec.prepare(turn) for turn in turns]
         progress, coded = Progress("rate"), {}
         for done, rate in enumerate(rates, start=1):
 
-            def encoded(rate: str = rate) -> list[bytes]:
+            def encoded_turns(rate: str = rate) -> list[bytes]:
                 each = zip(turns, shared, strict=True)
-                return [codec.encode_cloud(turn, rate, work) for turn, work in each]
+                return [encoded(codec, turn, rate, work) for turn, work in each]
 
             saved = _saved(shared)
             with noting(f"rate {rate}"):
-                timed = measured(encoded, self.repeats, saved)
+                timed = measured(encoded_turns, self.repeats, saved)
             size = sum(map(len, timed.result))
             record = {
                 "codec": self.codec,
@@ -180,7 +182,9 @@ class MeasureDrive(TimedJob):
             raise InputError(f"{len(coded.streams)} coded turns for a drive of {len(drive.turns)}")
         codec: Codec = self.loaded(name)
         with noting(f"rate {record.get('rate', '?')}"):
-            timed = measured(lambda: [*map(codec.decode_cloud, coded.streams)], self.repeats)
+            timed = measured(
+                lambda: [decoded(codec, stream) for stream in coded.streams], self.repeats
+            )
             for turn in timed.result:
                 check_points(turn.xyz, f"codec {name}: decoded points")
         row = {**record, **timed.costs("decode"), **run_environment(self.alone)}

@@ -7,8 +7,11 @@ from typing import Any
 from pointkit.errors import naming
 from pointkit.files import write_json, written_whole
 from pointkit.geometry.cloud import CoordinateFrame, PointCloud
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.coding import check_codes
+from puckbench.codecs.rates import is_length, rate_name
 from puckbench.codecs.registry import open_codec
+from puckbench.geometry.attributes import RETURNS
 from puckbench.jobs.codec_jobs import ready
 from puckbench.jobs.curve_files import record_file
 from puckbench.jobs.encode_curve import Encoding, to_code
@@ -40,9 +43,9 @@ class Encode(Encoding):
         """
         codec = open_codec(self.codec, self.changes)
         with naming("--rate"):
-            rate = codec.rate_name(self.rate)
+            rate = rate_name(codec, self.rate)
         original = self._cloud(codec, cloud, rate, prepared)
-        if codec.takes == "either" and original.returns is None:
+        if RETURNS in codec.attributes and original.returns is None:
             why = f"no returns, so codec {self.codec} does without its sensor"
             sys.stderr.write(f"puckbench: {prepared or cloud}: {why}\n")
         coded = self.coded(ready(codec), original, rate)
@@ -53,8 +56,8 @@ class Encode(Encoding):
 
     def _cloud(self, codec: Codec, path: Path, rate: str, prepared: Path | None) -> PointCloud:
         if prepared:
-            frame = self.frame or ("metric" if codec.is_length(rate) else "scaled")
-            codec.check_frame(frame, rate)
+            frame = self.frame or ("metric" if is_length(codec, rate) else "scaled")
+            check_codes(codec, CloudKind(frame, True, True), rate)
             job = Prepare(size=0) if frame == "metric" else Prepare()
             job.run(path, prepared)
         return to_code(codec, prepared or path, self.frame, rate)

@@ -12,11 +12,14 @@ from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from pointkit.lidar.returns import with_returns
 from pointkit.measurement import Cost, Measured, measured
 from pointkit.terminal import Progress
-from puckbench.codecs.base import Codec, SharedWork
+from puckbench.codecs.base import CloudKind, Codec, SharedWork
+from puckbench.codecs.coding import attribute_bytes, check_codes, cost_of, encoded
+from puckbench.codecs.learned import weights_label
+from puckbench.codecs.rates import rates_of
 from puckbench.codecs.registry import open_codec
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import cpu_model, run_environment
-from puckbench.geometry.attributes import not_coded
+from puckbench.geometry.attributes import RETURNS, not_coded
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import NOT_CODED, REMARK, Coded, write_curve
 from puckbench.jobs.registry import JOBS
@@ -55,9 +58,9 @@ def to_code(
         if frame and cloud.frame and frame != cloud.frame:
             raise InputError(f"its description says that it is {cloud.frame}, not {frame}")
         cloud = _in_frame(cloud, frame)
-        codec.check_frame(cloud.frame, rate)
-        points_alone = codec.takes == "points" and not codec.attributes
-        return cloud if points_alone else with_returns(cloud, path)
+        cloud = with_returns(cloud, path) if codec.attributes else cloud
+        check_codes(codec, CloudKind.of(cloud), rate)
+        return cloud
 
 
 def _in_frame(cloud: PointCloud, frame: CoordinateFrame | None) -> PointCloud:
@@ -84,22 +87,22 @@ def measured_encoding(
     repeats
         Number of times that the cloud is encoded.
     shared
-        Results of the encoding at other rates that are reused (`Codec.shared_work`). Their cost is
+        Results of the encoding at other rates that are reused (`Codec.prepare`). Their cost is
         added, as if they were computed again.
     each
         Function that is called with the stream of every repetition.
     """
 
     def whole(here: Cost) -> Cost:
-        cost = codec.cost(here)
+        cost = cost_of(codec, here)
         return cost if shared is None else cost.plus(shared.saved)
 
-    return measured(lambda: codec.encode_cloud(cloud, rate, shared), repeats, whole, each)
+    return measured(lambda: encoded(codec, cloud, rate, shared), repeats, whole, each)
 
 
 def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:
     columns: dict[str, Any] = {}
-    if sizes := codec.attribute_bytes(stream) if codec.attributes else {}:
+    if sizes := attribute_bytes(codec, stream) if {*codec.attributes} - {RETURNS} else {}:
         parts = {"geometry": len(stream) - sum(sizes.values()), **sizes}
         columns = {f"bpp_{name}": 8 * size / len(cloud) for name, size in parts.items()}
     left = not_coded(cloud, sizes or codec.attributes)
@@ -126,7 +129,7 @@ class Encoding(TimedJob):
         codec, cloud, rate
             The codec, ready to code, the cloud to encode, and the name of the rate.
         shared
-            Results of the encoding at other rates that are reused (`Codec.shared_work`).
+            Results of the encoding at other rates that are reused (`Codec.prepare`).
         again
             Whether to encode once more. If the streams differ, the record gets a remark.
         """
@@ -134,8 +137,8 @@ class Encoding(TimedJob):
             streams: set[bytes] = set()
             timed = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
             if again:
-                streams.add(codec.encode_cloud(cloud, rate))
-        weights = codec.weights_of(rate)
+                streams.add(encoded(codec, cloud, rate))
+        weights = weights_label(codec.weights(rate))
         record = {
             "codec": self.codec,
             "rate": rate,
@@ -162,10 +165,10 @@ class EncodeCurve(Encoding):
         """Encode the file `cloud`, write all streams to `curve`, and return the number of rates."""
         codec = open_codec(self.codec, self.changes)
         original = to_code(codec, cloud)
-        rates = tuple(codec.rates_of(original.frame or "scaled"))
+        rates = tuple(rates_of(codec, original.frame or "scaled"))
         ready(codec)
         twice = self.runs_twice(codec)
-        progress, coded, shared = Progress("rate"), {}, codec.shared_work()
+        progress, coded, shared = Progress("rate"), {}, codec.prepare(original)
         for done, rate in enumerate(rates, start=1):
             coded[rate] = self.coded(codec, original, rate, shared, again=twice and done == 1)
             progress(done, len(rates))

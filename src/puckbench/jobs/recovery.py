@@ -12,6 +12,8 @@ from pointkit.files import write_json
 from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Labels, Mesh
 from puckbench import __version__
+from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import decoded, decoded_surfaces
 from puckbench.core.code import CODEC, MESH_FILES
 from puckbench.jobs.codec_jobs import CodecJob
 from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
@@ -79,12 +81,12 @@ class Recovering(CodecJob):
     def _decoded_surface(self, coded: Coded) -> tuple[str, Mesh | None]:
         name = self.codec_of(coded)
         codec = self.loaded(name)
-        if not codec.has_surfaces:
+        if type(codec).surfaces is Codec.surfaces:
             raise InputError(f"codec {name} does not encode surfaces with primitives")
         try:
-            surface = codec.decode_mesh(coded.stream)
+            surface = decoded_surfaces(codec, coded.stream)
         except InputError:
-            codec.decode(coded.stream)  # raises the decoder's error for a damaged stream
+            decoded(codec, coded.stream)  # raises the decoder's error for a damaged stream
             return name, None
         if surface.labels is None:
             raise InputError(f"codec {name} decodes a surface without labels")

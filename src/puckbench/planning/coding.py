@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from pointkit.geometry.cloud import CoordinateFrame
-from puckbench.codecs.registry import codec_class, module_of
+from puckbench.codecs.rates import rates_of
+from puckbench.codecs.registry import module_of
 from puckbench.core.environment import thread_environment
 from puckbench.jobs.decode import Decode
 from puckbench.jobs.decode_shown import DecodeShown
@@ -18,6 +19,7 @@ from puckbench.jobs.registry import Job
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.config import DataSetConfig
+from puckbench.planning.costs import costs_of
 from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.report_contents import shown_rates
@@ -66,7 +68,7 @@ class CodingJobs:
         return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
     def _seconds(self, codec: str) -> float:
-        return self.timing.repeats * self.plan.opened[codec].pace.of(self._most_points)
+        return self.timing.repeats * costs_of(self.plan.opened[codec]).seconds_of(self._most_points)
 
     @cached_property
     def _most_points(self) -> int:
@@ -190,10 +192,12 @@ class CodingJobs:
     def memory_mb(self, codec: str) -> int:
         """Return the estimated memory (MB) of a job that codes the largest cloud of the run."""
         views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
-        changes = self.plan.config.codec(codec)
         pictures = views**2 * _BYTES_PER_PIXEL // 1_000_000
         return (
-            max(codec_class(codec, changes).memory.of(self._most_points), self._cloud_memory_mb)
+            max(
+                costs_of(self.plan.opened[codec]).memory_of(self._most_points),
+                self._cloud_memory_mb,
+            )
             + pictures
         )
 
@@ -205,7 +209,7 @@ class CodingJobs:
         return self.plan.datasets[dataset].frame
 
     def _entry(self, dataset: str, codec: str, rates: tuple[str, ...]) -> dict[str, Any]:
-        table = self.plan.opened[codec].rates_of(self._frame(dataset))
+        table = rates_of(self.plan.opened[codec], self._frame(dataset))
         return self.plan.entry_with(codec, {rate: table[rate] for rate in rates})
 
 

@@ -9,7 +9,8 @@ from typing import Any
 from cloud_files.poses import files_of_poses
 from pointkit.errors import InputError, among, naming
 from pointkit.lidar.sensors import load_sensor
-from puckbench.codecs.facts import find_rate
+from puckbench.codecs.base import CloudKind
+from puckbench.codecs.rates import find_rate, is_length, parameters_of, rates_of
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.metrics.table_registry import UNDECODED
@@ -202,7 +203,7 @@ class DriveJobs:
 
     def _changes(self, name: str, codec: str) -> dict[str, Any]:
         opened, rates = self.plan.opened[codec], self.entries[name].rates[codec]
-        parameters = {rate: dict(opened.parameters_of(rate)) for rate in rates}
+        parameters = {rate: dict(parameters_of(opened, rate)) for rate in rates}
         return self.plan.entry_with(codec, parameters)
 
     # ---- entries of the configuration
@@ -241,19 +242,16 @@ class DriveJobs:
 
     def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
         returns = value.is_scan or scenes.scenes.of_returns
-        packets = scenes.scenes.of_packets
+        kind = CloudKind("metric", returns, returns and scenes.scenes.of_packets)
         rates = {}
         for codec in value.codecs or self.plan.codecs:
             opened = self.plan.opened[codec]
-            metric_rates = tuple(opened.rates_of("metric"))
+            metric_rates = rates_of(opened, "metric")
             requested = [item for rate in value.rates if (item := find_rate(opened, rate))]
-            named = tuple(rate for rate, _ in requested if metric_rates and opened.is_length(rate))
-            if (opened.takes == "returns" and not returns) or (
-                opened.packets_alone and not packets
-            ):
-                continue
-            if named or metric_rates:
-                rates[codec] = named or metric_rates
+            named = [rate for rate, _ in requested if metric_rates and is_length(opened, rate)]
+            coded = [rate for rate in named or metric_rates if not opened.skip(kind, rate)]
+            if coded:
+                rates[codec] = tuple(coded)
         return rates
 
 

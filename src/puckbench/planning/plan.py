@@ -7,13 +7,14 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args
 
-from pointkit.errors import NARROWER, InputError, among, closest, naming
+from pointkit.errors import InputError, among, closest, naming
 from pointkit.files import sha256
 from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs import registry as codecs
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.learned import require_networks
+from puckbench.codecs.rates import is_length, rates_of
 from puckbench.codecs.registry import open_training
 from puckbench.datasets.base import DataSet
 from puckbench.datasets.recordings import recording_files
@@ -382,10 +383,9 @@ class Plan:
 
     def _rates_left_out(self) -> Iterator[dict[str, str]]:
         for (dataset, cloud, codec), rates in self.too_wide.items():
-            extent = self.extents[dataset][cloud]
-            most = max(self.opened[codec].most_extent(rate) for rate in rates)
-            width = f"the cloud is {extent:,.0f} m wide, more than {most:,.0f} m"
-            reason = f"codec {codec} at {', '.join(rates)}: {width}{NARROWER}"
+            kind = self._kind(self.datasets[dataset], self.extents[dataset][cloud])
+            why = self.opened[codec].skip(kind, rates[0])
+            reason = f"codec {codec} at {', '.join(rates)}: {why}"
             file = _file_of(dataset, self.scenes[self.datasets[dataset].scenes].scenes, cloud)
             yield {"dataset": dataset, "scene": cloud, "file": file, "reason": reason}
 
@@ -408,9 +408,9 @@ class Plan:
 
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
-        """Names of the rates that are too fine for a wide cloud, by (data set, cloud, codec)."""
+        """Names of the rates that a codec skips for a wide cloud, by (data set, cloud, codec)."""
         rates_by_curve = {
-            (dataset, cloud, codec): self._too_fine(codec, extent)
+            (dataset, cloud, codec): self._too_fine(codec, dataset, extent)
             for dataset, sides in self.extents.items()
             for cloud, extent in sides.items()
             for codec in self.codecs
@@ -418,9 +418,9 @@ class Plan:
         }
         return {cell: rates for cell, rates in rates_by_curve.items() if rates}
 
-    def _too_fine(self, codec: str, extent: float) -> tuple[str, ...]:
-        most_extent = self.opened[codec].most_extent
-        return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
+    def _too_fine(self, codec: str, dataset: str, extent: float) -> tuple[str, ...]:
+        skip, kind = self.opened[codec].skip, self._kind(self.datasets[dataset], extent)
+        return tuple(rate for rate in self.rates(codec, "metric") if skip(kind, rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
         """Return the names of the rates at which a codec encodes a cloud.
@@ -496,6 +496,7 @@ class Plan:
         names = {dataset for dataset, _, _ in self.curves}
         return tuple(data for name, data in self.datasets.items() if name in names)
 
+    @cache  # noqa: B019
     def codes(self, codec: str, dataset: str) -> bool:
         """Return whether a run codes the clouds of a data set with a codec.
 
@@ -508,15 +509,16 @@ class Plan:
         return data.settings.codecs is None or codec in data.settings.codecs
 
     def _why_not(self, codec: str, data: DataSetPlan) -> str:
-        opened = self.opened[codec]
-        if opened.takes == "returns" and not data.has_returns:
-            return "it codes returns of a spinning sensor"
-        if opened.packets_alone and not data.has_packets:
-            return "it codes recorded data packets"
-        if not self.rates(codec, data.frame):
+        """Return why a codec codes no cloud of a data set, or an empty text."""
+        rates = self.rates(codec, data.frame)
+        if not rates:
             where = "clouds in metres (metric_rates)" if data.frame == "metric" else "scaled clouds"
             return f"it has no rates for {where}"
-        return ""
+        reasons = [self.opened[codec].skip(self._kind(data), rate) for rate in rates]
+        return reasons[0] or "" if all(reasons) else ""
+
+    def _kind(self, data: DataSetPlan, extent_m: float | None = None) -> CloudKind:
+        return CloudKind(data.frame, data.has_returns, data.has_packets, extent_m)
 
     @cached_property
     def frames(self) -> tuple[CoordinateFrame, ...]:
@@ -529,7 +531,7 @@ class Plan:
 
     def rates(self, codec: str, frame: CoordinateFrame) -> tuple[str, ...]:
         """Return the names of a codec's rates for clouds in a coordinate frame."""
-        return tuple(self.opened[codec].rates_of(frame))
+        return tuple(rates_of(self.opened[codec], frame))
 
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
         where = f"train.{name}"
@@ -607,7 +609,7 @@ class Plan:
         `rates` maps names of rates to the codec's parameters at them.
         """
         entry = {key: value for key, value in self.codecs[codec].items() if key != "metric_rates"}
-        if all(map(self.opened[codec].is_length, rates)):
+        if all(is_length(self.opened[codec], rate) for rate in rates):
             return {**entry, "rates": {}, "metric_rates": rates}
         return {**entry, "rates": rates}
 
@@ -771,7 +773,8 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
     with naming(f"codecs.{name}"):
-        return codecs.open_codec(name, changes).weights_files()
+        opened = codecs.open_codec(name, changes)
+        return sorted({path for rate in opened.rates if (path := opened.weights(rate))})
 
 
 _CAPTURED_POINTS = 1_500_000
