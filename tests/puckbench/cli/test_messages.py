@@ -17,10 +17,12 @@ from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
 from puckbench.cli.answers import text_of
 from puckbench.codecs import learned
+from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.jobs import process
 from puckbench.jobs.encode import Encode
 from tests.support.bag_files import ros2_bag
+from tests.support.codecs import encode
 
 CAPTURE = Path(__file__).parents[2] / "data" / "capture" / "single.pcap"
 OWN = """
@@ -103,7 +105,7 @@ def test_an_unknown_command_is_answered_with_a_near_one(
 
 
 def test_a_bare_stream_is_told_its_codec(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    stream = open_codec("gpcc", {"options": {"raw": True}}).encode(read_cloud(cloud).xyz, "r4")
+    stream = encode(open_codec("gpcc", {"options": {"raw": True}}), read_cloud(cloud).xyz, "r4")
     bare = cloud.with_suffix(".raw")
     bare.write_bytes(stream)
     assert "bare one of G-PCC: name the codec (--codec gpcc)" in _refused(
@@ -160,7 +162,7 @@ def test_a_wheel_s_user_is_told_what_pip_installs(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(
         learned, "find_spec", lambda name: None if name == "torch" else find_spec(name)
     )
-    why = open_codec("pcgcv2_plus").available().why
+    why = why_not_here(open_codec("pcgcv2_plus"))
     assert "PyTorch not installed: pip install 'puckbench[learned]'" in why
 
 
