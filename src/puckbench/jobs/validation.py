@@ -13,6 +13,8 @@ from puckbench.codecs.rates import scaled_rates
 from puckbench.metrics.psnr import mpeg_psnr
 
 Measures = dict[str, float]
+_SIZE = 1024
+"""Size of the cube to which clouds are taken to be scaled."""
 
 
 def peak_of(clouds: Sequence[PointCloud]) -> float | None:
@@ -54,7 +56,7 @@ def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float | 
 def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
     from puckbench.metrics.geometry import distortion
 
-    stream = encoded(codec, cloud, rate)
+    stream = encoded(codec, PointCloud(cloud.xyz, about={"size": _SIZE}), rate)
     measures = distortion(PointCloud(cloud.xyz), decoded(codec, stream).xyz)
     return {
         "bpp": 8 * len(stream) / len(cloud),

@@ -10,6 +10,7 @@ from gpcc.conformance import FOLDER
 from gpcc.grid import MAGIC, unwrap
 from pointkit.errors import InputError
 from pointkit.files import read_json
+from puckbench.codecs.rates import scaled_rates
 from puckbench.codecs.registry import codec_class, open_codec
 from tests.support.codecs import decode, encode
 
@@ -37,7 +38,7 @@ def _bag(points: np.ndarray) -> Counter[tuple[float, ...]]:
 
 @pytest.mark.parametrize("name", ["gpcc", "gpcc_arena"])
 def test_pcc_arenas_scales(name: str) -> None:
-    scales = [rate["scale"] for rate in codec_class(name).rates.values()]
+    scales = [rate["scale"] for rate in scaled_rates(codec_class(name).rates).values()]
     assert scales == [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1]
 
 

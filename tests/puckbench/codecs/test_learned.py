@@ -208,7 +208,9 @@ import gc
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
+from puckbench.codecs.rates import scaled_rates
 from puckbench.codecs.registry import open_codec
+from tests.support.codecs import decode, encode
 
 def compiled():
     loops = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]
@@ -222,8 +224,9 @@ for name in sys.argv[1:]:
     codec = open_codec(name)
     codec.load()
     before = compiled()
-    for rate in (list(codec.rates)[0], list(codec.rates)[-1]):
-        codec.decode(codec.encode(sphere, rate))
+    rates = list(scaled_rates(codec.rates))
+    for rate in (rates[0], rates[-1]):
+        decode(codec, encode(codec, sphere, rate))
     assert before
     print(*(name for name, count in compiled().items() if before.get(name) != count))
 """

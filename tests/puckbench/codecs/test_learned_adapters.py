@@ -17,7 +17,7 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.coding import why_not_here
-from puckbench.codecs.registry import codec_class, codec_of, open_codec
+from puckbench.codecs.registry import based_on, codec_class, codec_of, open_codec
 from puckbench.jobs.codec_jobs import ready
 from puckbench.jobs.train import Train
 from tests.support.codecs import decode, encode
@@ -56,7 +56,7 @@ def _plane(step: int) -> np.ndarray:
 
 def _published(name: str, weights: Path, rates: dict[str, Any] | None = None) -> Codec:
     """The codec that a changed one is based on, with the same weights."""
-    base = codec_class(name).based_on
+    base = based_on(open_codec(name))
     entry = changes(base, weights)
     return open_codec(base, entry if rates is None else {**entry, "rates": rates})
 

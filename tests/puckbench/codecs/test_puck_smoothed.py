@@ -70,13 +70,14 @@ def test_range_errors_of_moved_points_are_those_of_the_points(tmp_path: Path) ->
 _SMOOTH = """
 import hashlib
 from puckbench.codecs.registry import open_codec
+from tests.support.codecs import decode, encode_returns
 from tests.support.returns import recorded
 digest = hashlib.sha256()
 for name in ("puck", "puck_smoothed"):
     codec = open_codec(name)
     for rate in ("50mm", "2mm"):
-        stream = codec.encode_returns(recorded(), rate)
-        digest.update(stream + codec.decode(stream).tobytes())
+        stream = encode_returns(codec, recorded(), rate)
+        digest.update(stream + decode(codec, stream).tobytes())
 print(digest.hexdigest())
 """
 

@@ -54,7 +54,7 @@ def test_laz_of_several_chunks_comes_back() -> None:
 
 def test_pureini_alone_reads_the_points_of_cloudini() -> None:
     points = _points()
-    data, info = decode(PointcloudDecoder(), encode(open_codec("cloudini"), points, "5mm"))
+    data, info = PointcloudDecoder().decode(encode(open_codec("cloudini"), points, "5mm"))
     assert [field.name for field in info.fields] == ["x", "y", "z"]
     assert np.abs(np.frombuffer(data).reshape(-1, 3) - points).max() <= 0.0025 * (1 + 1e-6)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from puckbench.codecs.rates import rates_of
+from puckbench.geometry.attributes import RETURNS
 from puckbench.metrics.tables.against_octree import OCTREE
 from puckbench.planning.needs.registry import NEEDS, Options
 from puckbench.planning.plan import DataSetPlan, Plan
