@@ -27,17 +27,17 @@ from tests.support.codecs import encode
 CAPTURE = Path(__file__).parents[2] / "data" / "capture" / "single.pcap"
 OWN = """
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Own(Codec):
     rates = {"r1": {}}
 
-    def _encode(self, points, parameters):
-        return b"own" + points.tobytes()
+    def encode(self, cloud, rate):
+        return b"own" + cloud.xyz.tobytes()
 
-    def _decode(self, stream):
-        return np.frombuffer(stream[3:]).reshape(-1, 3)
+    def decode(self, stream):
+        return PointCloud(np.frombuffer(stream[3:]).reshape(-1, 3))
 """
 
 

@@ -1,6 +1,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from inspect import get_annotations
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from pointkit.errors import InputError
 from pointkit.registry import load, trust
+from puckbench.codecs.base import Codec
 from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.rates import metric_rates, parameters_of, scaled_rates
 from puckbench.codecs.registry import Look, based_on, codec_class, codec_of, codecs, entry, look
@@ -259,3 +261,13 @@ def test_a_configuration_has_variants_of_its_own() -> None:
 def test_a_typing_error_in_a_variants_name_is_told() -> None:
     with pytest.raises(InputError, match="did you mean 'gpcc_arena'"):
         open_codec("gpcc_arna")
+
+
+def test_a_codec_is_small() -> None:
+    """More functions are around a codec, in coding.py, rates.py and registry.py."""
+    kinds = Codec.__mro__[:-1]
+    members = {name for kind in kinds for name in (*vars(kind), *get_annotations(kind))}
+    names = {*members, *vars(open_codec("gpcc_lossless"))} - {"grid"}  # of codecs on a grid
+    assert len({name for name in names if not name.startswith("_")}) <= 15
+    hooks = {name for name in members if name.startswith("_") and not name.startswith("__")}
+    assert hooks == {"_abc_impl"}
