@@ -28,10 +28,10 @@ class Cloudini(Codec):
     magic = MAGIC
 
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
-        if find_spec("pureini") is None:
-            return "pureini (GPL-3.0) not installed: pip install 'puckbench[cloudini]'"
         most_m = MOST_STEPS * parameters_of(self, rate)["step_m"]
-        return super().skip(cloud, rate) or cloud.wider_than(most_m)
+        missing = "pureini (GPL-3.0) not installed: pip install 'puckbench[cloudini]'"
+        lack = None if find_spec("pureini") else missing
+        return super().skip(cloud, rate) or cloud.wider_than(most_m) or lack
 
     @cached_property
     def version(self) -> str:

@@ -130,12 +130,22 @@ def why_not_here(codec: Codec) -> str:
 
     It cannot if it skips a rate for every cloud, since a package, program or file is missing.
     """
-    for rate in codec.rates:
-        frame: CoordinateFrame = "metric" if is_length(codec, rate) else "scaled"
-        anything = CloudKind(frame, has_returns=True, has_packets=True)
-        if reason := codec.skip(anything, rate):
-            return reason
-    return ""
+    return next(filter(None, (_lack(codec, rate) for rate in codec.rates)), "")
+
+
+def skip_anywhere(codec: Codec, cloud: CloudKind, rate: str) -> str | None:
+    """Return why a codec does not encode a cloud on any machine, or None.
+
+    This is `Codec.skip` without what only this machine lacks: a planned job may run on another.
+    """
+    reason = codec.skip(cloud, rate)
+    return None if reason == _lack(codec, rate) else reason
+
+
+def _lack(codec: Codec, rate: str) -> str | None:
+    """Return why a codec skips a rate for every cloud, or None if it encodes some."""
+    frame: CoordinateFrame = "metric" if is_length(codec, rate) else "scaled"
+    return codec.skip(CloudKind(frame, has_returns=True, has_packets=True), rate)
 
 
 def cost_of(codec: Codec, here: Cost) -> Cost:

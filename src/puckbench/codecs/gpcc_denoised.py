@@ -45,9 +45,8 @@ class GpccDenoised(Gpcc):
             self.version = f"{self.version}, CGAL {version('cgal')}"
 
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
-        if find_spec("CGAL") is None:
-            return "CGAL (GPL-3.0) not installed: pip install 'puckbench[denoise]'"
-        return super().skip(cloud, rate)
+        missing = "CGAL (GPL-3.0) not installed: pip install 'puckbench[denoise]'"
+        return super().skip(cloud, rate) or (None if find_spec("CGAL") else missing)
 
     def prepare(self, cloud: PointCloud) -> CostlyResult[Floats]:
         return CostlyResult()

@@ -183,14 +183,12 @@ class _OldContract(Codec):
             return "codes the returns of a spinning sensor, and the cloud has none"
         if self.packets_alone and not cloud.has_packets:
             return "codes recorded data packets"
-        ok, why = self.available()
-        if not ok:
-            return str(why)
         try:
             self.check_frame(cloud.frame, rate)
         except InputError as error:
             return str(error).removeprefix(f"codec {self.name}: ")
-        return cloud.wider_than(self.most_extent(rate))
+        ok, why = self.available()
+        return cloud.wider_than(self.most_extent(rate)) or (None if ok else str(why))
 
     def weights(self: Any, rate: str) -> Path | None:
         return next(iter(self.weights_files()), None) or super().weights(rate)

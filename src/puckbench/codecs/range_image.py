@@ -50,7 +50,7 @@ class RangeImageCodec(ReturnsCodec):
 
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
         missing = None if find_spec("imagecodecs") else "imagecodecs is not installed (pip)"
-        return missing or super().skip(cloud, rate)
+        return super().skip(cloud, rate) or missing
 
     @property
     def version(self) -> str:

@@ -107,9 +107,13 @@ def look(name: str, entry: Entry | None = None) -> Look:
 
 
 def _class_styles(codec: type[Codec]) -> list[Entry]:
-    """Return what a class and those from which it is derived say of their styles, in this order."""
-    parts = ((vars(kind), _styles().get(registered_name(kind), {})) for kind in codec.__mro__)
-    return [style for part in parts for style in part]
+    """Return what a class says of its style: its attributes, and those of its base classes.
+
+    The last item is what ``styles.yaml`` says of the first class that it names.
+    """
+    names = (registered_name(kind) for kind in codec.__mro__)
+    named = (_styles()[name] for name in names if name in _styles())
+    return [*map(vars, codec.__mro__), next(named, {})]
 
 
 def based_on(codec: Codec) -> str:

@@ -68,7 +68,7 @@ class Reno(Learned["RenoWeights"]):
 
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
         most_mm = _MOST_STEPS * _posq(parameters_of(self, rate)) - 2 * _OFFSET
-        return super().skip(cloud, rate) or cloud.wider_than(most_mm * _MM)
+        return cloud.wider_than(most_mm * _MM) or super().skip(cloud, rate)
 
     def _path(self, parameters: Parameters) -> Path | None:
         files, name = self._files(), self.options.trained_on

@@ -63,8 +63,8 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
         most_m = _MOST_STEPS * parameters_of(self, rate).get("step_m", math.inf)
         return (
             grid_fault(self, cloud.frame, rate)
-            or super().skip(cloud, rate)
             or cloud.wider_than(most_m)
+            or super().skip(cloud, rate)
         )
 
     def load(self) -> None:

@@ -107,9 +107,9 @@ def _style_from_name(codec: str) -> PlotStyle:
 
 def error_model_colour(model: str) -> str:
     """Return the colour of an error model by its name, the same in every figure and process."""
-    from virtual_lidar.errors import ERROR_MODELS
+    from virtual_lidar.errors import error_model_style
 
-    own = ERROR_MODELS.get(model).colour if model in ERROR_MODELS else ""
+    own = error_model_style(model).colour
     digest = hashlib.sha256(model.encode()).digest()
     return own or OTHER_MODEL_COLOURS[digest[0] % len(OTHER_MODEL_COLOURS)]
 

@@ -10,6 +10,7 @@ from cloud_files.poses import files_of_poses
 from pointkit.errors import InputError, among, naming
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.base import CloudKind
+from puckbench.codecs.coding import skip_anywhere
 from puckbench.codecs.rates import find_rate, is_length, parameters_of, rates_of
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
 from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
@@ -249,7 +250,7 @@ class DriveJobs:
             metric_rates = rates_of(opened, "metric")
             requested = [item for rate in value.rates if (item := find_rate(opened, rate))]
             named = [rate for rate, _ in requested if metric_rates and is_length(opened, rate)]
-            coded = [rate for rate in named or metric_rates if not opened.skip(kind, rate)]
+            coded = [r for r in named or metric_rates if not skip_anywhere(opened, kind, r)]
             if coded:
                 rates[codec] = tuple(coded)
         return rates

@@ -13,6 +13,7 @@ from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.coding import skip_anywhere
 from puckbench.codecs.learned import require_networks
 from puckbench.codecs.rates import is_length, rates_of
 from puckbench.codecs.registry import open_training
@@ -384,7 +385,7 @@ class Plan:
     def _rates_left_out(self) -> Iterator[dict[str, str]]:
         for (dataset, cloud, codec), rates in self.too_wide.items():
             kind = self._kind(self.datasets[dataset], self.extents[dataset][cloud])
-            why = self.opened[codec].skip(kind, rates[0])
+            why = skip_anywhere(self.opened[codec], kind, rates[0])
             reason = f"codec {codec} at {', '.join(rates)}: {why}"
             file = _file_of(dataset, self.scenes[self.datasets[dataset].scenes].scenes, cloud)
             yield {"dataset": dataset, "scene": cloud, "file": file, "reason": reason}
@@ -419,8 +420,8 @@ class Plan:
         return {cell: rates for cell, rates in rates_by_curve.items() if rates}
 
     def _too_fine(self, codec: str, dataset: str, extent: float) -> tuple[str, ...]:
-        skip, kind = self.opened[codec].skip, self._kind(self.datasets[dataset], extent)
-        return tuple(rate for rate in self.rates(codec, "metric") if skip(kind, rate))
+        opened, kind = self.opened[codec], self._kind(self.datasets[dataset], extent)
+        return tuple(r for r in self.rates(codec, "metric") if skip_anywhere(opened, kind, r))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
         """Return the names of the rates at which a codec encodes a cloud.
@@ -514,7 +515,8 @@ class Plan:
         if not rates:
             where = "clouds in metres (metric_rates)" if data.frame == "metric" else "scaled clouds"
             return f"it has no rates for {where}"
-        reasons = [self.opened[codec].skip(self._kind(data), rate) for rate in rates]
+        opened, kind = self.opened[codec], self._kind(data)
+        reasons = [skip_anywhere(opened, kind, rate) for rate in rates]
         return reasons[0] or "" if all(reasons) else ""
 
     def _kind(self, data: DataSetPlan, extent_m: float | None = None) -> CloudKind:

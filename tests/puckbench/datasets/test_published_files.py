@@ -16,7 +16,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.codecs.coding import why_not_here
-from puckbench.codecs.learned import PUBLISHED_WEIGHTS
+from puckbench.codecs.learned import PUBLISHED_WEIGHTS, weights_label
 from puckbench.codecs.registry import open_codec
 from puckbench.datasets import published_files
 from puckbench.datasets.sources import SOURCES
@@ -170,7 +170,7 @@ def test_the_weights_of_reno_come_alike(
     assert "MIT License" in Path("data/reno_weights/CREDITS.md").read_text()
     for name in RENO_SETS:
         codec = open_codec("reno", {"options": {"trained_on": name}})
-        assert codec.weights_of("8mm") == f"{name} {_sha256(name.encode())[:16]}"
+        assert weights_label(codec.weights("8mm")) == f"{name} {_sha256(name.encode())[:16]}"
 
 
 def test_recordings_of_ouster_sensors_have_metadata_digests_and_a_licence() -> None:
