@@ -25,7 +25,9 @@ def _variant(name: str, entry: dict[str, Any]) -> type[ErrorModel]:
         field.default = value
         fields[parameter] = (field.annotation, field)
     title = "".join(part.capitalize() for part in name.split("_"))
-    kind = create_model(title, __base__=base, __module__=__name__, __doc__=entry["what"], **fields)
+    kind: type[ErrorModel] = create_model(
+        title, __base__=base, __module__=__name__, __doc__=entry["what"], **fields
+    )
     kind.title, kind.colour = entry["title"], entry["colour"]
     kind.variant_of = base
     return kind
