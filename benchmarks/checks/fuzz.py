@@ -44,6 +44,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from tests.support import file_readers, recording_readers
 from tests.support.attribute_streams import AttributesDecoder
+from tests.support.codecs import decode, encode, encode_returns
 from tests.support.puck_streams import DECODERS
 from tests.support.returns import EXAMPLES
 from tests.support.stream_damage import damaged
@@ -53,8 +54,11 @@ from gpcc.conformance import FOLDER
 from pointkit.errors import InputError
 from pointkit.lidar.returns import Returns
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import decoded_surfaces, why_not_here
 from puckbench.codecs.learned import Learned
-from puckbench.codecs.registry import codec_class, codecs, open_codec
+from puckbench.codecs.rates import scaled_rates
+from puckbench.codecs.registry import codec_class, codecs, codes_surfaces, open_codec
+from puckbench.codecs.returns_codec import ReturnsCodec
 
 ROOT = Path(__file__).parents[2]
 READERS = {**file_readers.READERS, **recording_readers.READERS}
@@ -120,9 +124,8 @@ def decoders() -> dict[str, str]:
         if any(issubclass(own, other) or issubclass(other, own) for other in classes):
             continue
         classes.append(own)
-        here = open_codec(name).available()
-        found[name] = "" if here.ok or _is_tiny(name) else here.why
-        if own.surfaces:
+        found[name] = "" if _is_tiny(name) else why_not_here(open_codec(name))
+        if codes_surfaces(name):
             found[f"{name} (mesh)"] = found[name]
         if name == "gpcc":
             found["gpcc (framed)"] = found[name]
@@ -133,7 +136,7 @@ def _is_tiny(name: str) -> bool:
     """Whether a codec has no weights here and gets random ones; PyTorch must be there."""
     from importlib.util import find_spec
 
-    return _is_network(name) and not open_codec(name).available().ok and _has(find_spec)
+    return _is_network(name) and bool(why_not_here(open_codec(name))) and _has(find_spec)
 
 
 def _is_network(name: str) -> bool:
@@ -171,14 +174,14 @@ def streams(decoder: str, codec: Any) -> list[bytes]:
         return whole
     if decoder in VECTORS:
         return [file.read_bytes() for file in sorted(FOLDER.glob(VECTORS[decoder]))]
-    rates = list(codec.rates or codec.metric_rates)
+    rates = list(scaled_rates(codec.rates) or codec.rates)
     rates = rates[:: max(1, len(rates) // 3)]
-    if codec.takes == "returns":
-        return [codec.encode_returns(each, rate) for each in returns_of(codec) for rate in rates]
-    unit = 1.0 if codec.rates else 1 / 128
-    found = [codec.encode(cloud * unit, rate) for cloud in clouds() for rate in rates]
+    if isinstance(codec, ReturnsCodec):
+        return [encode_returns(codec, each, rate) for each in returns_of(codec) for rate in rates]
+    unit = 1.0 if scaled_rates(codec.rates) else 1 / 128
+    found = [encode(codec, cloud * unit, rate) for cloud in clouds() for rate in rates]
     if decoder.startswith("primitives"):  # about as many with primitives as without
-        found += [codec.encode(shapes(), rate) for rate in ("r1", "r3", "r5", "r7")] * 5
+        found += [encode(codec, shapes(), rate) for rate in ("r1", "r3", "r5", "r7")] * 5
     if decoder.endswith("(mesh)"):
         return [stream for stream in found if outcome(decoder, codec, stream) == "points"]
     return found
@@ -189,7 +192,7 @@ def returns_of(codec: Any) -> list[Returns]:
     for make in EXAMPLES.values():
         with suppress(InputError):
             returns = make()
-            codec.check_returns(returns)
+            encode_returns(codec, returns, next(iter(codec.rates)))
             found.append(returns)
     return found
 
@@ -288,9 +291,10 @@ def outcome(decoder: str, codec: Any, stream: bytes) -> str:
     """What decoding ends in: ``points``, ``error``, or what is wrong."""
     try:
         if decoder.endswith("(mesh)"):
-            points = codec.decode_mesh(stream).vertices
+            points = decoded_surfaces(codec, stream).vertices
         else:
-            points = codec.decode(stream)
+            is_codec = isinstance(codec, Codec)
+            points = decode(codec, stream) if is_codec else codec.decode(stream)
     except InputError as error:
         return "error" if "\n" not in str(error) else "an error of several lines"
     except Exception as error:  # noqa: BLE001 (whatever it is, it is a finding)

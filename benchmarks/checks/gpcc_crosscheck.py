@@ -18,8 +18,9 @@ import numpy as np
 from benchmarks.clouds import grown, sampled_object, scanned_room
 from benchmarks.tmc3 import Checked, Tally, differ, judged
 
-from pointkit.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import decoded, encoded
 from puckbench.codecs.registry import open_codec
 
 SCALES = {"e3": 0.125, "e4": 1 / 6, "e5": 0.375, "e6": 0.5, "e7": 0.9, "e8": 1.0}
@@ -27,12 +28,13 @@ RATES = {name: {"scale": scale} for name, scale in SCALES.items()}
 
 
 def checked(ours: Codec, reference: Codec, points: Floats, rate: str) -> Checked:
-    mine, theirs = ours.encode(points, rate), reference.encode(points, rate)
-    decoded = reference.decode(theirs)
+    cloud = PointCloud(points, about={"size": 1024})
+    mine, theirs = encoded(ours, cloud, rate), encoded(reference, cloud, rate)
+    expected = decoded(reference, theirs).xyz
     faults = {
-        "TMC3 decodes ours otherwise": differ(reference.decode(mine), decoded),
-        "we decode TMC3's otherwise": differ(ours.decode(theirs), decoded),
-        "we decode ours otherwise": differ(ours.decode(mine), decoded),
+        "TMC3 decodes ours otherwise": differ(decoded(reference, mine).xyz, expected),
+        "we decode TMC3's otherwise": differ(decoded(ours, theirs).xyz, expected),
+        "we decode ours otherwise": differ(decoded(ours, mine).xyz, expected),
     }
     return judged(mine, theirs, faults)
 

@@ -41,6 +41,6 @@ for path in sys.argv[1:]:
     turns = list(puckbench.turns(path))
     noise = np.concatenate([differences(a.xyz, b.xyz) for a, b in pairwise(turns)])
     entropy = entropy_bits(noise, np.zeros(len(noise), int), 0.002)
-    bits = np.mean([8 * len(puck.encode_cloud(turn, "2mm")) / len(turn) for turn in turns])
+    bits = np.mean([8 * len(puckbench.encoded(puck, turn, "2mm")) / len(turn) for turn in turns])
     share = len(noise) / sum(map(len, turns[:-1]))
     print(f"{path}: {1e3 * noise.std():.1f} mm, {entropy:.2f} of {bits:.2f} bits ({share:.0%})")

@@ -19,6 +19,7 @@ import lzma
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -33,6 +34,8 @@ from pointkit.coding.zstandard import compressed
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.measurement import measured
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import cost_of, decoded, encoded
+from puckbench.codecs.rates import rates_of
 from puckbench.codecs.registry import open_codec
 from puckbench.metrics.geometry import distortion
 
@@ -51,16 +54,16 @@ class Case:
     error: float = 0.0
 
     def run(self, cloud: PointCloud) -> None:
-        self.stream, *encoding = self._timed(lambda: self.codec.encode_cloud(cloud, self.rate))
-        decoded, *decoding = self._timed(lambda: self.codec.decode_cloud(self.stream))
+        self.stream, *encoding = self._timed(lambda: encoded(self.codec, cloud, self.rate))
+        result, *decoding = self._timed(lambda: decoded(self.codec, self.stream))
         for column, pair in enumerate(zip(encoding, decoding, strict=True)):
             self.seconds[column] = np.minimum(self.seconds[column], pair)
         if not self.error:
-            self.error = float(np.sqrt(distortion(PointCloud(cloud.xyz), decoded.xyz)["d1_mse"]))
+            self.error = float(np.sqrt(distortion(PointCloud(cloud.xyz), result.xyz)["d1_mse"]))
 
     def _timed(self, call: Callable[[], T]) -> tuple[T, float, float]:
         before = time.process_time()
-        result = measured(call, whole=self.codec.cost)
+        result = measured(call, whole=partial(cost_of, self.codec))
         self.peak_mib = max(self.peak_mib, result.peak_mib)
         return result.result, result.seconds, time.process_time() - before
 
@@ -93,7 +96,7 @@ def main() -> None:
     for name in options.codecs:
         codec = open_codec(name, options.entry.get(name))
         codec.load()
-        cases += [Case(codec, rate) for rate in options.rates or codec.rates_of(frame)]
+        cases += [Case(codec, rate) for rate in options.rates or rates_of(codec, frame)]
     for _ in range(options.repeats):
         for case in cases:
             case.run(cloud)

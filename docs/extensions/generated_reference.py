@@ -172,14 +172,14 @@ def _help(name: str) -> str:
 
 def codecs() -> str:
     """Every codec with what it is, its options, and its rates."""
-    from puckbench.codecs.registry import codecs
+    from puckbench.codecs.registry import codecs, look
 
     shown = codecs()
     rates = ((f"`{name}`", _rates(codec.rates)) for name, codec in shown.items())
     options = _table(
         ["codec", "title", "what", "options and their defaults"],
         (
-            (f"`{name}`", codec.title, _first_sentence(codec), _lines(codec.Options))
+            (f"`{name}`", look(name).title, _first_sentence(codec), _lines(codec.Options))
             for name, codec in shown.items()
         ),
     )

@@ -27,7 +27,8 @@ from puckbench.codecs.gpcc import Gpcc
 from puckbench.codecs.gpcc_denoised import GpccDenoised
 from puckbench.codecs.pcgcv1 import Pcgcv1
 from puckbench.codecs.pcgcv2 import Pcgcv2
-from puckbench.codecs.registry import open_codec
+from puckbench.codecs.rates import scaled_rates
+from puckbench.codecs.registry import based_on, open_codec
 from puckbench.codecs.tmc13 import Tmc13
 from puckbench.planning.needs.registry import NEEDS, Options
 
@@ -85,7 +86,7 @@ def codec_role(codec: Codec) -> str:
 
     G-PCC's plain octree represents `GPCC_AS_RUN` if it truncates coordinates, otherwise `GPCC`.
     """
-    if codec.based_on or (isinstance(codec, Draco) and codec.options.method == "sequential"):
+    if based_on(codec) or (isinstance(codec, Draco) and codec.options.method == "sequential"):
         return ""
     if isinstance(codec, (Gpcc, Tmc13)):
         if codec.options.profile == "spinning" or isinstance(codec, GpccDenoised):
@@ -115,7 +116,7 @@ def stand_in_roles(plan: Plan) -> dict[str, str]:
     dict
         Names by role, i.e. by the name of the thesis's codec.
     """
-    bases = {name: codec.based_on for name, codec in plan.opened.items()}
+    bases = {name: based_on(codec) for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
 
 
@@ -137,10 +138,10 @@ def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
         of the thesis's.
     """
     return {
-        name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
+        name: {rate: float(values["scale"]) for rate, values in scaled_rates(codec.rates).items()}
         for name, codec in plan.opened.items()
         if codec_role(codec) in (GPCC, GPCC_AS_RUN)
-        and all("scale" in values for values in codec.rates.values())
+        and all("scale" in values for values in scaled_rates(codec.rates).values())
         and any(plan.codes(name, dataset) for dataset in dataset_roles(plan))
     }
 

@@ -6,8 +6,8 @@ As a library::
 
     puck = puckbench.open_codec("puck")
     for turn in puckbench.turns("recording.pcap"):
-        stream = puck.encode_cloud(turn, "2mm")
-        decoded = puck.decode_cloud(stream)
+        stream = puckbench.encoded(puck, turn, "2mm")
+        decoded = puckbench.decoded(puck, stream)
         print(8 * len(stream) / len(turn), puckbench.measures(turn, decoded)["range_rms_mm"])
 """
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from puckbench.library import InputError as InputError
     from puckbench.library import PointCloud as PointCloud
     from puckbench.library import compare as compare
+    from puckbench.library import decoded as decoded
+    from puckbench.library import encoded as encoded
     from puckbench.library import measures as measures
     from puckbench.library import open_codec as open_codec
     from puckbench.library import prepare as prepare
@@ -32,7 +34,7 @@ __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     library=(
-        *("InputError", "PointCloud", "compare", "measures"),
+        *("InputError", "PointCloud", "compare", "decoded", "encoded", "measures"),
         *("open_codec", "prepare", "read_cloud", "turns"),
     ),
 )

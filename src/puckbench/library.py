@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,9 @@ from pointkit.measurement import measured
 from pointkit.models import parsed
 from pointkit.registry import trust
 from puckbench.codecs import registry
-from puckbench.codecs.base import Codec, SharedWork
+from puckbench.codecs.base import CloudKind, Codec, SharedWork
+from puckbench.codecs.coding import check_codes, cost_of, decoded, encoded
+from puckbench.codecs.rates import rates_of, scaled_rates
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics
 from puckbench.results.curves import read_curve
 from puckbench.steps.coding import codec_plugins, ready
@@ -31,6 +34,8 @@ __all__ = [
     "InputError",
     "PointCloud",
     "compare",
+    "decoded",
+    "encoded",
     "measures",
     "open_codec",
     "prepare",
@@ -237,11 +242,11 @@ def compare(
     for codec in chosen:
         if not isinstance(codec, Codec):
             raise InputError(f"codecs: {codec!r} is not a codec (open_codec returns codecs)")
-        codec.check_frame(cloud.frame)
+        check_codes(codec, CloudKind.of(cloud))
     cells = [
         (codec, rate, shared)
-        for codec, shared in [(ready(codec), codec.shared_work()) for codec in chosen]
-        for rate in codec.rates_of(cloud.frame) or codec.rates
+        for codec, shared in [(ready(codec), codec.prepare(cloud)) for codec in chosen]
+        for rate in rates_of(codec, cloud.frame) or scaled_rates(codec.rates)
     ]
     reference = ReferenceCloud(cloud)
     return pd.DataFrame([_row(reference, *cell, repeats, peak) for cell in cells])
@@ -262,15 +267,15 @@ def _row(
 ) -> dict[str, object]:
     cloud = reference.cloud
     coded = measured_encoding(codec, cloud, rate, repeats, shared)
-    decoded = measured(lambda: codec.decode_cloud(coded.result), repeats, codec.cost)
-    errors = geometry_metrics(reference, decoded.result.xyz, peak)
+    timed = measured(lambda: decoded(codec, coded.result), repeats, partial(cost_of, codec))
+    errors = geometry_metrics(reference, timed.result.xyz, peak)
     return {
         "codec": codec.name,
         "rate": rate,
         "bytes": len(coded.result),
         "bpp": 8 * len(coded.result) / len(cloud),
         **coded.costs("encode"),
-        **decoded.costs("decode"),
+        **timed.costs("decode"),
         **errors,
-        **attribute_metrics(cloud, decoded.result, errors),
+        **attribute_metrics(cloud, timed.result, errors),
     }

@@ -8,6 +8,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 _MOVED = {
+    "puckbench.codecs.facts": "puckbench.codecs.base, puckbench.codecs.rates or .registry",
     "puckbench.coding": "pointkit.coding or puckbench.codecs",
     "puckbench.core.compiling": "pointkit.compiling",
     "puckbench.core.content": "cloud_files.content",
@@ -32,6 +33,7 @@ _MOVED = {
     "puckbench.jobs.curve_files": "puckbench.results.curves or puckbench.results.row_files",
     "puckbench.jobs.table_files": "puckbench.tables.files",
     "puckbench.jobs.tables": "puckbench.tables or puckbench.results",
+    "puckbench.jobs": "puckbench.steps, puckbench.results or puckbench.cli",
     "puckbench.learned": "pcc_networks",
     "puckbench.lidar": "virtual_lidar, pointkit.lidar, puck.recordings or puckbench.recordings",
     "puckbench.metrics.table_registry": "puckbench.tables.registry",

@@ -11,6 +11,7 @@ import pytest
 
 import puckbench
 from tests.support.cloud_bags import cloud_bag
+from tests.support.codecs import decode_cloud, encode, encode_cloud
 from tests.support.pages import blocks
 from tests.support.spinning import VLP16, pcap, spin
 
@@ -27,8 +28,8 @@ def test_a_capture_goes_turn_by_turn_through_a_codec_and_back(capture: Path) -> 
     turns = list(puckbench.turns(capture))
     assert len(turns) >= 2
     for turn in turns:
-        stream = puck.encode_cloud(turn, "2mm")
-        decoded = puck.decode_cloud(stream)
+        stream = puckbench.encoded(puck, turn, "2mm")
+        decoded = puckbench.decoded(puck, stream)
         np.testing.assert_array_equal(decoded.xyz, turn.xyz)
         metrics = puckbench.measures(turn, decoded)
         assert metrics["range_rms_mm"] == metrics["returns_lost"] == metrics["d1_mse"] == 0
@@ -126,13 +127,15 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "changes_key": (lambda: _draco(rate=["r1"]), "unknown option 'rate' .*did you mean 'rates'"),
     "changes_rates": (lambda: _draco(rates="r1"), "rates is 'r1', but must be a list"),
     "changes_options": (lambda: _draco(options=None), "options is None, but must be"),
-    "encode_array": (lambda: ANY_CODEC.encode_cloud(POINTS, "r1"), "a PointCloud is coded, not nd"),
-    "encode_none": (lambda: ANY_CODEC.encode(None, "r1"), "points: not numbers, but NoneType"),
-    "encode_rate": (lambda: ANY_CODEC.encode(POINTS, 1), "a rate is a name, not int"),
-    "decode_none": (lambda: ANY_CODEC.decode(None), "a stream is bytes, not NoneType"),
-    "decode_cloud": (lambda: ANY_CODEC.decode_cloud(CLOUD), "a stream is bytes, not PointCloud"),
+    "encode_array": (
+        lambda: encode_cloud(ANY_CODEC, POINTS, "r1"),
+        "a PointCloud is coded, not nd",
+    ),
+    "encode_rate": (lambda: encode_cloud(ANY_CODEC, CLOUD, 1), "a rate is a name, not int"),
+    "decode_none": (lambda: decode_cloud(ANY_CODEC, None), "a stream is bytes, not NoneType"),
+    "decode_cloud": (lambda: decode_cloud(ANY_CODEC, CLOUD), "a stream is bytes, not PointCloud"),
     "decode_returns": (
-        lambda: ANY.open_codec("puck").decode_cloud("text"),
+        lambda: decode_cloud(ANY.open_codec("puck"), "text"),
         "codec puck: a stream is bytes, not str",
     ),
     "no_recording": (lambda: list(puckbench.turns("")), "0 ROS bags"),
@@ -151,16 +154,16 @@ def test_other_arguments_are_refused_in_a_line(case: str) -> None:
 def test_a_cloud_in_metres_is_not_coded_on_the_grid_of_scaled_ones() -> None:
     codec = puckbench.open_codec("gpcc")
     with pytest.raises(puckbench.InputError, match="does not say whether it is scaled: prepare it"):
-        codec.encode_cloud(CLOUD, "r3")
+        encode_cloud(codec, CLOUD, "r3")
     with pytest.raises(puckbench.InputError, match="is in metres: prepare it"):
-        codec.encode_cloud(puckbench.prepare(CLOUD, 0), "r3")
+        encode_cloud(codec, puckbench.prepare(CLOUD, 0), "r3")
     prepared = puckbench.prepare(CLOUD)
     with pytest.raises(puckbench.InputError, match="are lengths, and the cloud is scaled"):
-        codec.encode_cloud(prepared, "10mm")
-    assert codec.encode_cloud(prepared, "r3") == codec.encode(prepared.xyz, "r3")
-    assert codec.encode_cloud(CLOUD, "10mm") == codec.encode(POINTS, "10mm")
+        encode_cloud(codec, prepared, "10mm")
+    assert encode_cloud(codec, prepared, "r3") == encode(codec, prepared.xyz, "r3")
+    assert encode_cloud(codec, CLOUD, "10mm") == encode(codec, POINTS, "10mm")
     said = puckbench.PointCloud(prepared.xyz, about={"size": 1024})
-    assert codec.encode_cloud(said, "r3") == codec.encode(prepared.xyz, "r3")
+    assert encode_cloud(codec, said, "r3") == encode(codec, prepared.xyz, "r3")
 
 
 def test_a_curve_is_read_by_a_name_of_its_file(tmp_path: Path) -> None:

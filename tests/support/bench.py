@@ -26,22 +26,22 @@ _FORKS.set_forkserver_preload(
 
 RAW_CODEC = """
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Raw(Codec):
     version = "raw 1"
 
-    def _encode(self, points, parameters):
-        return np.round(points / parameters["step"]).astype("<i2").tobytes()
+    def encode(self, cloud, rate):
+        return np.round(cloud.xyz / self.rates[rate]["step"]).astype("<i2").tobytes()
 
-    def _decode(self, stream):
-        return np.frombuffer(stream, "<i2").reshape(-1, 3) * 1.0
+    def decode(self, stream):
+        return PointCloud(np.frombuffer(stream, "<i2").reshape(-1, 3) * 1.0)
 """
 
 BOX_CODEC = """
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 from pointkit.errors import InputError
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 
@@ -51,18 +51,19 @@ SIDES = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [
 class Box(Codec):
     version = "box 1"
 
-    def _encode(self, points, parameters):
-        corners = np.array([points.min(axis=0), points.max(axis=0)])
-        return corners.tobytes() + (b"points" if "points" in parameters else b"")
+    def encode(self, cloud, rate):
+        corners = np.array([cloud.xyz.min(axis=0), cloud.xyz.max(axis=0)])
+        return corners.tobytes() + (b"points" if "points" in self.rates[rate] else b"")
 
-    def _decode(self, stream):
+    def decode(self, stream):
         low, high = np.frombuffer(stream[:48]).reshape(2, 3)
-        return low + np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1) * (high - low)
+        corners = np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1)
+        return PointCloud(low + corners * (high - low))
 
-    def _decode_mesh(self, stream):
+    def surfaces(self, stream):
         if stream.endswith(b"points"):
             raise InputError("no surface")
-        vertices = self._decode(stream)
+        vertices = self.decode(stream).xyz
         quads = np.array(SIDES)
         triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
         normals = np.eye(3)[[0, 0, 1, 1, 2, 2]]

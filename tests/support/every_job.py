@@ -127,16 +127,16 @@ CONFIG: dict[str, Any] = {
 CODEC = """
 import numpy as np
 import gpcc
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Mine(Codec):
-    def _encode(self, points, parameters):
-        grid = np.round(points / parameters["step"]).astype(np.int64)
+    def encode(self, cloud, rate):
+        grid = np.round(cloud.xyz / self.rates[rate]["step"]).astype(np.int64)
         return gpcc.encode_geometry(grid)
 
-    def _decode(self, stream):
-        return gpcc.decode_geometry(stream).positions()
+    def decode(self, stream):
+        return PointCloud(gpcc.decode_geometry(stream).positions())
 """
 
 

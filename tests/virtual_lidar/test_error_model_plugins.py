@@ -11,7 +11,7 @@ import pytest
 from pointkit.errors import InputError
 from pointkit.registry import Registry, trust
 from virtual_lidar import error_model_names, open_error_model
-from virtual_lidar.errors import ERROR_MODELS
+from virtual_lidar.errors import error_model_style
 from virtual_lidar.errors.model import ErrorModel
 
 SOURCE = '''"""A sensor that reads too far."""
@@ -78,8 +78,8 @@ def test_faults_of_a_users_model_are_one_line(
 
 @pytest.mark.parametrize("name", error_model_names())
 def test_every_model_has_a_title_and_a_colour(name: str) -> None:
-    kind = ERROR_MODELS.get(name)
-    assert kind.title
-    assert kind.colour.startswith("#")
-    alike = [item for item in error_model_names() if ERROR_MODELS.get(item).colour == kind.colour]
+    style = error_model_style(name)
+    assert style.title
+    assert style.colour.startswith("#")
+    alike = [item for item in error_model_names() if error_model_style(item).colour == style.colour]
     assert alike == [name]

@@ -1,14 +1,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jenco2022.published import PRINTED_STD_M
+from pointkit.yaml_files import read_yaml
 from puckbench.figures.panels import add_rows_legend
 from puckbench.figures.plot_styles import dataset_title, error_model_colour
 from puckbench.figures.style import FigureStyle
-from virtual_lidar.errors import ERROR_MODELS
+from virtual_lidar.errors import ModelStyle, error_model_style
 from virtual_lidar.residual_table import REAL
 
 if TYPE_CHECKING:
@@ -18,43 +19,22 @@ if TYPE_CHECKING:
 CODE = ("jenco2022.*", "virtual_lidar.residual_table", "virtual_lidar.sweep")
 
 
-@dataclass(frozen=True)
-class ModelStyle:
-    """How figures draw an error model or the real sensor: title and colour."""
-
-    title: str
-    colour: str
-
-
-_UNREGISTERED = {
-    REAL: ModelStyle("Real VLP-16", "#CC0055"),
-    "vlp16_fig518": ModelStyle("VLP-16, as\u00a05.18", "#CCBBAA"),
-    "vlp16_divergence_fig518": ModelStyle("Divergence, as\u00a05.18", "#AA9977"),
-}
-# The models of thesis Figure 5.18 come first, in its order.
-_ORDER = (
-    *(REAL, "none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence", "vlp16_measured"),
-    *("calibrated", "surface_normal", "beam_footprint", "distance_table", "vlp16_table51"),
-    *("vlp16_fig518", "vlp16_divergence_fig518", "thesis_room"),
-)
+def _read_styles() -> dict[str, ModelStyle]:
+    entries = read_yaml(Path(__file__).with_suffix(".yaml"))
+    return {
+        name: ModelStyle(**entry) if entry else error_model_style(name)
+        for name, entry in entries.items()
+    }
 
 
-def _registered(name: str) -> ModelStyle:
-    if name in _UNREGISTERED:
-        return _UNREGISTERED[name]
-    model = ERROR_MODELS.get(name)
-    return ModelStyle(model.title, model.colour)
-
-
-MODEL_STYLES = {name: _registered(name) for name in _ORDER}
+MODEL_STYLES: dict[str, ModelStyle] = _read_styles()
+"""Styles of error models, and of the real sensor, in the order of legends."""
 
 
 def model_style(model: str, style: FigureStyle) -> ModelStyle:
     """Return how to draw an error model, with the changes that `style` makes to colours."""
-    plot_style = MODEL_STYLES.get(model)
-    if plot_style is None and model in ERROR_MODELS:
-        plot_style = _registered(model)
-    if plot_style is None or not (plot_style.title and plot_style.colour):
+    plot_style = MODEL_STYLES.get(model) or error_model_style(model)
+    if not (plot_style.title and plot_style.colour):
         plot_style = ModelStyle(dataset_title(model), error_model_colour(model))
     return ModelStyle(plot_style.title, style.colours.get(model, plot_style.colour))
 

@@ -4,7 +4,10 @@ import argparse
 from typing import Any
 
 from pointkit.registry import trust
-from puckbench.codecs.registry import codecs, open_codec
+from puckbench.codecs.coding import why_not_here
+from puckbench.codecs.learned import weights_label
+from puckbench.codecs.rates import metric_rates, scaled_rates
+from puckbench.codecs.registry import codecs, look, open_codec
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,16 +26,17 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 def _entry(name: str) -> dict[str, Any]:
     codec = open_codec(name)
-    ok, why = codec.available()
-    weights = sorted({codec.weights_of(rate) for rate in codec.rates} - {""}) if ok else []
+    why = why_not_here(codec)
+    files = () if why else map(codec.weights, codec.rates)
+    weights = sorted({weights_label(file) for file in files} - {""})
     return {
-        "use": codec.use,
-        "available": ok,
+        "use": look(name).use,
+        "available": not why,
         "why": why,
         "version": codec.version,
         "weights": weights,
-        "rates": codec.rates,
-        "metric_rates": codec.metric_rates,
+        "rates": scaled_rates(codec.rates),
+        "metric_rates": metric_rates(codec.rates),
     }
 
 

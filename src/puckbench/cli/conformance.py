@@ -1,8 +1,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from pointkit.geometry.cloud import Floats
 
 TOOLS = ("octree", "angular octree", "trees", "angular trees", "attributes")
 
@@ -16,6 +19,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("decoder", help=text)
     add("--streams", type=Path, help="folder of streams with a manifest.json (default: ours)")
     add("--tools", choices=TOOLS, action="append", help="only streams with these coding tools")
+
+
+def points_decoder(codec: str) -> Callable[[bytes], Floats]:
+    """Return the function that decodes streams with a codec to points."""
+    from puckbench.codecs.coding import decoded
+    from puckbench.codecs.registry import open_codec
+
+    opened = open_codec(codec)
+    return lambda stream: decoded(opened, stream).xyz
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
@@ -32,7 +44,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         verdicts,
     )
     from puckbench.cli.decoding_program import program_decoder
-    from puckbench.codecs.registry import codecs, open_codec
+    from puckbench.codecs.registry import codecs
 
     streams = conformance_streams(options.streams or FOLDER)
     selected = [stream for stream in streams if not options.tools or stream.tools in options.tools]
@@ -40,7 +52,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if name == "gpcc":  # the codec gives points, the engine attributes, too
         decode: Decode = decode_rows
     else:
-        decode = open_codec(name).decode if name in codecs() else program_decoder(name)
+        decode = points_decoder(name) if name in codecs() else program_decoder(name)
     results = list(verdicts(decode, selected))
     counts = {
         outcome: sum(verdict.outcome == outcome for verdict in results)

@@ -20,12 +20,13 @@ from puckbench.cli.codec_options import codec_arguments, decoder_of, timing_of
 from puckbench.cli.like import MOST_UNLIKE, Model, check_place, read_models
 from puckbench.cli.types import refuse
 from puckbench.codecs.base import Codec
-from puckbench.codecs.facts import find_rate
+from puckbench.codecs.coding import decoded_surfaces
+from puckbench.codecs.rates import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
 from puckbench.geometry.matching import Match, farthest, match_points
 from puckbench.results.curves import Coded, read_coded
-from puckbench.steps.coding import decoded
+from puckbench.steps.coding import decoded_cloud
 
 _LAS = (".las", ".laz")
 _log = logging.getLogger(__name__)
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     with naming(stream):
         coded = read_coded(stream, options.rate)
         codec = decoder_of(options, coded)
-        result = decoded(codec, coded, timing)
+        result = decoded_cloud(codec, coded, timing)
     cloud = replace(result.cloud, about={"source": stream.name, "codec": codec.name})
     if prepared:
         check_place(cloud.xyz, prepared.cloud.xyz, f"{stream}: not coded from {prepared.path}")
@@ -94,7 +95,7 @@ def _mesh(options: argparse.Namespace) -> dict[str, Any]:
     coded = read_coded(options.stream, options.rate)
     with naming(options.stream):
         codec = decoder_of(options, coded)
-        mesh = codec.decode_mesh(coded.stream)
+        mesh = decoded_surfaces(codec, coded.stream)
     write_mesh(options.out, mesh, {"source": options.stream.name, "codec": codec.name})
     return {
         "codec": codec.name,

@@ -9,7 +9,10 @@ from pointkit.files import write_json, written_whole
 from pointkit.geometry.cloud import CoordinateFrame, PointCloud, bounds
 from puckbench.cli.codec_options import codec_arguments, opened_codec, timing_of
 from puckbench.cli.types import note
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.coding import check_codes
+from puckbench.codecs.rates import is_length, rate_name
+from puckbench.geometry.attributes import RETURNS
 from puckbench.results.curves import record_file
 from puckbench.steps.coding import ready
 from puckbench.steps.encode import coded_cloud, to_code
@@ -40,9 +43,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     timing = timing_of(options)
     codec = opened_codec(options, **({"raw": True} if options.raw else {}))
     with naming("--rate"):
-        rate = codec.rate_name(options.rate)
+        rate = rate_name(codec, options.rate)
     original = _cloud(options, codec, rate)
-    if codec.takes == "either" and original.returns is None:
+    if RETURNS in codec.attributes and original.returns is None:
         why = f"no returns, so codec {codec.name} does without its sensor"
         note(f"{options.prepare or options.cloud}: {why}")
     coded = coded_cloud(ready(codec), original, rate, timing)
@@ -54,9 +57,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 def _cloud(options: argparse.Namespace, codec: Codec, rate: str) -> PointCloud:
     if options.prepare:
-        of_rate: CoordinateFrame = "metric" if codec.is_length(rate) else "scaled"
+        of_rate: CoordinateFrame = "metric" if is_length(codec, rate) else "scaled"
         frame = options.frame or of_rate
-        codec.check_frame(frame, rate)
+        check_codes(codec, CloudKind(frame, True, True), rate)
         _prepare(options.cloud, options.prepare, in_metres=frame == "metric")
     return to_code(codec, options.prepare or options.cloud, options.frame, rate)
 

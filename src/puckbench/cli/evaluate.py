@@ -13,7 +13,7 @@ from pointkit.models import parsed
 from puckbench.cli.codec_options import codec_arguments, decoder_of, timing_of
 from puckbench.cli.types import integer, note, refuse, selected
 from puckbench.results.curves import read_coded
-from puckbench.steps.coding import Decoded, decoded
+from puckbench.steps.coding import Decoded, decoded_cloud
 from puckbench.steps.evaluate import Measuring, Originals
 
 _FOR_STREAMS: dict[str, Any] = {
@@ -79,4 +79,4 @@ def _decoded(options: argparse.Namespace) -> Decoded:
         return Decoded(read_cloud(path), {})
     with naming(path):
         coded = read_coded(path, options.rate)
-        return decoded(decoder_of(options, coded), coded, timing_of(options))
+        return decoded_cloud(decoder_of(options, coded), coded, timing_of(options))

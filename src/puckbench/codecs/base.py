@@ -1,97 +1,97 @@
-"""The interface of codecs: a class with rates, `_encode` and `_decode`, registered by name.
+"""The contract of codecs: a class with rates and the methods `encode` and `decode`.
 
-`puckbench.codecs.facts` defines the properties that plans, tables and figures use. A user's codec
-is one file::
+A user's codec is one file::
 
-    from puckbench.codecs.base import Codec
-    from puckbench.codecs.registry import CODECS
+    import numpy as np
 
-    @CODECS.register("raw")
+    from puckbench.codecs.base import Codec, PointCloud
+
     class Raw(Codec):
-        title = "Raw floats"
         rates = {"r1": {"kind": "<f2"}, "r2": {"kind": "<f4"}}
 
-        def _encode(self, points, parameters):
-            return parameters["kind"].encode() + points.astype(parameters["kind"]).tobytes()
+        def encode(self, cloud, rate):
+            kind = self.rates[rate]["kind"]
+            return kind.encode() + cloud.xyz.astype(kind).tobytes()
 
-        def _decode(self, stream):
-            return np.frombuffer(stream[3:], stream[:3].decode()).reshape(-1, 3).astype(float)
+        def decode(self, stream):
+            numbers = np.frombuffer(stream[3:], stream[:3].decode())
+            return PointCloud(numbers.reshape(-1, 3).astype(float))
+
+`puckbench.codecs.coding` calls codecs: it checks clouds and streams, and shifts far clouds.
+`puckbench.codecs.rates` has functions of rates.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol, Self
 
-import numpy as np
-
-from pointkit.errors import InputError, naming
-from pointkit.geometry.cloud import Floats, PointCloud, check_points
-from pointkit.geometry.mesh import Mesh, labelled_mesh_in_metres
+from pointkit.errors import NARROWER, InputError
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud
+from pointkit.geometry.mesh import Mesh
 from pointkit.measurement import NO_COST, Cost
-from puckbench.codecs.facts import CodecFacts, Line, Memory, Pace, Parameters, Takes, lengths
-from puckbench.codecs.shift import moved, shift_of, shifted, unshifted
-from puckbench.geometry.attributes import Attributes, attributes_of, check_attributes
-
-if TYPE_CHECKING:
-    from pointkit.lidar.returns import Returns
+from pointkit.models import Model, parsed
+from puckbench.codecs.rates import Parameters, frame_fault, lengths, parameters_of
 
 CODE = (
-    "puckbench.codecs.facts",
+    "puckbench.codecs.coding",
+    "puckbench.codecs.old_contract",
+    "puckbench.codecs.rates",
     "puckbench.codecs.shift",
     "puckbench.codecs.unit",
     "puckbench.geometry.attributes",
 )
 
 __all__ = [
-    "Availability",
+    "CloudKind",
     "Codec",
-    "CodecFacts",
-    "Cost",
-    "Line",
-    "Memory",
-    "Pace",
+    "InputError",
     "Parameters",
+    "PointCloud",
     "SharedWork",
-    "Takes",
     "lengths",
+    "parameters_of",
 ]
 
 
-class Availability(NamedTuple):
-    """The answer to whether a codec can run on this machine.
+class CloudKind(NamedTuple):
+    """What is known of a cloud before it is encoded, or even before it exists.
 
     Parameters
     ----------
-    ok
-        Whether the codec can run.
-    why
-        The reason in one line if it cannot, else empty.
+    frame
+        Coordinate frame of the cloud; None if unknown.
+    has_returns
+        Whether the cloud has the returns of a spinning sensor.
+    has_packets
+        Whether these returns may come from recorded data packets, and not from a virtual scan.
+    extent_m
+        Longest side of the bounding box, m, of a cloud in metres; None if it was not measured.
     """
 
-    ok: bool
-    why: str = ""
+    frame: CoordinateFrame | None
+    has_returns: bool = False
+    has_packets: bool = False
+    extent_m: float | None = None
 
     @classmethod
-    def of_module(cls, name: str, why: str) -> Self:
-        """Tell whether a Python module is installed.
+    def of(cls, cloud: PointCloud) -> Self:
+        """Return what is known of a cloud, without its extent, which encoders check exactly."""
+        has_returns = cloud.returns is not None
+        return cls(cloud.frame, has_returns, has_returns)
 
-        Parameters
-        ----------
-        name
-            Name of the module.
-        why
-            The reason to give if it is not installed.
-        """
-        is_here = find_spec(name) is not None
-        return cls(is_here, "" if is_here else why)
+    def wider_than(self, most_m: float) -> str | None:
+        """Return a message if the cloud's extent is known, and exceeds `most_m` metres."""
+        if self.extent_m is None or self.extent_m <= most_m:
+            return None
+        return f"the cloud is {self.extent_m:,.0f} m wide, more than {most_m:,.0f} m{NARROWER}"
 
 
 class SharedWork(Protocol):
-    """An object that holds intermediate results of a cloud, which all rates share.
+    """Results of a cloud that all rates share.
 
     The first encoding of the cloud stores the results. Encodings at other rates reuse them.
     """
@@ -100,247 +100,140 @@ class SharedWork(Protocol):
     """Cost of computing the results that the last encoding reused."""
 
 
-class Codec(CodecFacts, ABC):
-    """Base class of all codecs, which encode a point cloud to a byte string and decode it.
+class Codec(ABC):
+    """Base class of codecs, which encode a point cloud to a byte string and decode it.
 
-    A subclass must define `rates`, `_encode` and `_decode`; other members have defaults. The byte
+    A subclass must define `rates`, `encode` and `decode`; other members have defaults. The byte
     string (stream) contains all that the decoder needs. Results must depend only on the arguments
     of a call. When a run is planned, the subclass's module is imported, so slow packages should be
     imported inside methods.
+
+    Parameters
+    ----------
+    name
+        Name in a run and in tables.
+    rates
+        Parameters by rate name, the smallest bitrate first; by default those of the class.
+    options
+        Values of the class's `Options`.
+
+    Raises
+    ------
+    InputError
+        An option is unknown, or has a value that is not allowed.
     """
 
+    rates: Mapping[str, Parameters] = MappingProxyType({})
+    """Parameters by name of the rate, the smallest bitrate (r1) first. Rates that are lengths, such
+    as ``10mm``, are for clouds in metres. If ``step_m`` is their only parameter, every length is a
+    rate."""
+    Options: type[Model] = Model
+    """Pydantic model of the codec's options; by default, there are none."""
+    options: Any
     magic: bytes = b""
     """First bytes of the codec's streams, by which `codec_of` recognises them."""
-    bare_magic: bytes = b""
-    """First bytes of streams without puckbench's wrapper, which hint at the codec but do not
-    identify it."""
-    shifts_far_clouds: bool = True
-    """Whether a cloud far from the origin is shifted towards it before encoding
-    (`codecs.shift`)."""
-    is_single_precision: ClassVar[bool] = False
-    """Whether coordinates are coded in single precision, which resolves fine steps only near the
-    origin."""
+
+    def __init__(
+        self, name: str, rates: Mapping[str, Parameters] | None = None, **options: Any
+    ) -> None:
+        self.name = name
+        self.rates = dict(self.rates if rates is None else rates)
+        self.options = parsed(self.Options, options, f"codec {name}")
 
     @property
-    def has_surfaces(self) -> bool:
-        """Whether `decode_mesh` can decode streams to triangles."""
-        return type(self)._decode_mesh is not Codec._decode_mesh
+    def version(self) -> str:
+        """The version of the implementation. A subclass may define an attribute instead."""
+        return ""
 
-    def available(self) -> Availability:
-        """Return whether the codec can run on this machine and, if not, the reason."""
-        return Availability(True)
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        """What the codec encodes besides points.
 
-    def load(self) -> None:
-        """Prepare the codec before timed calls: load weights and compile functions."""
-
-    def cost(self, here: Cost) -> Cost:
-        """Return the time and memory that the last encoding or decoding took.
-
-        Parameters
-        ----------
-        here
-            Cost of the call, measured in this process.
-
-        Returns
-        -------
-        Cost
-            The cost of the external programs if the codec runs any, else `here`.
+        It names attributes (`puckbench.geometry.attributes`), and ``returns`` if the codec encodes
+        the returns of a spinning sensor. A subclass may define an attribute instead.
         """
-        return here
+        return ()
 
-    def shared_work(self) -> SharedWork | None:
-        """Return a new, empty object for results that all rates of one cloud share, or None.
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        """Return why the codec does not encode a cloud at a rate, in one line, or None if it does.
 
-        None means that the codec has no such results. The caller passes the object to `encode` for
-        each rate; a subclass uses it in `_encode_sharing`.
-        """
-        return None
-
-    def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
-        """Encode a cloud at a rate to a self-contained byte string.
-
-        The sensor's returns are encoded instead of the points if the codec uses returns and the
-        cloud has them. Attributes of the cloud that are listed in the codec's `attributes` are
-        encoded too.
+        A run leaves out what codecs skip, and tells the reason: another coordinate frame, too wide
+        a cloud, no returns, a program or package that is not installed. By default, rates that are
+        lengths need clouds in metres.
 
         Parameters
         ----------
         cloud
-            The cloud to encode.
+            What is known of the cloud.
         rate
-            Name of a rate, as in `encode`.
-        shared
-            Object from `shared_work` for this cloud. It is not used for returns or attributes.
-
-        Raises
-        ------
-        InputError
-            As for `encode`. Also if the rate is for clouds in another coordinate frame, or if the
-            codec requires returns and the cloud has none. Points of unknown frame are taken as
-            metres if the rate is a length.
+            Name of the rate.
         """
-        if not isinstance(cloud, PointCloud):
-            fault = f"a PointCloud is coded, not {type(cloud).__name__} (points: encode)"
-            raise InputError(f"codec {self.name}: {fault}")
-        if cloud.frame or self.rate_name(rate) in self.rates:
-            self.check_frame(cloud.frame, rate)
-        if self.takes == "points" or (self.takes == "either" and cloud.returns is None):
-            held = attributes_of(cloud) if self.attributes else {}
-            if attributes := {name: held[name] for name in self.attributes if name in held}:
-                return self.encode(cloud.xyz, rate, attributes=attributes)
-            more = () if shared is None else (shared,)  # a user's `encode` may lack the parameter
-            return self.encode(cloud.xyz, rate, *more)
-        if cloud.returns is None:
-            raise InputError(
-                f"codec {self.name}: codes the returns of a spinning sensor, and the cloud has none"
-            )
-        return self.encode_returns(cloud.returns, rate)
+        return frame_fault(self, cloud.frame, rate)
 
-    def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode the returns (range measurements) of a spinning sensor at a rate to a byte string.
+    def weights(self, rate: str) -> Path | None:
+        """Return the file of trained weights that a rate uses, or None if it uses none.
 
-        By default, the points of the returns are encoded. Raises InputError as `encode` does.
+        Raises InputError if the file is missing.
         """
-        return self.encode(returns.points(), rate)
+        return None
 
-    def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Decode a byte string to a cloud, with the returns and attributes that it contains.
+    def load(self) -> None:  # noqa: B027 (many codecs need none)
+        """Prepare the codec before timed calls: load weights and compile functions."""
 
-        Raises InputError if the byte string is damaged or belongs to another codec.
+    def prepare(self, cloud: PointCloud) -> SharedWork | None:
+        """Return a new, empty object for results of a cloud that all rates share, or None.
+
+        None means that the codec has no such results. The caller passes the object to `encode` for
+        each rate of the cloud.
         """
-        with naming(f"codec {self.name}"):
-            content, shift = unshifted(stream)
-            cloud = self._decode_with_attributes(content)
-        if cloud is None:
-            points = self.decode(stream)
-            with naming(f"codec {self.name}: decoded points"):
-                return PointCloud(points)
-        return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
+        return None
 
-    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        """Return how many bytes of a stream each attribute takes, by name of the attribute.
-
-        All other bytes are geometry. Attributes without bytes are left out.
-        """
-        with naming(f"codec {self.name}"):
-            sizes = self._attribute_bytes(unshifted(stream).stream)
-        return {name: size for name, size in sizes.items() if size}
-
-    def encode(
-        self,
-        points: Floats,
-        rate: str,
-        shared: SharedWork | None = None,
-        attributes: Attributes | None = None,
-    ) -> bytes:
-        """Encode points at a rate to a self-contained byte string.
+    @abstractmethod
+    def encode(self, cloud: PointCloud, rate: str, work: Any = None) -> bytes:
+        """Encode a cloud at a rate to a self-contained byte string, which is not empty.
 
         Parameters
         ----------
-        points
-            Coordinates (n, 3).
+        cloud
+            At least one point, with what the cloud has: returns, colours, fields. The codec takes
+            what it can, and names this in `attributes`.
         rate
-            Name of a rate in `rates` or `metric_rates`, or a length such as "15mm" if the codec
-            allows any.
-        shared
-            Object from `shared_work` for this cloud. It saves time and does not affect the result.
-        attributes
-            Values of the points by attribute name. The codec's `attributes` lists the possible
-            names.
+            Name of a rate of `rates`, or any length if the codec allows it (`parameters_of`).
+        work
+            Object from `prepare` for this cloud, or None. A codec without `prepare` may omit the
+            parameter.
 
         Raises
         ------
         InputError
-            The rate is unknown, the cloud is empty, a coordinate is not finite, or a reflectance is
-            not a 16-bit integer.
+            The codec cannot encode the cloud.
         """
-        parameters = self.parameters_of(rate)
-        check_points(points, f"codec {self.name}")
-        points = np.ascontiguousarray(points, dtype=np.float64)
-        step = parameters.get("step_m") if self.is_single_precision else None
-        shift = shift_of(points, step) if self.shifts_far_clouds else None
-        points = points if shift is None else points - shift
-        with naming(f"codec {self.name}"):
-            if attributes:
-                check_attributes(attributes, len(points))
-                stream = self._encode_with_attributes(points, attributes, parameters)
-            elif shared is None:
-                stream = self._encode(points, parameters)
-            else:
-                shared.saved = NO_COST
-                stream = self._encode_sharing(points, parameters, shared)
-            if not isinstance(stream, bytes):
-                raise InputError(f"_encode returned {type(stream).__name__}, not bytes")
-            if not stream:
-                raise InputError("_encode returned an empty stream")
-        return stream if shift is None else shifted(stream, shift)
 
-    def decode(self, stream: bytes) -> Floats:
-        """Decode a byte string to points (m, 3), in the coordinate frame of the encoded cloud.
+    @abstractmethod
+    def decode(self, stream: bytes) -> PointCloud:
+        """Decode a byte string to a cloud, with the returns and attributes that it contains.
 
         The order of the points is arbitrary. Raises InputError if the byte string is damaged or
         belongs to another codec.
         """
-        with naming(f"codec {self.name}"):
-            content, shift = unshifted(stream)
-            points = self._decode(content)
-            if getattr(points, "shape", (0, 0))[1:] != (3,):
-                raise InputError(f"_decode returned {_described(points)}")
-        return points if shift is None else moved(points, shift)
 
-    def decode_mesh(self, stream: bytes) -> Mesh:
+    def surfaces(self, stream: bytes) -> Mesh:
         """Decode a byte string to a triangulated surface in the coordinates of the encoded cloud.
 
-        Returns
-        -------
-        Mesh
-            Triangles that are labelled with primitives and objects (`pointkit.geometry.mesh`). An
-            object may consist of several primitives.
-
-        Raises
-        ------
-        InputError
-            As for `decode`. Also if the codec or the byte string has no surfaces.
+        A codec that defines this method returns triangles that are labelled with primitives and
+        objects (`pointkit.geometry.mesh`). Raises InputError if the byte string has no surface.
         """
-        with naming(f"codec {self.name}"):
-            content, shift = unshifted(stream)
-            mesh = self._decode_mesh(content)
-        return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
-
-    def _decode_mesh(self, stream: bytes) -> Mesh:
-        """Decode the surfaces of a stream; raise InputError as `_decode` does."""
         raise InputError("codes points, not surfaces")
 
-    def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
-        """Encode as `_encode` does, but store or reuse results in an object from `shared_work`.
-
-        A subclass sets `shared.saved` to the cost of the reused results.
-        """
-        return self._encode(points, parameters)
-
-    def _encode_with_attributes(
-        self, points: Floats, attributes: Attributes, parameters: Parameters
-    ) -> bytes:
-        """Encode points and their attributes: arrays (n,) or (n, 3) by name."""
-        raise InputError("codes positions only")
-
-    def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
-        """Decode points and attributes, or return None if the stream has no attributes."""
-        return None
-
-    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        """Return how many bytes of a stream each attribute takes, by name of the attribute."""
         return {}
 
-    @abstractmethod
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        """Encode finite points (n, 3), n >= 1, with a rate's parameters to non-empty bytes."""
 
-    @abstractmethod
-    def _decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3); raise InputError if the stream is damaged or from another codec."""
+def __getattr__(name: str) -> Any:
+    """Return what codecs of the old contract import from here."""
+    from puckbench.codecs import old_contract
 
-
-def _described(value: object) -> str:
-    shape = getattr(value, "shape", None)
-    what = type(value).__name__ if shape is None else f"an array of shape {shape}"
-    return f"{what}, not an array of shape (m, 3)"
+    if name in old_contract.NAMES:
+        return getattr(old_contract, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,9 +2,10 @@ from __future__ import annotations
 
 from functools import cached_property
 from importlib.metadata import version
+from importlib.util import find_spec
 
-from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Availability, Codec, Pace, Parameters, lengths
+from puckbench.codecs.base import CloudKind, Codec, PointCloud
+from puckbench.codecs.rates import lengths, parameters_of
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.storage.cloudini import MAGIC, decode_cloudini, encode_cloudini
 from puckbench.codecs.storage.steps import MOST_STEPS
@@ -23,30 +24,24 @@ class Cloudini(Codec):
     of coordinates.
     """
 
-    title = "Cloudini"
-    use = "PointCloud2 messages of ROS: quick, in their order"
-    colour = "#E7298A"
-    marker = "+"
-    line = "--"
-    rank = 150
-    pace = Pace(0.02, 0.5)
-    metric_rates = lengths()
-    most_steps = MOST_STEPS
+    rates = lengths()
     magic = MAGIC
 
-    def available(self) -> Availability:
-        why = "pureini (GPL-3.0) not installed: pip install 'puckbench[cloudini]'"
-        return Availability.of_module("pureini", why)
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        most_m = MOST_STEPS * parameters_of(self, rate)["step_m"]
+        missing = "pureini (GPL-3.0) not installed: pip install 'puckbench[cloudini]'"
+        lack = None if find_spec("pureini") else missing
+        return super().skip(cloud, rate) or cloud.wider_than(most_m) or lack
 
     @cached_property
     def version(self) -> str:
-        return f"pureini {version('pureini')}" if self.available().ok else ""
+        return f"pureini {version('pureini')}" if find_spec("pureini") else ""
 
     def load(self) -> None:
         import pureini  # noqa: F401
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        return encode_cloudini(points, float(parameters["step_m"]))
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        return encode_cloudini(cloud.xyz, float(parameters_of(self, rate)["step_m"]))
 
-    def _decode(self, stream: bytes) -> Floats:
-        return decode_cloudini(stream)
+    def decode(self, stream: bytes) -> PointCloud:
+        return PointCloud(decode_cloudini(stream))

@@ -9,12 +9,16 @@ neither the extent nor the coordinates exceed `_FINE` steps. Other clouds are fi
 grid in double precision. Then their grid positions are encoded as a generic attribute of integers,
 beside coordinates of 0. Two headers before the stream contain the step (`puckbench.codecs.unit`)
 and the lowest position (`puckbench.codecs.shift`).
+
+If single precision does not resolve the step at the cloud's distance from the origin, the cloud is
+shifted to the origin first.
 """
 
 from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any, Literal
 
@@ -25,10 +29,11 @@ from pydantic import Field
 from pointkit.errors import NARROWER, InputError
 from pointkit.geometry.cloud import Floats, bounds
 from pointkit.models import Model
-from puckbench.codecs.base import Codec, Pace, Parameters, lengths
+from puckbench.codecs.base import CloudKind, Codec, Parameters, PointCloud
 from puckbench.codecs.most_points import most_points
+from puckbench.codecs.rates import lengths, parameters_of
 from puckbench.codecs.registry import CODECS
-from puckbench.codecs.shift import moved, shifted, unshifted
+from puckbench.codecs.shift import moved, shift_of, shifted, unshifted
 from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
 CODE = ("puckbench.codecs.most_points",)
@@ -91,28 +96,32 @@ class Draco(Codec):
     reads streams of both methods.
     """
 
-    title = "Draco"
-    use = "a fast baseline that everybody has"
-    colour = "#0072B2"
-    marker = "o"
-    rank = 0
-    rates = DRACO_RATES
-    metric_rates = lengths()
+    rates: Mapping[str, Parameters] = {**DRACO_RATES, **lengths()}
     Options: type[DracoOptions] = DracoOptions
     options: DracoOptions
-    is_single_precision = True
-    pace = Pace(0.02, 1.1)
     magic = b"DRACO"
     version = f"DracoPy {version('dracopy')}"
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self.most_steps = float(2 ** _MOST_BITS[self.options.method] - 3)
+    @property
+    def _most_steps(self) -> float:
+        """Largest extent along an axis, in steps of the grid."""
+        return float(2 ** _MOST_BITS[self.options.method] - 3)
+
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        most_m = self._most_steps * parameters_of(self, rate).get("step_m", math.inf)
+        return super().skip(cloud, rate) or cloud.wider_than(most_m)
 
     def load(self) -> None:
         import DracoPy  # noqa: F401
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        parameters = parameters_of(self, rate)
+        shift = shift_of(cloud.xyz, parameters.get("step_m"))
+        if shift is None:
+            return self._encoded(cloud.xyz, parameters)
+        return shifted(self._encoded(cloud.xyz - shift, parameters), shift)
+
+    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
         if np.abs(points).max() > np.finfo(np.float32).max / 2:
             raise InputError("coordinates exceed Draco's single precision")
         step = float(parameters.get("step_m", math.inf))
@@ -124,7 +133,7 @@ class Draco(Codec):
         positions = np.rint(points / step)
         least = positions.min(axis=0)
         positions -= least
-        if positions.max() > self.most_steps + 1:  # the extent, rounded at both ends
+        if positions.max() > self._most_steps + 1:  # the extent, rounded at both ends
             bits = _MOST_BITS[self.options.method]
             raise InputError(f"the cloud is wider than 2^{bits} steps of {step:g} m{NARROWER}")
         stream = self._written(
@@ -148,7 +157,12 @@ class Draco(Codec):
             raise InputError(f"{len(coordinates)} points fall on too few positions")
         return stream
 
-    def _decode(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
+        content, shift = unshifted(stream)
+        points = self._decoded(content)
+        return PointCloud(points if shift is None else moved(points, shift))
+
+    def _decoded(self, stream: bytes) -> Floats:
         content, step = without_unit(stream)
         if step is None:
             return np.asarray(self._read(stream).points, dtype=np.float64)

@@ -9,11 +9,11 @@ from pydantic import Field
 
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
-from pointkit.geometry.cloud import Floats
 from pointkit.models import Model
-from puckbench.codecs.base import Parameters
+from puckbench.codecs.base import PointCloud
 from puckbench.codecs.draco import DRACO_RATES
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
+from puckbench.codecs.rates import parameters_of
 from puckbench.codecs.registry import CODECS
 
 CODE = ("puckbench.codecs.draco", "puckbench.codecs.external")
@@ -34,12 +34,6 @@ class DracoCli(ExternalCodec):
     Its streams have the format of `Draco`.
     """
 
-    title = "Draco (reference tool)"
-    use = "checking Draco against its own tools"
-    colour = "#56B4E9"
-    marker = "h"
-    line = "--"
-    rank = 60
     rates = DRACO_RATES
     Options = DracoToolOptions
     options: DracoToolOptions
@@ -56,14 +50,15 @@ class DracoCli(ExternalCodec):
         digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()[:12] if path else ""
         return f"draco_encoder {digest}".strip()
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        bits = parameters_of(self, rate)["quantization_bits"]
         with folder() as at:
-            write_points(at / "in.ply", points, "float32")
+            write_points(at / "in.ply", cloud.xyz, "float32")
             command = (
                 *(self.programs[0], "-point_cloud", "-i", at / "in.ply", "-o", at / "out.drc"),
                 *(
                     "-qp",
-                    str(parameters["quantization_bits"]),
+                    str(bits),
                     "-cl",
                     str(self.options.compression_level),
                 ),
@@ -71,10 +66,10 @@ class DracoCli(ExternalCodec):
             self.run(command, at / "in.ply")
             return read_bytes(at / "out.drc")
 
-    def _decode(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
         if not stream.startswith(b"DRACO"):
             raise InputError("not a Draco stream")
         with folder() as at:
             (at / "in.drc").write_bytes(stream)
             self.run((self.programs[1], "-i", at / "in.drc", "-o", at / "out.ply"), at / "in.drc")
-            return read_points(at / "out.ply", f"codec {self.name}: {self.programs[1]}")
+            return PointCloud(read_points(at / "out.ply", self.programs[1]))

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Availability, Codec, Cost, SharedWork
+from pointkit.measurement import Cost
+from puckbench.codecs.base import CloudKind, Codec
 from puckbench.core.code import CLOUD_FILES
 from puckbench.core.programs import run_program
-from puckbench.geometry.attributes import Attributes
 
 CODE = (*CLOUD_FILES, "puckbench.core.launch", "puckbench.core.programs")
 
@@ -28,39 +28,23 @@ _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
 class ExternalCodec(Codec):
     """Base class of codecs that run external programs to encode and decode.
 
-    A subclass lists the programs in `programs` and calls `run` in `_encode` and `_decode`. The cost
+    A subclass lists the programs in `programs` and calls `run` in `encode` and `decode`. The cost
     of a call is that of the programs, including reading and writing files.
     """
 
     output: str = ""
     """The text that the last program wrote to its output."""
-    _cost: Cost | None = None
+    programs_cost: Cost | None = None
+    """Cost of the programs that the last encoding or decoding ran; None if it ran none."""
 
     @property
     def programs(self) -> tuple[str, ...]:
         """The names or paths of the required programs; a subclass may define an attribute."""
         return ()
 
-    def available(self) -> Availability:
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
         missing = [name for name in self.programs if shutil.which(name) is None]
-        return Availability(not missing, f"no program '{missing[0]}'" if missing else "")
-
-    def encode(
-        self,
-        points: Floats,
-        rate: str,
-        shared: SharedWork | None = None,
-        attributes: Attributes | None = None,
-    ) -> bytes:
-        self._cost = None
-        return super().encode(points, rate, shared, attributes)
-
-    def decode(self, stream: bytes) -> Floats:
-        self._cost = None
-        return super().decode(stream)
-
-    def cost(self, here: Cost) -> Cost:
-        return self._cost or here
+        return super().skip(cloud, rate) or (f"no program '{missing[0]}'" if missing else None)
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:
         """Run an external program, with limits on its time and memory.
@@ -81,7 +65,7 @@ class ExternalCodec(Codec):
         memory_bytes = _MEMORY_BYTES + size * _MEMORY_PER_BYTE
         seconds = _SECONDS + size * _SECONDS_PER_BYTE
         cost, self.output = run_program(command, memory_bytes, seconds)
-        self._cost = self._cost.plus(cost) if self._cost else cost
+        self.programs_cost = self.programs_cost.plus(cost) if self.programs_cost else cost
 
 
 @contextmanager

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -23,15 +24,23 @@ from gpcc.grid import (
     wrap,
 )
 from gpcc.options import PROFILES, GpccOptions
-from pointkit.errors import InputError, naming
-from pointkit.geometry.cloud import Floats, PointCloud, check_points
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import Beams, Returns
 from pointkit.lidar.turns import Layout, Turn
 from pointkit.models import Model
 from puckbench import __version__
-from puckbench.codecs.base import Codec, Pace, Parameters, Takes, lengths
+from puckbench.codecs.base import CloudKind, Codec, Parameters, PointCloud
+from puckbench.codecs.rates import grid_fault, lengths, parameters_of, scaled_rates
 from puckbench.codecs.registry import CODECS
-from puckbench.geometry.attributes import COLOUR, REFLECTANCE, Attributes, cloud_with
+from puckbench.geometry.attributes import (
+    COLOUR,
+    REFLECTANCE,
+    RETURNS,
+    Attributes,
+    cloud_with,
+    coded_attributes,
+)
 
 if TYPE_CHECKING:
     from gpcc.predictive_coder import PredictiveOptions
@@ -46,8 +55,8 @@ multiplied."""
 NO_ATTRIBUTES: Attributes = MappingProxyType({})
 _NAMES = {"color": COLOUR, "reflectance": REFLECTANCE}
 _LABELS = {name: label for label, name in _NAMES.items()}
-_ATTRIBUTES_S = 2.0
-"""Time to encode and decode the attributes of a million points, s."""
+_MOST_STEPS = float(2**MOST_BITS - 2)
+"""Largest extent along an axis, in steps of the grid."""
 LOSSLESS_STEP_M = 0.002
 """Largest grid step (m) at which coding of a sensor's points counts as lossless."""
 
@@ -103,23 +112,25 @@ class GridCodec(Codec):
     and the offset of the grid, unless the option `raw` is set.
     """
 
-    rates: Mapping[str, Parameters] = EIGHTHS
-    metric_rates: Mapping[str, Parameters] = lengths()
+    rates: Mapping[str, Parameters] = {**EIGHTHS, **lengths()}
     Options: type[GridOptions] = GridOptions
     options: GridOptions
     magic = b"PBGP"
-    pace = Pace(0.05, 1.5)
-    bare_magic = b"\0\0\0"
-    most_steps = float(2**MOST_BITS - 2)
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
-        self.grid = self.options.step / finest
-        self.shifts_far_clouds = not self.options.raw
+        self.grid = finest_step(self)
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        return self._encoded(points, parameters)
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        most_m = _MOST_STEPS * parameters_of(self, rate).get("step_m", math.inf)
+        return (
+            super().skip(cloud, rate)
+            or grid_fault(self, cloud.frame, rate)
+            or cloud.wider_than(most_m)
+        )
+
+    def encode(self, cloud: PointCloud, rate: str, work: Any = None) -> bytes:
+        return self._encoded(cloud.xyz, parameters_of(self, rate))
 
     def _encoded(
         self,
@@ -134,10 +145,6 @@ class GridCodec(Codec):
             raise InputError("a bare stream cannot hold the unit or the offset")
         stream = self._code(points, grid, parameters, returns, attributes)
         return stream if self.options.raw else wrap(stream, grid)
-
-    def _decode(self, stream: bytes) -> Floats:
-        bare, grid = unwrap(stream)
-        return input_coordinates(self._units(bare), grid)
 
     def _merges(self, parameters: Parameters) -> bool:
         if self.options.duplicates != "by_rate":
@@ -161,10 +168,6 @@ class GridCodec(Codec):
     ) -> bytes:
         """Encode points (n, 3), returns and attributes to a stream without wrapper."""
 
-    @abstractmethod
-    def _units(self, stream: bytes) -> Floats:
-        """Decode a stream without wrapper to points (m, 3), in units of the input's grid."""
-
 
 class OwnCodec(GridCodec):
     """Base class of codecs that encode with puckbench's own G-PCC coder."""
@@ -177,17 +180,11 @@ class OwnCodec(GridCodec):
     def attributes(self) -> tuple[str, ...]:
         return (REFLECTANCE, COLOUR) if self.options.attributes else ()
 
-    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
         from gpcc.attributes.cloud import attribute_bytes
 
         sizes = attribute_bytes(unwrap(stream).stream)
         return {_NAMES.get(name, name): size for name, size in sizes.items()}
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        if self.options.attributes:
-            slower = self.pace.per_million_s + _ATTRIBUTES_S
-            self.pace = self.pace._replace(per_million_s=slower)
 
     def load(self) -> None:
         points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [50, 30, 10]]) * self.options.step
@@ -195,18 +192,16 @@ class OwnCodec(GridCodec):
         lasers = Beams((0.0,), (0.0,), (0.0,))
         turn = Turn(np.full((1, 4, 1), 500, np.uint16), np.arange(4, dtype=np.uint16) * 20)
         returns = (None, Returns(lasers, Layout((0,)), (turn,)))
-        for sensor in returns[: 1 if self.takes == "points" else 2]:
-            self._decode(self._encoded(points, {}, sensor))
+        for sensor in returns if RETURNS in self.attributes else returns[:1]:
+            self.decode(self._encoded(points, {}, sensor))
             for parameters in ({}, {"qp": 34}) if self.options.attributes else ():
-                stream = self._encoded(points, parameters, sensor, held)
-                self._decode_with_attributes(stream)
+                self.decode(self._encoded(points, parameters, sensor, held))
 
-    def _encode_with_attributes(
-        self, points: Floats, attributes: Attributes, parameters: Parameters
-    ) -> bytes:
-        return self._encoded(points, parameters, attributes=attributes)
+    def encode(self, cloud: PointCloud, rate: str, work: Any = None) -> bytes:
+        attributes = coded_attributes(cloud, self.attributes)
+        return self._encoded(cloud.xyz, parameters_of(self, rate), attributes=attributes)
 
-    def _decode_with_attributes(self, stream: bytes) -> PointCloud:
+    def decode(self, stream: bytes) -> PointCloud:
         from gpcc.attributes.cloud import decode_cloud
 
         bare, grid = unwrap(stream)
@@ -241,11 +236,6 @@ class OwnCodec(GridCodec):
         source = (points - grid.offset) / grid.unit if attributes else None
         return encode_cloud(positions, values, tools, chosen, scale, origin, sensor, source)
 
-    def _units(self, stream: bytes) -> Floats:
-        from gpcc.coder import decode_geometry
-
-        return decode_geometry(stream).positions()
-
     @abstractmethod
     def _tools(
         self, parameters: Parameters, *, angular: bool = False
@@ -269,15 +259,24 @@ class SensorCodec(OwnCodec):
     Clouds without returns are encoded too, without this knowledge.
     """
 
-    takes: ClassVar[Takes] = "either"
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        return (*super().attributes, RETURNS)
 
-    def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        parameters, points = self.parameters_of(rate), returns.points()
-        check_points(points, f"codec {self.name}")
+    def encode(self, cloud: PointCloud, rate: str, work: Any = None) -> bytes:
+        returns = cloud.returns
+        if returns is None:
+            return super().encode(cloud, rate)
         values = returns.reflectivities() if self.options.attributes else None
         held = NO_ATTRIBUTES if values is None else {REFLECTANCE: values}
-        with naming(f"codec {self.name}"):
-            return self._encoded(points, parameters, returns, held)
+        return self._encoded(returns.points(), parameters_of(self, rate), returns, held)
+
+
+def finest_step(codec: Codec) -> float:
+    """Return the grid step of a codec's finest rate for scaled clouds, in units of the input."""
+    scales = (parameters["scale"] for parameters in scaled_rates(codec.rates).values())
+    step: float = codec.options.step / max(scales, default=1.0)
+    return step
 
 
 def scale_of(parameters: Parameters) -> float:
@@ -291,12 +290,6 @@ class Gpcc(OwnCodec):
 
     It uses puckbench's own coder.
     """
-
-    title = "G-PCC"
-    use = "the anchor; lossless coding on a grid"
-    colour = "#E69F00"
-    marker = "s"
-    rank = 10
 
     def _tools(self, parameters: Parameters, *, angular: bool = False) -> GpccOptions:
         tools: dict[str, Any] = {"merge_duplicates": self._merges(parameters)}

@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from gpcc.options import PROFILES, SPINNING, GpccOptions
-from puckbench.codecs.base import Pace, Parameters
+from puckbench.codecs.base import Parameters
 from puckbench.codecs.gpcc import CoderOptions, SensorCodec
 from puckbench.codecs.registry import CODECS
 
@@ -33,12 +33,6 @@ class GpccAngular(SensorCodec):
     coding in any node (`direct_coding` 3), as in the lossless conditions, takes more bits.
     """
 
-    title = "G-PCC (angular octree)"
-    use = "turns of spinning sensors, or several of them together"
-    colour = "#1B7837"
-    marker = "<"
-    rank = 11
-    pace = Pace(0.05, 2.5)
     Options = AngularOptions
     options: AngularOptions
 

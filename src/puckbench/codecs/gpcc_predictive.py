@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from gpcc.attributes.options import qp_of_step
-from puckbench.codecs.base import Pace, Parameters, lengths
-from puckbench.codecs.gpcc import CoderOptions, SensorCodec
+from puckbench.codecs.base import Parameters
+from puckbench.codecs.gpcc import EIGHTHS, CoderOptions, SensorCodec
+from puckbench.codecs.rates import lengths
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
@@ -39,13 +40,8 @@ class GpccPredictive(SensorCodec):
     of a grid that is encoded losslessly.
     """
 
-    title = "G-PCC (predictive)"
-    use = "turns of spinning sensors by MPEG's standard"
-    colour = "#A65628"
-    marker = ">"
-    rank = 12
-    pace = Pace(0.05, 4.0)
-    metric_rates: Mapping[str, Parameters] = {
+    rates: Mapping[str, Parameters] = {
+        **EIGHTHS,
         **_coarse(7, 7),
         **_coarse(5, 8),
         **_coarse(4, 9),

@@ -26,11 +26,6 @@ _END = b"\xff\xd9"
 class JpegLs(RangeImageCodec):
     """The codec compresses range images, rounded to the step of the rate, by JPEG-LS."""
 
-    title = "Range image, JPEG-LS"
-    use = "turns of spinning sensors by a codec of images: quick"
-    colour = "#1B9E9E"
-    marker = "1"
-    rank = 170
     magic = b"PBJL"
 
     def _image_encoded(self, image: Image, quanta: int) -> bytes:

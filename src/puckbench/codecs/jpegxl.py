@@ -23,11 +23,6 @@ class JpegXlOptions(RangeImageOptions):
 class JpegXl(RangeImageCodec):
     """The codec compresses range images, rounded to the step of the rate, losslessly by JPEG XL."""
 
-    title = "Range image, JPEG XL"
-    use = "turns of spinning sensors by a codec of images: few bits"
-    colour = "#08306B"
-    marker = "h"
-    rank = 165
     magic = b"PBJX"
     Options = JpegXlOptions
     options: JpegXlOptions

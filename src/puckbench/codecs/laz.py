@@ -6,13 +6,13 @@ from importlib.metadata import version
 import numpy as np
 from pydantic import Field
 
-from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.models import Model
-from puckbench.codecs.base import Codec, Pace, Parameters, lengths
+from puckbench.codecs.base import CloudKind, Codec, PointCloud
+from puckbench.codecs.rates import lengths, parameters_of
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.storage.laz import MAGIC, decode_laz, encode_laz, intensity_bytes
 from puckbench.codecs.storage.steps import MOST_STEPS
-from puckbench.geometry.attributes import REFLECTANCE, Attributes, cloud_with
+from puckbench.geometry.attributes import REFLECTANCE, cloud_with, coded_attributes
 
 CODE = (
     *("cloud_files.las", "cloud_files.las_header", "cloud_files.las_units"),
@@ -34,15 +34,7 @@ class Laz(Codec):
     A rate is the step to whose multiples coordinates are rounded.
     """
 
-    title = "LAZ"
-    use = "what surveyors' programs read"
-    colour = "#66A61E"
-    marker = "3"
-    line = "--"
-    rank = 160
-    pace = Pace(0.05, 1.5)
-    metric_rates = lengths()
-    most_steps = MOST_STEPS
+    rates = lengths()
     magic = MAGIC
     version = f"laspy {version('laspy')}, lazrs {version('lazrs')}"
 
@@ -53,25 +45,24 @@ class Laz(Codec):
     def attributes(self) -> tuple[str, ...]:
         return (REFLECTANCE,) if self.options.intensities else ()
 
-    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
         return {REFLECTANCE: intensity_bytes(stream)}
+
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        most_m = MOST_STEPS * parameters_of(self, rate)["step_m"]
+        return super().skip(cloud, rate) or cloud.wider_than(most_m)
 
     def load(self) -> None:
         import laspy  # noqa: F401
         import lazrs  # noqa: F401
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        return encode_laz(points, float(parameters["step_m"]))
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        step_m = float(parameters_of(self, rate)["step_m"])
+        attributes = coded_attributes(cloud, self.attributes)
+        if REFLECTANCE not in attributes:
+            return encode_laz(cloud.xyz, step_m)
+        return encode_laz(cloud.xyz, step_m, attributes[REFLECTANCE].astype(np.uint16))
 
-    def _encode_with_attributes(
-        self, points: Floats, attributes: Attributes, parameters: Parameters
-    ) -> bytes:
-        values = attributes[REFLECTANCE].astype(np.uint16)
-        return encode_laz(points, float(parameters["step_m"]), values)
-
-    def _decode_with_attributes(self, stream: bytes) -> PointCloud:
+    def decode(self, stream: bytes) -> PointCloud:
         points, intensities = decode_laz(stream)
         return cloud_with(points, {REFLECTANCE: intensities} if intensities.any() else {})
-
-    def _decode(self, stream: bytes) -> Floats:
-        return decode_laz(stream)[0]

@@ -19,7 +19,8 @@ from pointkit.errors import InputError
 from pointkit.files import sha256
 from pointkit.geometry.cloud import Floats
 from pointkit.models import Model
-from puckbench.codecs.base import Availability, Codec, Memory, Pace, Parameters
+from puckbench.codecs.base import CloudKind, Codec, Parameters, PointCloud
+from puckbench.codecs.rates import parameters_of
 from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
 if TYPE_CHECKING:
@@ -92,43 +93,43 @@ class Learned(Codec, Generic[W]):
     first in alphabetical order.
     """
 
+    training: ClassVar[str] = ""
+    """Class of the training settings (``module:Class``), or empty."""
     network: ClassVar[str]
     """Name of the network in the files of its weights (`pcc_networks.catalogue.NETWORKS`)."""
     published_weights: ClassVar[str] = ""
     """Folder to which `puckbench data` writes the weights of the codec's authors, or empty."""
     Options: type[LearnedOptions] = LearnedOptions
     options: LearnedOptions
-    memory = Memory(1500, 1500)
-    pace = Pace(0.3, 16.0)
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._sets: dict[Path, W] = {}
 
-    def available(self) -> Availability:
-        if missing := not_installed():
-            return Availability(False, missing)
-        rates = self.rates or self.metric_rates
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        return super().skip(cloud, rate) or not_installed() or self._lacking_weights(rate)
+
+    def _lacking_weights(self, rate: str) -> str | None:
         try:
-            lacking = [name for name, rate in rates.items() if self._path(rate) is None]
+            if self._path(parameters_of(self, rate)):
+                return None
+            there = [name for name, values in self.rates.items() if self._path(values)]
         except InputError as error:
-            return Availability(False, str(error))
-        there = ", ".join(name for name in rates if name not in lacking) or "none"
-        where, without = self.options.weights, ", ".join(lacking)
-        why = f"{where} has no weights for {without} (rates it has: {there})"
-        return Availability(not lacking, why if lacking else "")
+            return str(error)
+        has = ", ".join(there) or "none"
+        return f"{self.options.weights} has no weights for {rate} (rates it has: {has})"
 
-    def weights_of(self, rate: str) -> str:
-        """Return the name of the weights file for a rate, and its digest of 16 hexadecimal digits.
+    def weights(self, rate: str) -> Path | None:
+        if find_spec("pcc_networks") is None:
+            return None
+        return self._path(parameters_of(self, rate))
 
-        Both are in one string, separated by a space. It is empty if there are no weights for the
-        rate.
-        """
-        path = self._path(self.parameters_of(rate))
-        return f"{path.stem} {_digest(path)}" if path else ""
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        return self._encoded(cloud.xyz, parameters_of(self, rate))
 
-    def weights_files(self) -> list[Path]:
-        return [] if find_spec("pcc_networks") is None else self._files()
+    @abstractmethod
+    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
+        """Encode points (n, 3) with the parameters of a rate."""
 
     def _files(self) -> list[Path]:
         return self._network().files(self._where())
@@ -159,7 +160,7 @@ class Learned(Codec, Generic[W]):
     def _try(self, rates: Iterable[Parameters]) -> None:
         points = _trial_cloud()
         for parameters in rates:
-            self._decode(self._encode(points, parameters))
+            self.decode(self._encoded(points, parameters))
 
     def _weights(self, parameters: Parameters) -> W:
         path = self._path(parameters)
@@ -209,15 +210,6 @@ class LearnedByLambda(Learned[R]):
     point_reconstruction = False
     """Whether as many points are decoded as were encoded. Otherwise one point is decoded for
     each voxel."""
-
-    def available(self) -> Availability:
-        availability = super().available()
-        if not availability.ok or self.options.device == "cpu":
-            return availability
-        from pcc_networks.weights_file import why_not
-
-        reason = why_not(self.options.device)
-        return Availability(not reason, reason)
 
     def _known_files(self) -> Iterator[Path]:
         yield from super()._known_files()
@@ -270,22 +262,21 @@ class Improved(LearnedByLambda[R]):
     """
 
     options: ImprovedOptions
-    pace = Pace(0.3, 16.0)
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.context_mixing = self.options.context_mixing
         self.point_reconstruction = self.options.point_reconstruction
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
         unit = self.options.unit
-        stream = super()._encode(points / (unit or 1), parameters)  # type: ignore[safe-super]
+        stream = super()._encoded(points / (unit or 1), parameters)  # type: ignore[safe-super]
         return stream if unit is None else with_unit(stream, unit)
 
-    def _decode(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
         content, unit = without_unit(stream)
-        points = super()._decode(content)  # type: ignore[safe-super]
-        return points if unit is None else multiplied(points, unit)
+        cloud = super().decode(content)  # type: ignore[safe-super]
+        return cloud if unit is None else PointCloud(multiplied(cloud.xyz, unit))
 
     def _as_read(self, points: Floats) -> Floats:
         return points
@@ -305,9 +296,15 @@ def _trial_cloud() -> Floats:
     return np.concatenate([block, np.column_stack([x, y, wave])])
 
 
-def _digest(path: Path) -> str:
-    """Return the digest in a weights file's header or, without a header, the file's SHA-256."""
+def weights_label(path: Path | None) -> str:
+    """Return the name of a weights file, and the first digits of its digest, after a space.
+
+    The digest is the one in the file's header or, without a header, the file's SHA-256. Without a
+    file, the text is empty.
+    """
+    if path is None:
+        return ""
     from pcc_networks.catalogue import SUFFIX, header_of
 
     kept = header_of(path).digest if path.suffix == SUFFIX else None
-    return kept or sha256(path)[:_DIGITS]
+    return f"{path.stem} {kept or sha256(path)[:_DIGITS]}"

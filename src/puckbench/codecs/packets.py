@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import lzma
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import ClassVar
 
 from pointkit.coding.framing import Framing
 from pointkit.coding.zstandard import compressed, decompressed
 from pointkit.errors import InputError
-from pointkit.lidar.returns import Returns
 from puckbench import __version__
-from puckbench.codecs.base import Pace, Parameters, lengths
+from puckbench.codecs.base import CloudKind, Parameters, PointCloud
 from puckbench.codecs.registry import CODECS
-from puckbench.codecs.returns_codec import ReturnsCodec
-from puckbench.codecs.storage.packets import check_whole_packets, decode_packets, encode_packets
+from puckbench.codecs.returns_codec import ReturnsCodec, cloud_of, returns_of
+from puckbench.codecs.storage.packets import decode_packets, encode_packets
 
 CODE = (
     *("puck.returns_header", "puck.recordings", "pointkit.lidar.sensors"),
@@ -32,12 +32,9 @@ class PacketsCodec(ReturnsCodec):
     reflectivities, so their packets would take fewer bytes than those of a real sensor.
     """
 
-    metric_rates = lengths(2)
-    any_length: ClassVar[bool] = False
-    packets_alone: ClassVar[bool] = True
-    pace = Pace(0.1, 4.0)
-    line = ":"
+    rates: Mapping[str, Parameters] = {"2mm": {}}
     version = f"puckbench {__version__}"
+    _format: ClassVar[str]
 
     @abstractmethod
     def _packed(self, data: bytes) -> bytes: ...
@@ -48,28 +45,26 @@ class PacketsCodec(ReturnsCodec):
 
     @property
     def _framing(self) -> Framing:
-        return Framing(self.magic, 1, self.title)
+        return Framing(self.magic, 1, self._format)
 
-    def check_returns(self, returns: Returns) -> None:
-        check_whole_packets(returns)
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        is_virtual = cloud.has_returns and not cloud.has_packets
+        return super().skip(cloud, rate) or ("codes recorded data packets" if is_virtual else None)
 
-    def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
-        return self._framing.framed(encode_packets(returns, self._packed))
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        return self._framing.framed(encode_packets(returns_of(cloud), self._packed))
 
-    def _decode_returns(self, stream: bytes) -> Returns:
-        return decode_packets(self._framing.unframed(stream)[1], self._unpacked)
+    def decode(self, stream: bytes) -> PointCloud:
+        body = self._framing.unframed(stream)[1]
+        return cloud_of(decode_packets(body, self._unpacked))
 
 
 @CODECS.register("packets_xz")
 class PacketsXz(PacketsCodec):
     """The codec compresses data packets with all fields losslessly by LZMA (xz -9e)."""
 
-    title = "Packets, xz (with reflectivity and time)"
-    use = "captures as archives keep them; with reflectivities and times"
-    colour = "#525252"
-    marker = "4"
-    rank = 190
     magic = b"PBPX"
+    _format = "xz packet"
 
     def _packed(self, data: bytes) -> bytes:
         return lzma.compress(data, preset=9 | lzma.PRESET_EXTREME)
@@ -89,12 +84,8 @@ class PacketsXz(PacketsCodec):
 class PacketsZstd(PacketsCodec):
     """The codec compresses data packets with all fields losslessly by Zstandard (-19 --long)."""
 
-    title = "Packets, Zstandard (with reflectivity and time)"
-    use = "captures as MCAP files keep them, packed tighter; with reflectivities and times"
-    colour = "#A0A0A0"
-    marker = "|"
-    rank = 180
     magic = b"PBPZ"
+    _format = "Zstandard packet"
 
     def _packed(self, data: bytes) -> bytes:
         return compressed(data, long=True)

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Line, Pace, Parameters
+from puckbench.codecs.base import CloudKind, Parameters, PointCloud
 from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda, PublishedOptions
+from puckbench.codecs.rates import grid_fault
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
@@ -45,13 +46,6 @@ class Pcgcv1Options(PublishedOptions):
 class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
     """The codec is the learned PCGCv1 with hyper-prior as published (Wang, Zhu, Liu, Ma 2021)."""
 
-    title = "PCGCv1"
-    use = "comparisons with publications, as its authors published it"
-    colour = "#66CDAA"
-    marker = "<"
-    line: Line = "--"
-    rank = 110
-    pace = Pace(5.0, 180.0)
     rates: Mapping[str, Parameters] = {
         "r1": {"lmbda": 0.75, "scale": 0.625, "rho": 1.15},
         "r2": {"lmbda": 0.75, "scale": 1, "rho": 1.15},
@@ -71,7 +65,10 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
         super().__init__(*arguments, **options)
         self.grid = 1 / max((rate.get("scale", 1) for rate in self.rates.values()), default=1)
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        return grid_fault(self, cloud.frame, rate) or super().skip(cloud, rate)
+
+    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.pcgcv1.codec import encode
 
         weights, rate = self._numbered(parameters)
@@ -88,12 +85,12 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
             **self._grid(parameters),
         )
 
-    def _decode(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
         from pcc_networks.pcgcv1.codec import decode
         from pcc_networks.pcgcv1.stream import read_stream
 
         coded = read_stream(stream)
-        return decode(stream, self._of_rate(coded.digest, coded.rate))
+        return PointCloud(decode(stream, self._of_rate(coded.digest, coded.rate)))
 
     def _read(self, path: Path) -> Pcgcv1Weights:
         from pcc_networks.pcgcv1.weights import load_weights
@@ -113,12 +110,6 @@ class Pcgcv1Plus(Improved["Pcgcv1Weights"], Pcgcv1):
     As many points are reconstructed as were encoded.
     """
 
-    title = "PCGCv1+"
-    use = "comparison with its paper"
-    colour = "#009E73"
-    marker = "^"
-    line = "-"
-    rank = 20
     rates: Mapping[str, Parameters] = {
         "r1": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 2.5},
         "r2": {"lmbda": 2, "mean_occupied_children": 2.5, "grid_level_offset": 2},
@@ -129,5 +120,4 @@ class Pcgcv1Plus(Improved["Pcgcv1Weights"], Pcgcv1):
     }
     Options = Pcgcv1PlusOptions
     options: Pcgcv1PlusOptions
-    based_on = "pcgcv1"
     version = "PCGCv1+, stream version 4"

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Line, Pace, Parameters
+from puckbench.codecs.base import CloudKind, Parameters, PointCloud
 from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda
+from puckbench.codecs.rates import grid_fault
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
@@ -42,13 +43,6 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     The decoder keeps the most probable voxels of the whole cloud, so sparse parts may vanish.
     """
 
-    title = "PCGCv2"
-    use = "comparisons with publications, as its authors published it"
-    colour = "#F0A070"
-    marker = "2"
-    line: Line = "--"
-    rank = 120
-    pace = Pace(1.0, 34.0)
     rates: Mapping[str, Parameters] = {
         "r1": {"lmbda": 0.25},
         "r2": {"lmbda": 0.5},
@@ -64,13 +58,16 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     network = "pcgcv2"
     grid = 1.0
 
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        return grid_fault(self, cloud.frame, rate) or super().skip(cloud, rate)
+
     def _tools(self) -> CodingTools:
         """Return the coding tools that this codec uses and the authors' program lacks."""
         from pcc_networks.pcgcv2.stream import CodingTools
 
         return CodingTools(0)
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.pcgcv2.codec import encode
 
         weights, rate = self._numbered(parameters)
@@ -84,14 +81,14 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
             **self._grid(parameters),
         )
 
-    def _decode(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
         from pcc_networks.pcgcv2.codec import decode
         from pcc_networks.pcgcv2.stream import Pcgcv2Stream, read_stream
 
         coded = read_stream(stream)
         if not isinstance(coded, Pcgcv2Stream):
-            return coded
-        return decode(stream, self._of_rate(coded.digest, coded.rate))
+            return PointCloud(coded)
+        return PointCloud(decode(stream, self._of_rate(coded.digest, coded.rate)))
 
     def _read(self, path: Path) -> Pcgcv2Weights:
         from pcc_networks.pcgcv2.weights import load_weights
@@ -111,12 +108,6 @@ class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
     child of each voxel, so no part of a cloud vanishes.
     """
 
-    title = "PCGCv2+"
-    use = "objects; few bits without fitting surfaces"
-    colour = "#D55E00"
-    marker = "D"
-    line: Line = "-"
-    rank = 30
     rates: Mapping[str, Parameters] = {
         "r1": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 1.5},
         "r2": {"lmbda": 1, "mean_occupied_children": 2.5, "grid_level_offset": 1},
@@ -128,7 +119,6 @@ class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
     }
     Options: type[Pcgcv2PlusOptions] = Pcgcv2PlusOptions
     options: Pcgcv2PlusOptions
-    based_on = "pcgcv2"
     version = "PCGCv2+, stream version 6"
 
     def _tools(self) -> CodingTools:

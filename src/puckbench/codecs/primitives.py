@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
 from pointkit.models import Model, parsed
 from primitive_codec.settings import RATES, PrimitiveSettings
-from puckbench.codecs.base import Codec, Pace, Parameters
+from puckbench.codecs.base import Codec, Parameters, PointCloud
+from puckbench.codecs.rates import parameters_of
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
@@ -38,17 +38,10 @@ class Primitives(Codec):
     length is 1/1023 of the cloud's longest side, as in a cloud scaled to [0, 1023].
     """
 
-    title = "Primitives"
-    use = "noisy scans; meshes; the fewest bits"
-    colour = "#CC79A7"
-    marker = "P"
-    rank = 40
-    pace = Pace(0.7, 10.0, encoding=0.9)
     rates: Mapping[str, Parameters] = RATES
     Options: type[PrimitivesOptions] = PrimitivesOptions
     options: PrimitivesOptions
     magic = b"PBPR"
-    surfaces = True
     version = "9"
 
     def load(self) -> None:
@@ -59,36 +52,28 @@ class Primitives(Codec):
         column = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0.6 * rng.random(1000)])
         floor = np.column_stack([rng.random((1000, 2)) - 0.5, np.zeros(1000)])
         points = np.concatenate([column, floor]) + rng.normal(0, 0.001, (2000, 3))
-        self._decode(encode(points, PrimitiveSettings(**self._MOST)))
+        self.decode(encode(points, PrimitiveSettings(**self._MOST)))
 
     _MOST: ClassVar[Parameters] = {**RATES["r3"], "refinement": 1, "max_voxel_size": 16}
 
-    def shared_work(self) -> SurfaceCache | None:
-        """Return a new cache for the fitted surface, which all rates of one cloud share.
-
-        Return None if a subclass overrides `_encode`, which does not receive the cache.
-        """
+    def prepare(self, cloud: PointCloud) -> SurfaceCache:
         from primitive_codec.mode_decision import SurfaceCache
 
-        return SurfaceCache() if type(self)._encode is Primitives._encode else None
+        return SurfaceCache()
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        return self._encode_sharing(points, parameters, None)
-
-    def _encode_sharing(
-        self, points: Floats, parameters: Parameters, shared: SurfaceCache | None
-    ) -> bytes:
+    def encode(self, cloud: PointCloud, rate: str, work: SurfaceCache | None = None) -> bytes:
         from primitive_codec.mode_decision import encode
 
+        parameters = parameters_of(self, rate)
         settings = parsed(PrimitiveSettings, parameters, "codec primitives: rate")
-        return encode(points, settings, shared)
+        return encode(cloud.xyz, settings, work)
 
-    def _decode_mesh(self, stream: bytes) -> Mesh:
+    def decode(self, stream: bytes) -> PointCloud:
+        from primitive_codec.decoder import decode
+
+        return PointCloud(decode(stream))
+
+    def surfaces(self, stream: bytes) -> Mesh:
         from primitive_codec.mesh_reconstruction import decode_mesh
 
         return decode_mesh(stream)
-
-    def _decode(self, stream: bytes) -> Floats:
-        from primitive_codec.decoder import decode
-
-        return decode(stream)

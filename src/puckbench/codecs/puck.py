@@ -17,9 +17,10 @@ from pointkit.lidar.turns import Layout, Turn
 from pointkit.models import Model
 from puck.records import MAGIC
 from puckbench import __version__
-from puckbench.codecs.base import Pace, Parameters, lengths
+from puckbench.codecs.base import PointCloud
+from puckbench.codecs.rates import lengths
 from puckbench.codecs.registry import CODECS
-from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
+from puckbench.codecs.returns_codec import ReturnsCodec, cloud_of, returns_of
 from puckbench.geometry.attributes import REFLECTANCE
 
 CODE = ("puck.*", "pointkit.lidar.sensors", "puckbench.codecs.returns_codec")
@@ -55,23 +56,13 @@ class Puck(ReturnsCodec):
     returns are decoded, with range errors of at most one and a half steps.
     """
 
-    title = "Puck"
-    use = "recordings and scans of spinning sensors, exact or nearly"
-    colour = "#7A0177"
-    marker = "*"
-    rank = 5
-    metric_rates = lengths(100, 50, 20, 10, 4, 2)
+    rates = lengths(100, 50, 20, 10, 4, 2)
     Options = PuckOptions
     options: PuckOptions
     magic = MAGIC
-    pace = Pace(0.05, 1.2)
     version = f"puckbench {__version__}"
 
-    @property
-    def attributes(self) -> tuple[str, ...]:
-        return (REFLECTANCE,) if self.options.reflectivities else ()
-
-    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
         from puck import reflectivity_bytes
 
         return {REFLECTANCE: reflectivity_bytes(stream)}
@@ -79,10 +70,11 @@ class Puck(ReturnsCodec):
     def load(self) -> None:
         turn = Turn(np.full((1, 8, 2), 500, np.uint16), np.arange(8, dtype=np.uint16) * 20)
         beams = Beams((-1.0, 1.0), (0.0, 0.0), (0.0, 0.0))
-        self.decode_cloud(self._stream(Returns(beams, Layout((0, 1)), (turn, turn)), 1))
+        self.decode(self._stream(Returns(beams, Layout((0, 1)), (turn, turn)), 1))
 
-    def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
-        return self._stream(returns, step_in_quanta(returns, parameters))
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        returns = returns_of(cloud)
+        return self._stream(returns, self.step_in_quanta(returns, rate))
 
     def _stream(self, returns: Returns, step: int) -> bytes:
         from puck import CodingOptions, encode_returns
@@ -101,10 +93,10 @@ class Puck(ReturnsCodec):
         )
         return encode_returns(returns, coding)
 
-    def _decode_returns(self, stream: bytes) -> Returns:
+    def decode(self, stream: bytes) -> PointCloud:
         from puck import decode_returns
 
-        return decode_returns(stream)
+        return cloud_of(decode_returns(stream))
 
 
 def _without_others(turn: Turn) -> Turn:

@@ -1,14 +1,14 @@
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Mapping
 
 from pydantic import Field
 
-from pointkit.errors import InputError, naming
-from pointkit.geometry.cloud import PointCloud
+from pointkit.errors import InputError
 from pointkit.lidar.returns import Returns
-from puckbench.codecs.base import Pace, lengths
+from puckbench.codecs.base import PointCloud
 from puckbench.codecs.puck import Puck, PuckOptions
+from puckbench.codecs.rates import lengths
 from puckbench.codecs.registry import CODECS
 
 CODE = ("puckbench.codecs.puck",)
@@ -30,32 +30,24 @@ class PuckSmoothed(Puck):
     estimates of the surface at every rate (see `puck.smoothing`).
     """
 
-    title = "Puck, smoothed"
-    use = "scans of spinning sensors, nearer to the surface than they were"
-    colour = "#8F7AE5"
-    marker = "p"
-    line = "--"
-    rank = 6
-    metric_rates = lengths(200, 100, 50, 20, 10, 4, 2)
+    rates = lengths(200, 100, 50, 20, 10, 4, 2)
     Options = PuckSmoothedOptions
     options: PuckSmoothedOptions
     magic = _MAGIC
-    estimates: ClassVar[bool] = True
-    pace = Pace(0.05, 3.0)
+    estimates = True
+
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        return super().attribute_bytes(_without_magic(stream))
 
     def _stream(self, returns: Returns, step: int) -> bytes:
         return _MAGIC + super()._stream(returns, step)
 
-    def _decode_returns(self, stream: bytes) -> Returns:
-        return super()._decode_returns(_without_magic(stream))
+    def decode(self, stream: bytes) -> PointCloud:
+        from puck import decode_returns, range_steps, smoothed_points
 
-    def decode_cloud(self, stream: bytes) -> PointCloud:
-        from puck import range_steps, smoothed_points
-
-        with naming(f"codec {self.name}"):
-            returns = self._decode_returns(stream)
-            steps = range_steps(_without_magic(stream))
-        return PointCloud(smoothed_points(returns, steps), returns=returns)
+        content = _without_magic(stream)
+        returns = decode_returns(content)
+        return PointCloud(smoothed_points(returns, range_steps(content)), returns=returns)
 
 
 def _without_magic(stream: bytes) -> bytes:

@@ -2,14 +2,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from importlib.util import find_spec
 
 from pydantic import Field
 
 from pointkit.coding.framing import Framing
-from pointkit.lidar.returns import Returns
 from pointkit.models import Model
-from puckbench.codecs.base import Availability, Pace, Parameters, lengths
-from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
+from puckbench.codecs.base import CloudKind, PointCloud
+from puckbench.codecs.rates import lengths
+from puckbench.codecs.returns_codec import ReturnsCodec, cloud_of, returns_of
 from puckbench.codecs.storage.range_images import (
     Image,
     decode_range_images,
@@ -39,8 +40,7 @@ class RangeImageCodec(ReturnsCodec):
 
     Options: type[RangeImageOptions] = RangeImageOptions
     options: RangeImageOptions
-    metric_rates = lengths(100, 50, 20, 10, 4, 2)
-    pace = Pace(0.05, 10.0)
+    rates = lengths(100, 50, 20, 10, 4, 2)
 
     @abstractmethod
     def _image_encoded(self, image: Image, quanta: int) -> bytes: ...
@@ -48,32 +48,31 @@ class RangeImageCodec(ReturnsCodec):
     @abstractmethod
     def _image_decoded(self, stream: bytes, shape: tuple[int, int], quanta: int) -> Image: ...
 
-    def available(self) -> Availability:
-        return Availability.of_module("imagecodecs", "imagecodecs is not installed (pip)")
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        missing = None if find_spec("imagecodecs") else "imagecodecs is not installed (pip)"
+        return super().skip(cloud, rate) or missing
 
     @property
     def version(self) -> str:
         """The version of imagecodecs, which determines the versions of its libraries."""
         from importlib.metadata import version
 
-        return f"imagecodecs {version('imagecodecs')}" if self.available().ok else ""
+        return f"imagecodecs {version('imagecodecs')}" if find_spec("imagecodecs") else ""
 
-    @property
-    def attributes(self) -> tuple[str, ...]:
-        return (REFLECTANCE,) if self.options.reflectivities else ()
-
-    def _attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
         return {REFLECTANCE: reflectivity_bytes(self._framing.unframed(stream)[1])}
 
     @property
     def _framing(self) -> Framing:
-        return Framing(self.magic, 1, self.title)
+        return Framing(self.magic, 1, f"{self.name} range-image")
 
-    def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
-        quanta = step_in_quanta(returns, parameters)
+    def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
+        returns = returns_of(cloud)
+        quanta = self.step_in_quanta(returns, rate)
         with_values = self.options.reflectivities
         body = encode_range_images(returns, quanta, self._image_encoded, with_values)
         return self._framing.framed(body)
 
-    def _decode_returns(self, stream: bytes) -> Returns:
-        return decode_range_images(self._framing.unframed(stream)[1], self._image_decoded)
+    def decode(self, stream: bytes) -> PointCloud:
+        body = self._framing.unframed(stream)[1]
+        return cloud_of(decode_range_images(body, self._image_decoded))

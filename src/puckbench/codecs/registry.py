@@ -2,7 +2,8 @@
 
 It contains the codecs of puckbench and of installed packages, and opens those in files of the user.
 A variant is a codec under another name, with changed options, rates or plot style. Variants are
-defined in ``variants.yaml`` beside this module, or in a configuration.
+defined in ``variants.yaml`` beside this module, or in a configuration. Plot styles of codecs are
+defined in ``styles.yaml``.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import copy
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pydantic import create_model
 
@@ -20,7 +21,8 @@ from pointkit.models import Model, parsed
 from pointkit.registry import Registry, is_place, load, trust
 from pointkit.yaml_files import read_yaml
 from puckbench.codecs.base import Codec
-from puckbench.codecs.facts import find_rate
+from puckbench.codecs.old_contract import adapted
+from puckbench.codecs.rates import Parameters, check_metric, find_rate, metric_rates, scaled_rates
 from puckbench.codecs.shift import unshifted
 from puckbench.codecs.unit import without_unit
 
@@ -28,9 +30,39 @@ if TYPE_CHECKING:
     from pcc_networks.training.settings import BaseTraining
 
 Entry = Mapping[str, Any]
-"""What a configuration says about a codec: class, options, rates, metric_rates, and `LOOKS`."""
-LOOKS = ("title", "use", "colour", "marker", "line", "rank")
-"""Class attributes that lists and figures show. An entry of a configuration may change them."""
+"""What a configuration says about a codec: class, options, rates, metric_rates, and `Look`."""
+Line = Literal["-", "--", "-.", ":"]
+
+
+class Look(NamedTuple):
+    """How lists and figures show a codec.
+
+    Parameters
+    ----------
+    title
+        Title in legends; by default, the name of the codec is used.
+    use
+        A few words on what the codec is good for.
+    colour
+        Colour of its curves as ``#rrggbb``; by default, it is derived from the name.
+    marker
+        Matplotlib marker on its curves; by default, it is derived from the name.
+    line
+        Style of its lines.
+    rank
+        Position in legends and lists; codecs of equal rank are ordered by name.
+    """
+
+    title: str = ""
+    use: str = ""
+    colour: str = ""
+    marker: str = ""
+    line: Line = "-"
+    rank: int = 1000
+
+
+_BARE_GPCC = b"\0\0\0"
+"""First bytes of G-PCC streams without puckbench's wrapper."""
 
 CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
 """Registry of codec classes. ``@CODECS.register("name")`` above a class registers it."""
@@ -43,10 +75,64 @@ def variants() -> dict[str, Entry]:
     return entries
 
 
+@cache
+def _styles() -> dict[str, Entry]:
+    styles: dict[str, Entry] = read_yaml(Path(__file__).with_name("styles.yaml"))
+    return styles
+
+
 def codecs() -> dict[str, type[Codec]]:
-    """Return the classes of all codecs and variants by name, sorted by `rank`."""
-    classes = {name: codec_class(name) for name in (*CODECS.names(), *variants())}
-    return dict(sorted(classes.items(), key=lambda item: (item[1].rank, item[0])))
+    """Return the classes of all codecs and variants by name, sorted by the rank of their looks."""
+    names = sorted((*CODECS.names(), *variants()), key=lambda name: (look(name).rank, name))
+    return {name: codec_class(name) for name in names}
+
+
+def look(name: str, entry: Entry | None = None) -> Look:
+    """Return how lists and figures show a codec.
+
+    The keys of `Look` are taken from the codec's entry, from a variant, and then from the codec's
+    class and those from which it is derived: codecs of puckbench have them in ``styles.yaml``,
+    others as attributes of the class. The arguments are those of `codec_class`.
+    """
+    entry = entry or {}
+    sources = [entry, variants().get(entry.get("class") or name, {})]
+    sources += _class_styles(codec_class(name, entry))
+    keys = {
+        key: source[key]
+        for source in reversed(sources)
+        for key in Look._fields
+        if isinstance(source.get(key), str | int)
+    }
+    return Look(**keys)
+
+
+def _class_styles(codec: type[Codec]) -> list[Entry]:
+    """Return what a class says of its style: its attributes, and those of its base classes.
+
+    The last item is what ``styles.yaml`` says of the first class that it names.
+    """
+    names = (registered_name(kind) for kind in codec.__mro__)
+    named = (_styles()[name] for name in names if name in _styles())
+    return [*map(vars, codec.__mro__), next(named, {})]
+
+
+def based_on(codec: Codec) -> str:
+    """Return the name of the published codec that a codec modifies, or "" if it modifies none.
+
+    If a run lacks the published codec, statements about it may be tested on the modified one.
+    """
+    styles = _class_styles(type(codec))
+    return next((str(style["based_on"]) for style in styles if "based_on" in style), "")
+
+
+def registered_name(kind: type) -> str:
+    """Return the name under which puckbench registers a class of codecs, or "" if it does not."""
+    if not kind.__module__.startswith("puckbench.codecs."):
+        return ""
+    try:
+        return CODECS.name_of(kind)
+    except StopIteration:
+        return ""
 
 
 def is_codec(name: str) -> bool:
@@ -83,31 +169,22 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
         raise InputError(f"unknown codec '{base}'{among(base, codecs())}")
     if not (isinstance(codec, type) and issubclass(codec, Codec)):
         raise InputError(f"codec {name}: {codec!r} is not a class derived from Codec")
-    trust([codec.training])  # trusted code may name other code
-    return _with_looks(codec, entry)
-
-
-def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
-    """Return a subclass with the plot style of an entry, or `codec` itself if there is none."""
-    looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
-    return _derived(codec, looks) if looks else codec
-
-
-def _derived(codec: type[Codec], attributes: Entry) -> type[Codec]:
-    derived: type[Codec] = type(
-        codec.__name__, (codec,), {"__module__": codec.__module__, **attributes}
-    )
-    return derived
+    trust([getattr(codec, "training", "")])  # trusted code may name other code
+    return adapted(codec)
 
 
 @cache
 def _variant(name: str) -> type[Codec]:
     entry = variants()[name]
     base = codec_class(name, {"class": entry["class"]})
-    rates = {key: entry[key] for key in ("rates", "metric_rates") if key in entry}
-    options = _with_defaults(base.Options, entry.get("options", {}))
-    about = {"__doc__": entry["what"], "Options": options, **rates}
-    return _with_looks(_derived(base, about), entry)
+    about = {
+        "__module__": base.__module__,
+        "__doc__": entry["what"],
+        "Options": _with_defaults(base.Options, entry.get("options", {})),
+        "rates": _rates(base, entry),
+    }
+    variant: type[Codec] = type(base.__name__, (base,), about)
+    return variant
 
 
 def _with_defaults(options: type[Model], defaults: Entry) -> type[Model]:
@@ -129,13 +206,14 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     changes
         What a configuration says about the codec: ``class``, ``options``, ``rates`` and
         ``metric_rates``. Each of the last two is a list of rate names to keep, or a dict of
-        parameters by name.
+        parameters by name. The first replaces rates for scaled clouds, the second those for clouds
+        in metres; lengths among ``rates`` count as ``metric_rates``.
 
     Returns
     -------
     dict
-        ``class`` (where it is defined), ``options`` and ``rates`` and, if there are any,
-        ``metric_rates``; all with defaults filled in.
+        ``class`` (where it is defined), ``options``, ``rates`` (for scaled clouds) and, if there
+        are any, ``metric_rates``; all with defaults filled in.
 
     Raises
     ------
@@ -146,9 +224,9 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     place = place_of(name, changes)
     trust([place])  # the place of a class that is already loaded
     options = {**changes.get("options", {}), **codec.options.model_dump()}
-    complete = {"class": place, "options": options, "rates": dict(codec.rates)}
-    if codec.metric_rates:
-        complete["metric_rates"] = codec.metric_rates
+    complete = {"class": place, "options": options, "rates": scaled_rates(codec.rates)}
+    if metric := metric_rates(codec.rates):
+        complete["metric_rates"] = metric
     return complete
 
 
@@ -182,46 +260,50 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     codec, changes = codec_class(name, changes), changes or {}
     with naming(f"codec {name}"):
         rates = _rates(codec, changes)
-    if not any(rates.values()):
+    if not rates:
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
-    if not rates["metric_rates"]:
-        del rates["metric_rates"]  # a user's class may lack the parameter
     try:
-        return codec(name=name, **rates, **changes.get("options", {}))
+        return codec(name=name, rates=rates, **changes.get("options", {}))
     except KeyError as error:
         raise InputError(f"codec {name}: a rate lacks the parameter {error}") from error
     except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"codec {name}: {error}") from error
 
 
-def _rates(codec: type[Codec], changes: Entry) -> dict[str, dict[str, Any]]:
-    """Return the parameters of the rates that an entry requests, under "rates" and "metric_rates".
+def _rates(codec: type[Codec], changes: Entry) -> dict[str, Parameters]:
+    """Return the parameters of the rates that an entry requests.
 
-    Under each of these keys, an entry has a dict of parameters by rate name, or a list of rate
-    names. By default, all rates are returned. The list under "rates" may include lengths.
+    Under "rates" and "metric_rates", an entry has a dict of parameters by rate name, or a list of
+    rate names. By default, all rates are returned. Lengths may be under either key.
     """
-    tables: dict[str, Entry] = {"rates": codec.rates, "metric_rates": codec.metric_rates}
+    tables = {"rates": scaled_rates(codec.rates), "metric_rates": metric_rates(codec.rates)}
     requested = {key: changes[key] for key in tables if changes.get(key) is not None}
+    if isinstance(requested.get("metric_rates"), Mapping):
+        check_metric(requested["metric_rates"])
     names = requested.get("rates", ())
-    if not isinstance(names, Mapping):
-        lengths = [rate for rate in names if rate not in codec.rates and find_rate(codec, rate)]
-        if lengths:
-            requested["rates"] = [rate for rate in names if rate not in lengths]
-            requested["metric_rates"] = [*requested.get("metric_rates", ()), *lengths]
-    return {
-        key: _selected(codec, table, requested.get(key, table)) for key, table in tables.items()
-    }
+    is_table = isinstance(names, Mapping)
+    found = metric_rates(names) if is_table else [n for n in names if find_rate(codec, n)]
+    if lengths := [rate for rate in found if rate not in tables["rates"]]:
+        others = [rate for rate in names if rate not in lengths]
+        more = requested.get("metric_rates", ())
+        if is_table:
+            requested["rates"] = {rate: names[rate] for rate in others}
+            requested["metric_rates"] = {**dict(more), **{rate: names[rate] for rate in lengths}}
+        else:
+            requested |= {"rates": others, "metric_rates": [*more, *lengths]}
+    parts = (_selected(codec, table, requested.get(key, table)) for key, table in tables.items())
+    return {name: parameters for part in parts for name, parameters in part.items()}
 
 
 def _selected(
     codec: type[Codec], offered: Entry, requested: Entry | Sequence[str]
-) -> dict[str, Any]:
+) -> dict[str, Parameters]:
     if isinstance(requested, Mapping):
         return dict(requested)
     selected = {}
     for rate in requested:
         name, parameters = find_rate(codec, rate) or (rate, None)
-        if parameters is None or (name not in offered and name in codec.rates):
+        if parameters is None or (name not in offered and name in scaled_rates(codec.rates)):
             raise InputError(f"unknown rate '{rate}'{among(rate, offered)}")
         selected[name] = parameters
     if selected.keys() <= offered.keys():
@@ -230,11 +312,12 @@ def _selected(
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
-    """Return whether a codec decodes a mesh with labelled primitives (see `Codec.decode_mesh`).
+    """Return whether a codec decodes a mesh with labelled primitives (see `Codec.surfaces`).
 
     The arguments are those of `entry`.
     """
-    return bool((changes or {}).get("surfaces", codec_class(name, changes).surfaces))
+    defines = codec_class(name, changes).surfaces is not Codec.surfaces
+    return bool((changes or {}).get("surfaces", defines))
 
 
 def training_class(name: str, changes: Entry | None = None) -> str:
@@ -276,7 +359,8 @@ def has_weights(name: str, changes: Entry | None = None) -> bool:
 
 
 def _training(name: str, changes: Entry | None) -> str:
-    return str((changes or {}).get("training", codec_class(name, changes).training))
+    defined = getattr(codec_class(name, changes), "training", "")
+    return str((changes or {}).get("training", defined))
 
 
 def codec_of(stream: bytes) -> str:
@@ -289,11 +373,8 @@ def codec_of(stream: bytes) -> str:
     for name, codec in codecs().items():
         if codec.magic and stream.startswith(codec.magic):
             return name
-    for name, codec in codecs().items():
-        if codec.bare_magic and stream.startswith(codec.bare_magic):
-            raise InputError(
-                f"the stream may be a bare one of {codec.title}: name the codec (--codec {name})"
-            )
+    if stream.startswith(_BARE_GPCC):
+        raise InputError("the stream may be a bare one of G-PCC: name the codec (--codec gpcc)")
     raise InputError("no codec recognises the stream: name its codec (--codec)")
 
 

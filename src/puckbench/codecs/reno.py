@@ -8,6 +8,7 @@ same step.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -15,8 +16,9 @@ import numpy as np
 from pydantic import Field
 
 from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Line, Memory, Pace, Parameters, lengths
+from puckbench.codecs.base import CloudKind, Parameters, PointCloud
 from puckbench.codecs.learned import Learned, LearnedOptions
+from puckbench.codecs.rates import parameters_of
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
@@ -29,6 +31,8 @@ PUBLISHED_WEIGHTS = "data/reno_weights"
 _MM = 0.001
 _OFFSET = 131072
 """Distance along each axis from the corner of the authors' grid to the origin, mm."""
+_MOST_STEPS = 2**20 - 2
+"""Largest extent along an axis, in steps of the grid."""
 
 
 class RenoOptions(LearnedOptions):
@@ -48,50 +52,48 @@ class Reno(Learned["RenoWeights"]):
     step in mm. They are those of the paper, and 4, for which the authors also publish results.
     """
 
-    title = "RENO"
-    use = "turns of spinning sensors, as its authors published it"
-    colour = "#1F78B4"
-    marker = "1"
-    line: Line = "--"
-    rank = 125
-    metric_rates = lengths(512, 256, 128, 64, 32, 16, 8, 4)
+    rates: Mapping[str, Parameters] = {
+        f"{posq}mm": {"posq": posq} for posq in (512, 256, 128, 64, 32, 16, 8, 4)
+    }
     Options: type[RenoOptions] = RenoOptions
     options: RenoOptions
     magic = b"RENO"
-    any_length = False
-    most_steps = float(2**20 - 2)
-    memory = Memory(1000, 1500)
-    pace = Pace(0.3, 12.0)
     version = "RENO, stream version 1"
     network = "reno"
     published_weights = PUBLISHED_WEIGHTS
 
     def load(self) -> None:
         corner = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
-        self._decode(self._encode(corner, {"step_m": 1.024}))
+        self.decode(self._encoded(corner, {"posq": 1024}))
 
-    def most_extent(self, rate: str) -> float:
-        """Return the largest extent of a cloud at a rate, in m, less twice the grid's offset."""
-        return super().most_extent(rate) - 2 * _OFFSET * _MM
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        most_mm = _MOST_STEPS * _posq(parameters_of(self, rate)) - 2 * _OFFSET
+        return cloud.wider_than(most_mm * _MM) or super().skip(cloud, rate)
 
     def _path(self, parameters: Parameters) -> Path | None:
         files, name = self._files(), self.options.trained_on
         is_file = Path(self.options.weights).is_file()
         return next((path for path in files if is_file or path.stem == name), None)
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.reno.codec import encode
 
-        posq = round(float(parameters["step_m"]) / _MM, 6)
-        return encode(points / _MM, self._weights(parameters), posq)
+        return encode(points / _MM, self._weights(parameters), _posq(parameters))
 
-    def _decode(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
         from pcc_networks.reno.codec import decode
         from pcc_networks.reno.stream import read_stream
 
-        return decode(stream, self._made_with(read_stream(stream).digest)) * _MM
+        return PointCloud(decode(stream, self._made_with(read_stream(stream).digest)) * _MM)
 
     def _read(self, path: Path) -> RenoWeights:
         from pcc_networks.reno.weights import load_weights
 
         return load_weights(path)
+
+
+def _posq(parameters: Parameters) -> float:
+    """Return the authors' parameter of a rate, which may be given as a step in m instead."""
+    if "step_m" in parameters:
+        return round(float(parameters["step_m"]) / _MM, 6)
+    return float(parameters["posq"])

@@ -6,6 +6,8 @@ clouds in metres, its step. Decoded points are those of `gpcc` with merged dupli
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +15,10 @@ from pydantic import Field
 
 from gpcc.grid import input_grid
 from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Memory, Parameters, lengths
-from puckbench.codecs.gpcc import EIGHTHS, UnitOptions
+from puckbench.codecs.base import CloudKind, Parameters, PointCloud
+from puckbench.codecs.gpcc import EIGHTHS, UnitOptions, finest_step
 from puckbench.codecs.learned import Learned, LearnedOptions
+from puckbench.codecs.rates import grid_fault, lengths, parameters_of
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
@@ -30,6 +33,10 @@ CODE = (
 )
 
 
+_MOST_STEPS = float(2**20 - 2)
+"""Largest extent along an axis, in steps of the grid."""
+
+
 class OctreeNetOptions(LearnedOptions, UnitOptions):
     weights: str = Field(
         "sparse_octree_net_rooms", description="a shipped set's name, a file, or a folder"
@@ -40,42 +47,41 @@ class OctreeNetOptions(LearnedOptions, UnitOptions):
 class SparseOctreeNet(Learned["OctreeNetWeights"]):
     """The codec is a learned octree coder, lossless on its grid."""
 
-    title = "Sparse octree net"
-    use = "G-PCC's points for 8 to 18 % fewer bits"
-    colour = "#332288"
-    marker = "v"
-    rank = 50
-    rates = EIGHTHS
-    metric_rates = lengths()
+    rates: Mapping[str, Parameters] = {**EIGHTHS, **lengths()}
     Options: type[OctreeNetOptions] = OctreeNetOptions
     options: OctreeNetOptions
     magic = b"PBON"
-    most_steps = float(2**20 - 2)
-    memory = Memory(1500, 3000)
     training = "pcc_networks.training:OctreeNetTraining"
     version = "sparse_octree_net, stream version 3"
     network = "sparse_octree_net"
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        finest = max((rate["scale"] for rate in self.rates.values()), default=1.0)
-        self.grid = self.options.step / finest
+        self.grid = finest_step(self)
+
+    def skip(self, cloud: CloudKind, rate: str) -> str | None:
+        most_m = _MOST_STEPS * parameters_of(self, rate).get("step_m", math.inf)
+        return (
+            grid_fault(self, cloud.frame, rate)
+            or cloud.wider_than(most_m)
+            or super().skip(cloud, rate)
+        )
 
     def load(self) -> None:
         self._try([{"scale": 1}])
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.octree_net.codec import encode
 
         scale = float(parameters.get("scale", 1.0))
         grid = input_grid(points, float(parameters.get("step_m", self.options.step)), scale)
         return encode(points, self._weights(parameters), scale, grid)
 
-    def _decode(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
         from pcc_networks.octree_net.codec import decode
         from pcc_networks.octree_net.stream import read_stream
 
-        return decode(stream, self._made_with(read_stream(stream).digest))
+        return PointCloud(decode(stream, self._made_with(read_stream(stream).digest)))
 
     def _read(self, path: Path) -> OctreeNetWeights:
         from pcc_networks.octree_net.weights import load_weights

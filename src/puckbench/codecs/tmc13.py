@@ -1,13 +1,14 @@
 from __future__ import annotations
 
+import shutil
 import subprocess
 from functools import cached_property
 from typing import Any
 
-from gpcc.grid import InputGrid, quantise
+from gpcc.grid import InputGrid, input_coordinates, quantise, unwrap
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Parameters
+from puckbench.codecs.base import Parameters, PointCloud
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
 from puckbench.codecs.registry import CODECS
@@ -51,12 +52,6 @@ class Tmc13Options(GridOptions):
 class Tmc13(ExternalCodec, GridCodec):
     """The codec runs MPEG's program ``tmc3``, which can decode streams of `Gpcc` and vice versa."""
 
-    title = "TMC13 (reference tool)"
-    use = "checking G-PCC against MPEG's program"
-    colour = "#000000"
-    marker = "x"
-    line = ":"
-    rank = 100
     Options = Tmc13Options
     options: Tmc13Options
 
@@ -66,7 +61,7 @@ class Tmc13(ExternalCodec, GridCodec):
 
     @cached_property
     def version(self) -> str:
-        if not self.available().ok:
+        if shutil.which(self.options.program) is None:
             return ""
         said = subprocess.run([*self.programs, "--help"], capture_output=True, check=False).stdout
         return said.decode(errors="replace").partition("\n")[0]
@@ -93,13 +88,15 @@ class Tmc13(ExternalCodec, GridCodec):
             self.run(command, at / "in.ply")
             return read_bytes(at / "out.bin")
 
-    def _units(self, stream: bytes) -> Floats:
+    def decode(self, stream: bytes) -> PointCloud:
+        bare, grid = unwrap(stream)
         with folder() as at:
-            (at / "in.bin").write_bytes(stream)
+            (at / "in.bin").write_bytes(bare)
             command = (
                 *(*self.programs, "--mode=1", "--outputBinaryPly=1"),
                 f"--compressedStreamPath={at / 'in.bin'}",
                 f"--reconstructedDataPath={at / 'out.ply'}",
             )
             self.run(command, at / "in.bin")
-            return read_points(at / "out.ply", self.programs[0])
+            units = read_points(at / "out.ply", self.programs[0])
+        return PointCloud(input_coordinates(units, grid))

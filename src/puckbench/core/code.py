@@ -33,7 +33,7 @@ STATISTICS = (
 )
 """Code that computes statistics of results."""
 FIGURES = (
-    *(*STATISTICS, "puckbench.results.columns", "puckbench.figures", "puckbench.codecs.facts"),
+    *(*STATISTICS, "puckbench.results.columns", "puckbench.figures"),
     "virtual_lidar.errors",
 )
 """Code that all figures share."""

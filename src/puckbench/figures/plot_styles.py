@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from puckbench.codecs.facts import CodecFacts, Line
-from puckbench.codecs.registry import codec_class, is_codec
+from puckbench.codecs.registry import Entry, Line, Look, is_codec, look
 
 
 @dataclass(frozen=True)
@@ -42,28 +41,20 @@ OTHER_MODEL_COLOURS = ("#885577", "#557799", "#998877", "#336644")
 
 def codec_style(codec: str) -> PlotStyle:
     """Return the style of a codec by its name; an unregistered name gets a derived style."""
-    return class_style(codec, _registered(codec))
+    return entry_style(codec) if is_codec(codec) else _style_from_name(codec)
 
 
-def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
-    """Return the style of a codec.
+def entry_style(name: str, entry: Entry | None = None) -> PlotStyle:
+    """Return the style of a codec with its entry in a configuration, as in `registry.look`.
 
-    Parameters
-    ----------
-    name
-        Name of the codec, from which missing parts of the style are derived.
-    codec
-        Class of the codec, which may set title, colour, marker and line; None derives all from
-        `name`.
+    Missing parts of the style are derived from the name.
     """
-    derived = _style_from_name(name)
-    if codec is None:
-        return derived
+    derived, given = _style_from_name(name), look(name, entry)
     return PlotStyle(
-        title=codec.title or name,
-        colour=codec.colour or derived.colour,
-        marker=codec.marker or derived.marker,
-        line=codec.line if codec.colour else derived.line,
+        title=given.title or name,
+        colour=given.colour or derived.colour,
+        marker=given.marker or derived.marker,
+        line=given.line if given.colour else derived.line,
     )
 
 
@@ -101,12 +92,7 @@ def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
 
 def codec_rank(codec: str) -> tuple[int, str]:
     """Return a key by which codecs are sorted in legends."""
-    facts = _registered(codec)
-    return (CodecFacts.rank if facts is None else facts.rank, codec)
-
-
-def _registered(codec: str) -> type[CodecFacts] | None:
-    return codec_class(codec) if is_codec(codec) else None
+    return (look(codec).rank if is_codec(codec) else Look().rank, codec)
 
 
 def _style_from_name(codec: str) -> PlotStyle:
@@ -121,9 +107,9 @@ def _style_from_name(codec: str) -> PlotStyle:
 
 def error_model_colour(model: str) -> str:
     """Return the colour of an error model by its name, the same in every figure and process."""
-    from virtual_lidar.errors import ERROR_MODELS
+    from virtual_lidar.errors import error_model_style
 
-    own = ERROR_MODELS.get(model).colour if model in ERROR_MODELS else ""
+    own = error_model_style(model).colour
     digest = hashlib.sha256(model.encode()).digest()
     return own or OTHER_MODEL_COLOURS[digest[0] % len(OTHER_MODEL_COLOURS)]
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from pointkit.models import Model, parsed
-from puckbench.codecs.facts import Line
+from puckbench.codecs.registry import Line
 from puckbench.figures.plot_styles import (
     PlotStyle,
     codec_rank,

@@ -9,6 +9,7 @@ from pointkit.errors import InputError
 from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.panels import panel_grid, set_title
+from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, SPINS
 from puckbench.figures.style import FigureStyle
 from puckbench.results.columns import LOWER, Column, column_named
@@ -109,6 +110,7 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
     the middle one ranges decoded by ``puck`` at rate ``100mm``, and the lower one the error
     (mm). White pixels have no return.
     """
+    from puckbench.codecs.coding import decoded, encoded
     from puckbench.codecs.registry import open_codec
 
     returns = example_spin.returns
@@ -116,9 +118,9 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
         raise InputError("the example spin has no returns (figures.examples.spin)")
     codec, rate = open_codec("puck"), "100mm"
     codec.load()
-    decoded = codec.decode_cloud(codec.encode_returns(returns, rate)).returns
-    assert decoded is not None  # noqa: S101 (a codec of returns)
-    images = [_image(sweep) for sweep in (returns, decoded)]
+    coded = decoded(codec, encoded(codec, example_spin, rate)).returns
+    assert coded is not None  # noqa: S101 (a codec of returns)
+    images = [_image(sweep) for sweep in (returns, coded)]
     error = 1000 * (images[1] - images[0])
     figure, panels = panel_grid(3, 1, 1.0, style)
     elevations = np.asarray(returns.beams.elevations_deg)[list(returns.layout.order)]
@@ -129,7 +131,7 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
     largest_error = float(np.nanmax(np.abs(error)))
     rows = (
         (images[0], "measured", "viridis_r", limits, "m"),
-        (images[1], f"decoded, {codec.title} at {rate}", "viridis_r", limits, "m"),
+        (images[1], f"decoded, {codec_style('puck').title} at {rate}", "viridis_r", limits, "m"),
         (error, "error", "RdBu", (-largest_error, largest_error), "mm"),
     )
     for axes, (image, title, colours, (low, high), unit) in zip(panels, rows, strict=True):

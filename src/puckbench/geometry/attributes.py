@@ -11,6 +11,8 @@ from pointkit.geometry.cloud import Floats, PointCloud
 
 Attributes = Mapping[str, NDArray[Any]]
 REFLECTANCE, COLOUR = "reflectance", "colour"
+RETURNS = "returns"
+"""What a codec names among its attributes if it encodes the returns of a spinning sensor."""
 _MOST_REFLECTANCE = 0xFFFF
 _FIELDS = (REFLECTANCE, "reflectivity", "intensity")
 """Names of reflectance fields, in order of preference."""
@@ -79,6 +81,32 @@ def check_attributes(attributes: Attributes, points: int) -> None:
                 )
 
 
+def coded_attributes(cloud: PointCloud, names: Collection[str]) -> dict[str, NDArray[Any]]:
+    """Return the attributes of a cloud that a codec encodes.
+
+    Parameters
+    ----------
+    cloud
+        The cloud.
+    names
+        Names of the attributes that the codec can encode.
+
+    Returns
+    -------
+    dict
+        Values by name, in the order of `names`, for those that the cloud has.
+
+    Raises
+    ------
+    InputError
+        An attribute has no valid values (`check_attributes`).
+    """
+    held = attributes_of(cloud) if names else {}
+    attributes = {name: held[name] for name in names if name in held}
+    check_attributes(attributes, len(cloud))
+    return attributes
+
+
 def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
     """Return the names of the cloud's attributes that a codec does not code.
 
@@ -87,7 +115,7 @@ def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
     cloud
         The cloud to be coded.
     coded
-        Attributes that the codec codes: `REFLECTANCE`, `COLOUR`, both or none.
+        Attributes that the codec codes, such as `REFLECTANCE` and `COLOUR`.
 
     Returns
     -------

@@ -18,7 +18,7 @@ from pointkit.files import read_json
 from pointkit.models import Model, checked_model
 from pointkit.registry import is_place, trust
 from pointkit.yaml_files import read_yaml
-from puckbench.codecs.facts import Line
+from puckbench.codecs.registry import Line
 from puckbench.core.renamed_keys import with_new_keys
 from puckbench.steps.coding import TimingSettings
 from puckbench.steps.evaluate import MeasuringSettings
@@ -204,7 +204,7 @@ class CodecConfig(Model):
     options: Options = Field({}, description="Changes to the codec's options.")
     surfaces: bool | None = Field(
         None,
-        description="Whether `_decode_mesh` of your own codec returns labelled primitives.",
+        description="Whether `surfaces` of your own codec returns labelled primitives.",
     )
     rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None,

@@ -1,63 +1,60 @@
+"""Estimates of the time and memory that codecs take, from the table ``costs.yaml``."""
+
 from __future__ import annotations
 
-import math
-from functools import cache, cached_property
+from functools import cache
+from pathlib import Path
+from typing import Any
 
-from puckbench.codecs.registry import codec_class
-from puckbench.core.environment import thread_environment
-from puckbench.planning.files import Files
+from pointkit.models import Model, parsed
+from pointkit.yaml_files import read_yaml
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import registered_name
+from puckbench.geometry.attributes import COLOUR, REFLECTANCE
 
-_BYTES_PER_PIXEL = 100
-"""Memory per pixel of a square view, bytes (measured: 305 MB for a width of 1920)."""
+
+class Costs(Model):
+    """The estimated costs of a codec: a row of ``costs.yaml``, which explains the columns."""
+
+    memory_mb: float
+    memory_bytes: float
+    base_s: float
+    million_s: float
+    attributes_s: float
+    encoding: float
+
+    def memory_of(self, points: int) -> int:
+        """Return the estimated memory, in MB, to encode or decode a number of points."""
+        return int(self.memory_mb) + int(points * self.memory_bytes) // 1_000_000
+
+    def seconds_of(self, points: int) -> float:
+        """Return the estimated time, in s, to encode and decode a number of points."""
+        return self.base_s + self.million_s * points / 1_000_000
 
 
-class CodingCosts:
-    """What the rules that run codecs request: memory, time, cores and threads.
+def costs_of(codec: Codec) -> Costs:
+    """Return the estimated costs of a codec.
 
-    Parameters
-    ----------
-    files
-        Files of the run, with its plan.
+    A codec that is derived from one of puckbench's has the latter's costs. A class of the user may
+    have a dict of costs, under the names of the table's columns, as its attribute ``costs``.
     """
+    costs = _costs_of_class(type(codec))
+    if not {REFLECTANCE, COLOUR} & {*codec.attributes}:
+        return costs
+    return costs.replaced(million_s=costs.million_s + costs.attributes_s)
 
-    def __init__(self, files: Files) -> None:
-        self.files, self.plan = files, files.plan
-        self.timing = self.plan.config.timing
 
-    @cached_property
-    def _most_points(self) -> int:
-        return max((data.points for data in self.plan.datasets.values()), default=0)
+@cache
+def _costs_of_class(codec: type[Codec]) -> Costs:
+    table = _table()
+    costs = table["default"]
+    for kind in reversed(codec.__mro__):
+        costs = {**table["default"], **row} if (row := table.get(registered_name(kind))) else costs
+        costs = {**costs, **vars(kind).get("costs", {})}
+    return parsed(Costs, costs, f"codec {codec.__name__}: costs")
 
-    @cache  # noqa: B019 (one plan lives as long as the process)
-    def minutes(self, codec: str) -> int:
-        """Return the time, in minutes, to request for coding a cloud at all rates of a codec."""
-        rates = max((len(self.plan.rates(codec, frame)) for frame in self.plan.frames), default=0)
-        seconds = self.timing.repeats * self.plan.opened[codec].pace.of(self._most_points)
-        return 5 + math.ceil(2 * rates * seconds / 60)
 
-    @cache  # noqa: B019
-    def memory_mb(self, codec: str) -> int:
-        """Return the estimated memory (MB) of a job that codes the largest cloud of the run."""
-        memory = codec_class(codec, self.plan.config.codec(codec)).memory
-        of_clouds = max(map(self.files.memory_mb, self.plan.datasets), default=0)
-        return max(memory.of(self._most_points), of_clouds)
-
-    @cached_property
-    def views_mb(self) -> int:
-        """Memory (MB) of the largest rendered views of the run."""
-        views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
-        return views**2 * _BYTES_PER_PIXEL // 1_000_000
-
-    @property
-    def threads_environment(self) -> dict[str, str]:
-        """Environment variables that limit the threads of a timed job."""
-        return thread_environment(self.timing.threads)
-
-    def cores(self, cores: int | None) -> int:
-        """Return the number of cores that a timed job reserves.
-
-        `cores` is the number of cores of the run. With the setting ``timing: exclusive``, a job
-        reserves all of them, so that no other job runs at the same time.
-        """
-        threads = self.timing.threads
-        return max(threads, cores or 0) if self.timing.exclusive else threads
+@cache
+def _table() -> dict[str, dict[str, Any]]:
+    table: dict[str, dict[str, Any]] = read_yaml(Path(__file__).with_suffix(".yaml"))
+    return table

@@ -8,10 +8,12 @@ from typing import Any
 
 from pointkit.errors import InputError, among, naming
 from pointkit.lidar.sensors import load_sensor
-from puckbench.codecs.facts import find_rate
+from puckbench.codecs.base import CloudKind
+from puckbench.codecs.coding import skip_anywhere
+from puckbench.codecs.rates import find_rate, is_length, parameters_of, rates_of
 from puckbench.metrics.task_registry import checked_task
+from puckbench.planning.coding_costs import CodingCosts
 from puckbench.planning.config import DriveConfig
-from puckbench.planning.costs import CodingCosts
 from puckbench.planning.plan import Plan, SceneSetPlan
 from puckbench.planning.scene_checks import refuse_paths
 from puckbench.tables.registry import UNDECODED
@@ -129,7 +131,7 @@ class Drives:
         `name` is the drive's entry in the configuration.
         """
         opened, rates = self.plan.opened[codec], self.entries[name].rates[codec]
-        parameters = {rate: dict(opened.parameters_of(rate)) for rate in rates}
+        parameters = {rate: dict(parameters_of(opened, rate)) for rate in rates}
         return self.plan.entry_with(codec, parameters)
 
     # ---- entries of the configuration
@@ -168,19 +170,16 @@ class Drives:
 
     def _rates(self, value: DriveConfig, scenes: SceneSetPlan) -> dict[str, tuple[str, ...]]:
         returns = value.is_scan or scenes.scenes.of_returns
-        packets = scenes.scenes.of_packets
+        kind = CloudKind("metric", returns, returns and scenes.scenes.of_packets)
         rates = {}
         for codec in value.codecs or self.plan.codecs:
             opened = self.plan.opened[codec]
-            metric_rates = tuple(opened.rates_of("metric"))
+            metric_rates = rates_of(opened, "metric")
             requested = [item for rate in value.rates if (item := find_rate(opened, rate))]
-            named = tuple(rate for rate, _ in requested if metric_rates and opened.is_length(rate))
-            if (opened.takes == "returns" and not returns) or (
-                opened.packets_alone and not packets
-            ):
-                continue
-            if named or metric_rates:
-                rates[codec] = named or metric_rates
+            named = [rate for rate, _ in requested if metric_rates and is_length(opened, rate)]
+            coded = [r for r in named or metric_rates if not skip_anywhere(opened, kind, r)]
+            if coded:
+                rates[codec] = tuple(coded)
         return rates
 
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, get_args
 
 from pointkit.errors import InputError, among, naming
 from pointkit.geometry.cloud import CoordinateFrame
-from puckbench.codecs.registry import LOOKS, codec_class, is_codec
-from puckbench.figures.plot_styles import class_style, codec_rank, looks_layer
+from puckbench.codecs.registry import Look, is_codec
+from puckbench.figures.plot_styles import codec_rank, entry_style, looks_layer
 from puckbench.figures.registry import FigureEntry, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.planning.drives import Drives
@@ -262,11 +262,12 @@ class Outputs:
         return {**self._dataset_style(), **looks}, *changes
 
     def _has_changed_looks(self, codec: str) -> bool:
-        return not is_codec(codec) or bool(self.config.codec(codec).keys() & {*LOOKS, "class"})
+        return not is_codec(codec) or bool(
+            self.config.codec(codec).keys() & {*Look._fields, "class"}
+        )
 
     def _looks(self, codec: str) -> dict[str, str]:
-        entry = codec_class(codec, self.config.codec(codec))
-        return {"codec": codec, **asdict(class_style(codec, entry))}
+        return {"codec": codec, **asdict(entry_style(codec, self.config.codec(codec)))}
 
     def _dataset_style(self) -> dict[str, Any]:
         entries = {name: data.settings.title for name, data in self.plan.datasets.items()}

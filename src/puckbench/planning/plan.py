@@ -7,13 +7,15 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args
 
-from pointkit.errors import NARROWER, InputError, among, closest, naming
+from pointkit.errors import InputError, among, closest, naming
 from pointkit.files import sha256
 from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs import registry as codecs
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.coding import skip_anywhere
 from puckbench.codecs.learned import require_networks
+from puckbench.codecs.rates import is_length, rates_of
 from puckbench.codecs.registry import open_training
 from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.scaling import GRID, METRIC
@@ -388,10 +390,9 @@ class Plan:
 
     def _rates_left_out(self) -> Iterator[dict[str, str]]:
         for (dataset, cloud, codec), rates in self.too_wide.items():
-            extent = self.extents[dataset][cloud]
-            most = max(self.opened[codec].most_extent(rate) for rate in rates)
-            width = f"the cloud is {extent:,.0f} m wide, more than {most:,.0f} m"
-            reason = f"codec {codec} at {', '.join(rates)}: {width}{NARROWER}"
+            kind = self._kind(self.datasets[dataset], self.extents[dataset][cloud])
+            why = skip_anywhere(self.opened[codec], kind, rates[0])
+            reason = f"codec {codec} at {', '.join(rates)}: {why}"
             scenes = self.scene_sets[self.datasets[dataset].scene_set].scenes
             file = _file_of(dataset, scenes, cloud)
             yield {"dataset": dataset, "scene": cloud, "file": file, "reason": reason}
@@ -415,9 +416,9 @@ class Plan:
 
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
-        """Names of the rates that are too fine for a wide cloud, by (data set, cloud, codec)."""
+        """Names of the rates that a codec skips for a wide cloud, by (data set, cloud, codec)."""
         rates_by_curve = {
-            (dataset, cloud, codec): self._too_fine(codec, extent)
+            (dataset, cloud, codec): self._too_fine(codec, dataset, extent)
             for dataset, sides in self.extents.items()
             for cloud, extent in sides.items()
             for codec in self.codecs
@@ -425,9 +426,9 @@ class Plan:
         }
         return {cell: rates for cell, rates in rates_by_curve.items() if rates}
 
-    def _too_fine(self, codec: str, extent: float) -> tuple[str, ...]:
-        most_extent = self.opened[codec].most_extent
-        return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
+    def _too_fine(self, codec: str, dataset: str, extent: float) -> tuple[str, ...]:
+        opened, kind = self.opened[codec], self._kind(self.datasets[dataset], extent)
+        return tuple(r for r in self.rates(codec, "metric") if skip_anywhere(opened, kind, r))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
         """Return the names of the rates at which a codec encodes a cloud.
@@ -529,6 +530,7 @@ class Plan:
         names = {dataset for dataset, _, _ in self.curves}
         return tuple(data for name, data in self.datasets.items() if name in names)
 
+    @cache  # noqa: B019
     def codes(self, codec: str, dataset: str) -> bool:
         """Return whether a run codes the clouds of a data set with a codec.
 
@@ -541,15 +543,17 @@ class Plan:
         return data.settings.codecs is None or codec in data.settings.codecs
 
     def _why_not(self, codec: str, data: DataSetPlan) -> str:
-        opened = self.opened[codec]
-        if opened.takes == "returns" and not data.has_returns:
-            return "it codes returns of a spinning sensor"
-        if opened.packets_alone and not data.has_packets:
-            return "it codes recorded data packets"
-        if not self.rates(codec, data.frame):
+        """Return why a codec codes no cloud of a data set, or an empty text."""
+        rates = self.rates(codec, data.frame)
+        if not rates:
             where = "clouds in metres (metric_rates)" if data.frame == "metric" else "scaled clouds"
             return f"it has no rates for {where}"
-        return ""
+        opened, kind = self.opened[codec], self._kind(data)
+        reasons = [skip_anywhere(opened, kind, rate) for rate in rates]
+        return reasons[0] or "" if all(reasons) else ""
+
+    def _kind(self, data: DataSetPlan, extent_m: float | None = None) -> CloudKind:
+        return CloudKind(data.frame, data.has_returns, data.has_packets, extent_m)
 
     @cached_property
     def frames(self) -> tuple[CoordinateFrame, ...]:
@@ -562,7 +566,7 @@ class Plan:
 
     def rates(self, codec: str, frame: CoordinateFrame) -> tuple[str, ...]:
         """Return the names of a codec's rates for clouds in a coordinate frame."""
-        return tuple(self.opened[codec].rates_of(frame))
+        return tuple(rates_of(self.opened[codec], frame))
 
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
         where = f"train.{name}"
@@ -642,7 +646,7 @@ class Plan:
 
     def coding_entry(self, dataset: str, codec: str, rates: Iterable[str]) -> dict[str, Any]:
         """Return a codec's complete entry, with only the given rates for a data set's clouds."""
-        table = self.opened[codec].rates_of(self.datasets[dataset].frame)
+        table = rates_of(self.opened[codec], self.datasets[dataset].frame)
         return self.entry_with(codec, {rate: table[rate] for rate in rates})
 
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
@@ -651,7 +655,7 @@ class Plan:
         `rates` maps names of rates to the codec's parameters at them.
         """
         entry = {key: value for key, value in self.codecs[codec].items() if key != "metric_rates"}
-        if all(map(self.opened[codec].is_length, rates)):
+        if all(is_length(self.opened[codec], rate) for rate in rates):
             return {**entry, "rates": {}, "metric_rates": rates}
         return {**entry, "rates": rates}
 
@@ -819,7 +823,8 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> SceneSetPlan:
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
     with naming(f"codecs.{name}"):
-        return codecs.open_codec(name, changes).weights_files()
+        opened = codecs.open_codec(name, changes)
+        return sorted({path for rate in opened.rates if (path := opened.weights(rate))})
 
 
 _CAPTURED_POINTS = 1_500_000

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from puckbench.planning.costs import costs_of
 from puckbench.planning.workflow import Workflow
 
 _START_S = 0.15
@@ -34,10 +35,10 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
     truth = any(data.has_truth for data in plan.datasets.values())
     encoded = decoded = number = 0.0
     for dataset, _, codec in plan.curves:
-        pace = plan.opened[codec].pace
+        costs = costs_of(plan.opened[codec])
         rates = len(plan.rates(codec, plan.datasets[dataset].frame)) / len(plan.curves)
-        encoded += rates * pace.of(points) * pace.encoding
-        decoded += rates * pace.of(points) * (1 - pace.encoding)
+        encoded += rates * costs.seconds_of(points) * costs.encoding
+        decoded += rates * costs.seconds_of(points) * (1 - costs.encoding)
         number += rates
     shown = min(1.0, plan.config.report.rates / max(1.0, number))
     return {

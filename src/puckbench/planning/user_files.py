@@ -16,10 +16,20 @@ from pointkit.errors import NARROWER, InputError, naming
 from pointkit.files import special_kind, write_bytes
 from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.yaml_files import yaml_text
-from puckbench.codecs.facts import check_lengths, find_rate
+from puckbench.codecs.base import CloudKind
+from puckbench.codecs.coding import why_not_here
+from puckbench.codecs.rates import (
+    check_lengths,
+    find_rate,
+    is_length,
+    metric_rates,
+    rates_of,
+    scaled_rates,
+)
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.geometry.scaling import METRIC
 from puckbench.planning.config import checked, trusted
+from puckbench.planning.costs import costs_of
 from puckbench.planning.plan import Plan, spread_out
 from puckbench.planning.scene_checks import printable
 from puckbench.scene_sets import captured_rooms, recordings
@@ -335,7 +345,8 @@ class UserRun:
         if len(lacking) == len(usual):
             return tuple(usual)
         for name in lacking:
-            has = ", ".join([*offered[name].metric_rates, *offered[name].rates])
+            rates = offered[name].rates
+            has = ", ".join([*metric_rates(rates), *scaled_rates(rates)])
             self._reductions[f"codec {name}"] = f"none of the requested rates (it has {has})"
         return tuple(name for name in usual if name not in lacking)
 
@@ -365,7 +376,7 @@ class UserRun:
             return rates
         is_metric, opened = frame == "metric", plan.opened[codec]
         names = [
-            rate for rate in self.rates if rate in rates or (is_metric and opened.is_length(rate))
+            rate for rate in self.rates if rate in rates or (is_metric and is_length(opened, rate))
         ]
         if not names:
             raise InputError(
@@ -373,15 +384,15 @@ class UserRun:
                 f"({', '.join(rates)}){self._other_frame(plan, codec)}"
             )
         changes = {**plan.config.codec(codec), _KEYS[frame]: names}
-        return tuple(open_codec(codec, changes).rates_of(frame))
+        return tuple(rates_of(open_codec(codec, changes), frame))
 
     def _other_frame(self, plan: Plan, codec: str) -> str:
         for frame in get_args(CoordinateFrame):
-            is_length = plan.opened[codec].is_length
+            opened = plan.opened[codec]
             if frame not in plan.frames and any(
-                is_length(rate) == (frame == "metric")
+                is_length(opened, rate) == (frame == "metric")
                 for rate in self.rates
-                if find_rate(plan.opened[codec], rate)
+                if find_rate(opened, rate)
             ):
                 return f": use --frame {frame}"
         return ""
@@ -442,11 +453,10 @@ def check_codecs(plan: Plan, advice: bool = True) -> None:
     With `advice`, messages name an option of ``puckbench run`` that may help.
     """
     for name, opened in plan.opened.items():
+        if why := why_not_here(opened):
+            raise InputError(f"codec {name} cannot run here: {why}")
         if not any(plan.codes(name, data) for data in plan.datasets):
             raise InputError(f"codec {name}: {_why_not(plan, name, advice)}")
-        ok, why = opened.available()
-        if not ok:
-            raise InputError(f"codec {name} cannot run here: {why}")
 
 
 def _codec(text: str) -> tuple[str, Options]:
@@ -463,7 +473,8 @@ def _seconds(plan: Plan) -> float:
     total = 0.0
     for name, data in plan.datasets.items():
         for codec in filter(lambda codec: plan.codes(codec, name), plan.codecs):
-            once = 1.5 * plan.opened[codec].pace.of(data.points) + _MEASURING_S * data.points / 1e6
+            coding_s = costs_of(plan.opened[codec]).seconds_of(data.points)
+            once = 1.5 * coding_s + _MEASURING_S * data.points / 1e6
             total += len(data.clouds) * len(plan.rates(codec, data.frame)) * once
     return total
 
@@ -475,17 +486,22 @@ def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence
         if plan.codes(codec, name)
         for cloud in plan.datasets[name].clouds
     ]
-    most_extent = plan.opened[codec].most_extent
-    if extents and min(extents) > max(map(most_extent, rates)):
+    skip = plan.opened[codec].skip
+    narrowest = CloudKind(frame, True, True, min(extents, default=0.0))
+    if extents and rates and all(skip(narrowest, rate) for rate in rates):
         raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 
 def _why_not(plan: Plan, codec: str, advice: bool) -> str:
     opened = plan.opened[codec]
-    if opened.takes == "returns":
-        return "codes the returns of a spinning sensor, and there are none here"
     frames = {"scaled": "scaled clouds", "metric": "clouds in metres"}
-    rates: dict[CoordinateFrame, Any] = {"scaled": opened.rates, "metric": opened.metric_rates}
+    rates: dict[CoordinateFrame, Any] = {
+        "scaled": scaled_rates(opened.rates),
+        "metric": metric_rates(opened.rates),
+    }
+    for rate in rates["metric"]:
+        if reason := opened.skip(CloudKind("metric"), rate):
+            return reason
     others = [frame for frame in rates if rates[frame] and frame not in plan.frames]
     other = f" (--frame {others[0]})" if others and advice else ""
     return f"has no rates for {' or '.join(frames[frame] for frame in plan.frames)}{other}"

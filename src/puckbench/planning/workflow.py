@@ -8,8 +8,8 @@ from typing import Any
 
 from pointkit.errors import InputError, among, closest
 from puckbench.core.environment import COMMIT, source_commit
+from puckbench.planning.coding_costs import CodingCosts
 from puckbench.planning.config import trusted
-from puckbench.planning.costs import CodingCosts
 from puckbench.planning.drives import Drives
 from puckbench.planning.files import Files
 from puckbench.planning.outputs import Outputs

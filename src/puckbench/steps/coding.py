@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from pointkit.geometry.cloud import PointCloud, check_points
 from pointkit.measurement import measured
 from pointkit.models import Model
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import cost_of, decoded, why_not_here
 from puckbench.codecs.registry import module_of, open_codec
 from puckbench.core.environment import run_environment
 from puckbench.results.curves import REMARK, Coded
@@ -69,8 +71,7 @@ def ready(codec: Codec) -> Codec:
 
     Raises InputError if the codec cannot run on this machine.
     """
-    ok, why = codec.available()
-    if not ok:
+    if why := why_not_here(codec):
         raise InputError(f"codec {codec.name} cannot run here: {why}")
     codec.load()
     return codec
@@ -101,7 +102,9 @@ class Decoded(NamedTuple):
     record: dict[str, Any]
 
 
-def decoded(codec: Codec, coded: Coded, timing: TimingSettings, *, twice: bool = False) -> Decoded:
+def decoded_cloud(
+    codec: Codec, coded: Coded, timing: TimingSettings, *, twice: bool = False
+) -> Decoded:
     """Decode a stream, and measure the time and memory of the decoding.
 
     Parameters
@@ -117,12 +120,12 @@ def decoded(codec: Codec, coded: Coded, timing: TimingSettings, *, twice: bool =
         record gets a remark.
     """
     with noting(f"rate {coded.record.get('rate', '?')}"):
-        timed = measured(lambda: codec.decode_cloud(coded.stream), timing.repeats, codec.cost)
+        timed = measured(
+            lambda: decoded(codec, coded.stream), timing.repeats, partial(cost_of, codec)
+        )
         check_points(timed.result.xyz, f"codec {codec.name}: decoded points")
         twice = twice and is_checked_twice(codec, timing.repeats)
-        differ = twice and not np.array_equal(
-            codec.decode_cloud(coded.stream).xyz, timed.result.xyz
-        )
+        differ = twice and not np.array_equal(decoded(codec, coded.stream).xyz, timed.result.xyz)
     remarks = [coded.record.get(REMARK), "repeated decodings differ" if differ else None]
     record = {
         **coded.record,

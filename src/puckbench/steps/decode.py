@@ -8,7 +8,13 @@ from cloud_files.clouds import write_cloud
 from pointkit.errors import naming
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.results.curves import read_coded
-from puckbench.steps.coding import CodecStep, TimingSettings, decoded, planned_codec_step, ready
+from puckbench.steps.coding import (
+    CodecStep,
+    TimingSettings,
+    decoded_cloud,
+    planned_codec_step,
+    ready,
+)
 from puckbench.steps.step import STEPS, PlannedStep
 
 if TYPE_CHECKING:
@@ -38,6 +44,6 @@ class Decode(CodecStep):
         """Write the decoded cloud, and return facts about the decoding."""
         codec = ready(self.opened())
         with naming(curve):
-            result = decoded(codec, read_coded(curve, self.rate), TimingSettings(repeats=1))
+            result = decoded_cloud(codec, read_coded(curve, self.rate), TimingSettings(repeats=1))
         write_cloud(cloud, replace(result.cloud, about={"source": curve.name, "codec": self.codec}))
         return result.record

@@ -8,7 +8,13 @@ from pointkit.errors import naming
 from puckbench.core.archives import write_archive
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.results.curves import read_curve
-from puckbench.steps.coding import CodecStep, TimingSettings, decoded, planned_codec_step, ready
+from puckbench.steps.coding import (
+    CodecStep,
+    TimingSettings,
+    decoded_cloud,
+    planned_codec_step,
+    ready,
+)
 from puckbench.steps.step import STEPS, PlannedStep
 
 if TYPE_CHECKING:
@@ -39,6 +45,6 @@ class DecodeShown(CodecStep):
         once, members = TimingSettings(repeats=1), {}
         with naming(curve):
             for rate in self.rates:
-                members[f"{rate}.ply"] = cloud_bytes(decoded(codec, coded[rate], once).cloud)
+                members[f"{rate}.ply"] = cloud_bytes(decoded_cloud(codec, coded[rate], once).cloud)
         write_archive(clouds, members)
         return {"clouds": len(members)}

@@ -12,10 +12,13 @@ from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from pointkit.lidar.returns import with_returns
 from pointkit.measurement import Cost, Measured, measured
 from pointkit.terminal import Progress
-from puckbench.codecs.base import Codec, SharedWork
+from puckbench.codecs.base import CloudKind, Codec, SharedWork
+from puckbench.codecs.coding import attribute_bytes, check_codes, cost_of, encoded
+from puckbench.codecs.learned import weights_label
+from puckbench.codecs.rates import rates_of
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import cpu_model, run_environment
-from puckbench.geometry.attributes import not_coded
+from puckbench.geometry.attributes import RETURNS, not_coded
 from puckbench.results.curves import NOT_CODED, REMARK, Coded, write_curve
 from puckbench.steps.coding import (
     TimedStep,
@@ -47,10 +50,10 @@ class Encode(TimedStep):
         """Encode the file `cloud`, write all streams to `curve`, and return the number of rates."""
         codec = self.opened()
         original = to_code(codec, cloud)
-        rates = tuple(codec.rates_of(original.frame or "scaled"))
+        rates = tuple(rates_of(codec, original.frame or "scaled"))
         ready(codec)
         twice = is_checked_twice(codec, self.repeats)
-        progress, coded, shared = Progress("rate"), {}, codec.shared_work()
+        progress, coded, shared = Progress("rate"), {}, codec.prepare(original)
         for done, rate in enumerate(rates, start=1):
             first = twice and done == 1
             coded[rate] = coded_cloud(codec, original, rate, self, shared, again=first)
@@ -76,7 +79,7 @@ def coded_cloud(
     timing
         How the encoding is timed.
     shared
-        Results of the encoding at other rates that are reused (`Codec.shared_work`).
+        Results of the encoding at other rates that are reused (`Codec.prepare`).
     again
         Whether to encode once more. If the streams differ, the record gets a remark.
     """
@@ -84,8 +87,8 @@ def coded_cloud(
         streams: set[bytes] = set()
         timed = measured_encoding(codec, cloud, rate, timing.repeats, shared, streams.add)
         if again:
-            streams.add(codec.encode_cloud(cloud, rate))
-    weights = codec.weights_of(rate)
+            streams.add(encoded(codec, cloud, rate))
+    weights = weights_label(codec.weights(rate))
     record = {
         "codec": codec.name,
         "rate": rate,
@@ -135,9 +138,9 @@ def to_code(
         if frame and cloud.frame and frame != cloud.frame:
             raise InputError(f"its description says that it is {cloud.frame}, not {frame}")
         cloud = _in_frame(cloud, frame)
-        codec.check_frame(cloud.frame, rate)
-        points_alone = codec.takes == "points" and not codec.attributes
-        return cloud if points_alone else with_returns(cloud, path)
+        cloud = with_returns(cloud, path) if codec.attributes else cloud
+        check_codes(codec, CloudKind.of(cloud), rate)
+        return cloud
 
 
 def _in_frame(cloud: PointCloud, frame: CoordinateFrame | None) -> PointCloud:
@@ -164,22 +167,22 @@ def measured_encoding(
     repeats
         Number of times that the cloud is encoded.
     shared
-        Results of the encoding at other rates that are reused (`Codec.shared_work`). Their cost is
+        Results of the encoding at other rates that are reused (`Codec.prepare`). Their cost is
         added, as if they were computed again.
     each
         Function that is called with the stream of every repetition.
     """
 
     def whole(here: Cost) -> Cost:
-        cost = codec.cost(here)
+        cost = cost_of(codec, here)
         return cost if shared is None else cost.plus(shared.saved)
 
-    return measured(lambda: codec.encode_cloud(cloud, rate, shared), repeats, whole, each)
+    return measured(lambda: encoded(codec, cloud, rate, shared), repeats, whole, each)
 
 
 def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:
     columns: dict[str, Any] = {}
-    if sizes := codec.attribute_bytes(stream) if codec.attributes else {}:
+    if sizes := attribute_bytes(codec, stream) if {*codec.attributes} - {RETURNS} else {}:
         parts = {"geometry": len(stream) - sum(sizes.values()), **sizes}
         columns = {f"bpp_{name}": 8 * size / len(cloud) for name, size in parts.items()}
     left = not_coded(cloud, sizes or codec.attributes)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 from pointkit.errors import noting
 from pointkit.measurement import Cost, measured
 from pointkit.terminal import Progress
+from puckbench.codecs.coding import encoded
+from puckbench.codecs.rates import rates_of
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.recordings.drives import read_drive
 from puckbench.results.coded_drives import CodedDrive, write_coded_drive
@@ -40,17 +42,17 @@ class EncodeDrive(TimedStep):
         """Encode the file `drive`, write all streams to `curve`, and return the number of rates."""
         codec, turns = ready(self.opened()), read_drive(drive).turns
         points = sum(map(len, turns))
-        rates, shared = codec.rates_of("metric"), [codec.shared_work() for _ in turns]
+        rates, shared = rates_of(codec, "metric"), [codec.prepare(turn) for turn in turns]
         progress, coded = Progress("rate"), {}
         for done, rate in enumerate(rates, start=1):
 
-            def encoded(rate: str = rate) -> list[bytes]:
+            def encoded_turns(rate: str = rate) -> list[bytes]:
                 each = zip(turns, shared, strict=True)
-                return [codec.encode_cloud(turn, rate, work) for turn, work in each]
+                return [encoded(codec, turn, rate, work) for turn, work in each]
 
             saved = _saved(shared)
             with noting(f"rate {rate}"):
-                timed = measured(encoded, self.repeats, saved)
+                timed = measured(encoded_turns, self.repeats, saved)
             size = sum(map(len, timed.result))
             record = {
                 "codec": self.codec,

@@ -21,7 +21,7 @@ from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_met
 from puckbench.results.columns import FRAME
 from puckbench.results.curves import REMARK, read_curve
 from puckbench.results.row_files import write_rows
-from puckbench.steps.coding import Decoded, TimedStep, decoded, planned_codec_step, ready
+from puckbench.steps.coding import Decoded, TimedStep, decoded_cloud, planned_codec_step, ready
 from puckbench.steps.step import STEPS, PlannedStep
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ class Evaluate(Measuring, TimedStep):
         progress, results = Progress("rate"), []
         with naming(curve):
             for done, stream in enumerate(coded.values(), start=1):
-                result = decoded(codec, stream, self, twice=done == 1)
+                result = decoded_cloud(codec, stream, self, twice=done == 1)
                 results.append(self.row(originals, result))
                 progress(done, len(coded))
         write_rows(rows, results)

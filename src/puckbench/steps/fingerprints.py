@@ -90,7 +90,8 @@ def _files_and_names(name: str) -> tuple[set[Path], tuple[str, ...]]:
     if name.endswith(".*"):
         return {*place.rglob("*.py"), *_data_below(place)}, ()
     if place.is_dir():
-        left_out = {place / f"{module.rpartition('.')[2]}.py" for module in _plugins_in(name)}
+        stems = {module.rpartition(".")[2] for module in _plugins_in(name)}
+        left_out = {place / f"{stem}.{suffix}" for stem in stems for suffix in ("py", "yaml")}
         return {*place.glob("*.py"), *place.glob("*.yaml")} - left_out, ()
     file = place.with_suffix(".py")
     data = {file.with_suffix(".yaml")} if file.with_suffix(".yaml").is_file() else set()

@@ -12,6 +12,7 @@ from pointkit.geometry.cloud import PointCloud, check_points
 from pointkit.measurement import measured
 from puckbench import __version__
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import decoded
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import run_environment
 from puckbench.geometry.digest import cloud_digest
@@ -123,7 +124,9 @@ class MeasureDrive(TaskStep, TimedStep):
         if len(coded.streams) != len(drive.turns):
             raise InputError(f"{len(coded.streams)} coded turns for a drive of {len(drive.turns)}")
         with noting(f"rate {coded.record.get('rate', '?')}"):
-            timed = measured(lambda: [*map(codec.decode_cloud, coded.streams)], self.repeats)
+            timed = measured(
+                lambda: [decoded(codec, stream) for stream in coded.streams], self.repeats
+            )
             for turn in timed.result:
                 check_points(turn.xyz, f"codec {codec.name}: decoded points")
         costs = {**timed.costs("decode"), **run_environment(self.exclusive)}

@@ -12,6 +12,7 @@ from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Labels, Mesh
 from puckbench import __version__
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import decoded, decoded_surfaces
 from puckbench.core.code import CODEC, MESH_FILES
 from puckbench.results.curves import Coded, read_curve
 from puckbench.results.row_files import write_rows
@@ -112,12 +113,12 @@ def recovered(truth: LabelledPoints, codec: Codec, coded: Coded) -> dict[str, An
 
 
 def _decoded_surface(codec: Codec, coded: Coded) -> Mesh | None:
-    if not codec.has_surfaces:
+    if type(codec).surfaces is Codec.surfaces:
         raise InputError(f"codec {codec.name} does not encode surfaces with primitives")
     try:
-        surface = codec.decode_mesh(coded.stream)
+        surface = decoded_surfaces(codec, coded.stream)
     except InputError:
-        codec.decode(coded.stream)  # raises the decoder's error for a damaged stream
+        decoded(codec, coded.stream)  # raises the decoder's error for a damaged stream
         return None
     if surface.labels is None:
         raise InputError(f"codec {codec.name} decodes a surface without labels")

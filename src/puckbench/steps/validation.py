@@ -8,9 +8,13 @@ import numpy as np
 
 from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import decoded, encoded
+from puckbench.codecs.rates import scaled_rates
 from puckbench.metrics.psnr import mpeg_psnr
 
 Measures = dict[str, float]
+_SIZE = 1024
+"""Size of the cube to which clouds are taken to be scaled."""
 
 
 def peak_of(clouds: Sequence[PointCloud]) -> float | None:
@@ -39,7 +43,7 @@ def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -
         mean) and ``d1_psnr`` (dB). ``faults``: the messages of `faults`.
     """
     codec.load()
-    rates = {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
+    rates = {rate: _means(codec, clouds, rate, peak) for rate in scaled_rates(codec.rates)}
     return {"rates": rates, "faults": faults(rates)}
 
 
@@ -52,8 +56,8 @@ def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float | 
 def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
     from puckbench.metrics.geometry import distortion
 
-    stream = codec.encode(cloud.xyz, rate)
-    measures = distortion(PointCloud(cloud.xyz), codec.decode(stream))
+    stream = encoded(codec, PointCloud(cloud.xyz, about={"size": _SIZE}), rate)
+    measures = distortion(PointCloud(cloud.xyz), decoded(codec, stream).xyz)
     return {
         "bpp": 8 * len(stream) / len(cloud),
         **{name: measures[name] for name in ("d1_mse", "cd_point")},

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from pointkit.errors import InputError
 from pointkit.models import parsed
+from pointkit.yaml_files import read_yaml
 from virtual_lidar.errors.model import ERROR_MODELS, Draws, ErrorModel, Hits
 from virtual_lidar.errors.receiver import Received, Receiver
 
@@ -15,9 +18,11 @@ __all__ = [
     "Draws",
     "ErrorModel",
     "Hits",
+    "ModelStyle",
     "Received",
     "Receiver",
     "error_model_names",
+    "error_model_style",
     "error_model_title",
     "module_of_model",
     "open_error_model",
@@ -29,11 +34,37 @@ def error_model_names() -> list[str]:
     return ERROR_MODELS.names()
 
 
+class ModelStyle(NamedTuple):
+    """How figures show an error model: its title and colour (``#rrggbb``), or empty texts."""
+
+    title: str = ""
+    colour: str = ""
+
+
+def error_model_style(name: str) -> ModelStyle:
+    """Return how figures show an error model.
+
+    Models of this package have their style in ``styles.yaml`` or ``variants.yaml``, others as
+    attributes of their class. Parts that none of these defines are empty.
+    """
+    if name in _styles():
+        return ModelStyle(**_styles()[name])
+    if name not in ERROR_MODELS:
+        return ModelStyle()
+    kind = ERROR_MODELS.get(name)
+    return ModelStyle(kind.title, kind.colour)
+
+
+@cache
+def _styles() -> dict[str, dict[str, str]]:
+    styles: dict[str, dict[str, str]] = read_yaml(Path(__file__).with_name("styles.yaml"))
+    return styles
+
+
 def error_model_title(name: str) -> str:
     """Return an error model's title for figures; a model without a title gets its name as words."""
-    title = ERROR_MODELS.get(name).title if name in ERROR_MODELS else ""
     words = name.replace("_", " ")
-    return title or words[:1].upper() + words[1:]
+    return error_model_style(name).title or words[:1].upper() + words[1:]
 
 
 def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:

@@ -28,8 +28,6 @@ class BeamFootprint(BeamOfWidth):
     echoes, and places the point on the beam's axis. This model is not in the thesis.
     """
 
-    title, colour = "Beam footprint", "#334400"
-
     sub_rays: PositiveInt = 9
     """Number of rays of a beam."""
     returns: Echo = "strongest"

@@ -39,8 +39,6 @@ class Calibrated(ErrorModel):
     nearest values.
     """
 
-    title, colour = "Calibrated", "#6666AA"
-
     file: str | None = None
     """Path of a file of `write_calibration`, or name of one in this package, such as
     ``vlp16_measured``; other parameters that are given override the file's."""

@@ -26,8 +26,6 @@ class DistanceTable(ErrorModel):
     linearly between the rows of the table, and constant beyond its ends.
     """
 
-    title, colour = "Distance table", "#442233"
-
     table: tuple[tuple[float, ...], ...]
     """Rows of distance, mu and sigma, m, by increasing distance."""
     distribution: Distribution = "gaussian"

@@ -6,5 +6,3 @@ from virtual_lidar.errors.model import ERROR_MODELS, ErrorModel
 @ERROR_MODELS.register("none")
 class NoErrors(ErrorModel):
     """Error model without errors: rays are the nominal ones, and distances the true ones."""
-
-    title, colour = "No noise", "#666688"

@@ -19,8 +19,6 @@ class SurfaceNormal(Vlp16):
     proportion to the cosine of the incidence; this noise of `Vlp16` is 0 by default.
     """
 
-    title, colour = "Surface normal", "#EE5544"
-
     bias_sigma_m: NonNegativeFloat = 0.0
     ray_sigma_m: NonNegativeFloat = 0.0
     normal_sigma_m: NonNegativeFloat = 0.014

@@ -24,10 +24,8 @@ class Vlp16(ErrorModel):
     The measured range is ``d + bias + noise`` for the true range d. The bias, which all returns of
     a laser share, is drawn from ``N(0, bias_sigma_m)``, the noise of each return from
     ``N(ray_mean_m, ray_sigma_m)``. The default sigmas are those of the thesis's section 5.4 and
-    code; `Vlp16Table51` has those of its Table 5.1.
+    code; the variant ``vlp16_table51`` has those of its Table 5.1.
     """
-
-    title, colour = "VLP-16", "#113388"
 
     bias_sigma_m: NonNegativeFloat = 0.014
     """Scale of a laser's bias."""

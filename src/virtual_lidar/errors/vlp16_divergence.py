@@ -21,8 +21,6 @@ class Vlp16Divergence(BeamOfWidth):
     the beam's widths to each side. The sensor reports the nominal angles.
     """
 
-    title, colour = "Beam divergence", "#337766"
-
     returns_along: Literal["fired", "nominal"] = "fired"
     """``fired``: a measured point lies on the fired ray, as in BlenSor and the thesis; only range
     noise moves it off the surface, so that divergence does not change plane residuals. ``nominal``:

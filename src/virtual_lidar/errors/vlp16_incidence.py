@@ -19,8 +19,6 @@ class Vlp16Incidence(Vlp16):
     45 degrees, 11.0 mm at 60 degrees and 24.7 mm at grazing incidence.
     """
 
-    title, colour = "Incidence", "#6688FF"
-
     incidence_factor: NonNegativeFloat = 0.1
     """Square root of the added noise per rad, sqrt(m) / rad."""
 

@@ -17,24 +17,26 @@ from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
 from puckbench.cli.answers import text_of
 from puckbench.codecs import learned
+from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.steps import process
 from tests.support.bag_files import ros2_bag
+from tests.support.codecs import encode
 
 CAPTURE = Path(__file__).parents[2] / "data" / "capture" / "single.pcap"
 OWN = """
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Own(Codec):
     rates = {"r1": {}}
 
-    def _encode(self, points, parameters):
-        return b"own" + points.tobytes()
+    def encode(self, cloud, rate):
+        return b"own" + cloud.xyz.tobytes()
 
-    def _decode(self, stream):
-        return np.frombuffer(stream[3:]).reshape(-1, 3)
+    def decode(self, stream):
+        return PointCloud(np.frombuffer(stream[3:]).reshape(-1, 3))
 """
 
 
@@ -102,7 +104,7 @@ def test_an_unknown_command_is_answered_with_a_near_one(
 
 
 def test_a_bare_stream_is_told_its_codec(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    stream = open_codec("gpcc", {"options": {"raw": True}}).encode(read_cloud(cloud).xyz, "r4")
+    stream = encode(open_codec("gpcc", {"options": {"raw": True}}), read_cloud(cloud).xyz, "r4")
     bare = cloud.with_suffix(".raw")
     bare.write_bytes(stream)
     assert "bare one of G-PCC: name the codec (--codec gpcc)" in _refused(
@@ -159,7 +161,7 @@ def test_a_wheel_s_user_is_told_what_pip_installs(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(
         learned, "find_spec", lambda name: None if name == "torch" else find_spec(name)
     )
-    why = open_codec("pcgcv2_plus").available().why
+    why = why_not_here(open_codec("pcgcv2_plus"))
     assert "PyTorch not installed: pip install 'puckbench[learned]'" in why
 
 

@@ -12,13 +12,15 @@ from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns
+from puckbench.codecs.coding import attribute_bytes, why_not_here
 from puckbench.codecs.registry import open_codec
 from puckbench.geometry.attributes import attributes_of
 from puckbench.results.curves import read_curve
 from puckbench.results.row_files import read_rows
 from puckbench.steps.decode import Decode
-from puckbench.steps.encode import EncodeCurve
-from puckbench.steps.evaluate import EvaluateCurve
+from puckbench.steps.encode import Encode
+from puckbench.steps.evaluate import Evaluate
+from tests.support.codecs import decode_cloud, encode, encode_cloud, encode_returns
 from tests.support.returns import dual, recorded, staggered
 
 CODECS = ("gpcc", "gpcc_angular", "gpcc_predictive")
@@ -47,11 +49,11 @@ def _rows(cloud: PointCloud) -> list[tuple[int, ...]]:
 @pytest.mark.parametrize("most", [255, 65535])
 def test_attributes_come_back_without_loss_where_positions_do(name: str, most: int) -> None:
     codec, cloud = open_codec(name, {"options": CODING}), _cloud(most)
-    stream = codec.encode_cloud(cloud, "2mm")
-    assert _rows(open_codec(name).decode_cloud(stream)) == _rows(cloud)
-    sizes = codec.attribute_bytes(stream)
+    stream = encode_cloud(codec, cloud, "2mm")
+    assert _rows(decode_cloud(open_codec(name), stream)) == _rows(cloud)
+    sizes = attribute_bytes(codec, stream)
     assert sizes.keys() == {"reflectance", "colour"}
-    bare = open_codec(name, {"options": {"duplicates": "kept"}}).encode_cloud(cloud, "2mm")
+    bare = encode_cloud(open_codec(name, {"options": {"duplicates": "kept"}}), cloud, "2mm")
     geometry = len(stream) - sum(sizes.values())
     assert 0 <= geometry - len(bare) < 20  # the attributes' descriptions
 
@@ -60,7 +62,7 @@ def test_attributes_come_back_without_loss_where_positions_do(name: str, most: i
 def test_reflectivities_of_returns_come_back(name: str) -> None:
     returns = recorded(60)
     codec = open_codec(name, {"options": CODING})
-    decoded = codec.decode_cloud(codec.encode_returns(returns, "1mm"))
+    decoded = decode_cloud(codec, encode_returns(codec, returns, "1mm"))
     reflectances = returns.reflectivities()
     assert reflectances is not None
     order, expected = np.lexsort(decoded.xyz.T), np.lexsort(np.rint(returns.points() * 1000).T)
@@ -72,7 +74,7 @@ def test_rows_have_the_bits_of_each_attribute_and_what_is_not_coded(tmp_path: Pa
     cloud = _cloud()
     write_cloud(tmp_path / "cloud.ply", cloud)
     changes = {"options": CODING, "metric_rates": ["100mm", "2mm"], "rates": []}
-    EncodeCurve(codec="gpcc", changes=changes).run(tmp_path / "cloud.ply", tmp_path / "curve.zip")
+    Encode(codec="gpcc", changes=changes).run(tmp_path / "cloud.ply", tmp_path / "curve.zip")
     coded = read_curve(tmp_path / "curve.zip")
     for stream in coded.values():
         parts = [stream.record[f"bpp_{part}"] for part in ("geometry", "reflectance", "colour")]
@@ -91,7 +93,7 @@ def test_reflectances_that_are_no_whole_numbers_are_refused(value: float, rate: 
     values[7] = value
     cloud = PointCloud(_cloud().xyz, fields={"reflectance": values}, about={"size": 0})
     with pytest.raises(InputError, match="reflectance: 1 of 400 values are not whole numbers"):
-        open_codec("gpcc", {"options": CODING}).encode_cloud(cloud, rate)
+        encode_cloud(open_codec("gpcc", {"options": CODING}), cloud, rate)
 
 
 @pytest.mark.parametrize("name", ["puck", "jpegxl", "jpegls"])
@@ -101,16 +103,16 @@ def test_codecs_of_returns_code_reflectivities_beside_the_same_ranges(
 ) -> None:
     returns = made()
     codec, bare = open_codec(name, {"options": {"reflectivities": True}}), open_codec(name)
-    if not codec.available().ok:
-        pytest.skip(codec.available().why)
-    stream, without = codec.encode_returns(returns, "2mm"), bare.encode_returns(returns, "2mm")
+    if why_not_here(codec):
+        pytest.skip(why_not_here(codec))
+    stream, without = encode_returns(codec, returns, "2mm"), encode_returns(bare, returns, "2mm")
     values = returns.reflectivities()
     assert values is not None
-    (size,) = codec.attribute_bytes(stream).values()
+    (size,) = attribute_bytes(codec, stream).values()
     assert 0 <= len(stream) - size - len(without) < 8  # flags and lengths
-    assert bare.attribute_bytes(without) == {}
-    decoded = bare.decode_cloud(stream)
-    np.testing.assert_array_equal(decoded.xyz, bare.decode_cloud(without).xyz)
+    assert attribute_bytes(bare, without) == {}
+    decoded = decode_cloud(bare, stream)
+    np.testing.assert_array_equal(decoded.xyz, decode_cloud(bare, without).xyz)
     np.testing.assert_array_equal(attributes_of(decoded)["reflectance"], values)
 
 
@@ -119,9 +121,9 @@ def test_puck_need_not_code_the_reflectivities_of_firings_without_a_return() -> 
     sizes = {}
     for choice in (True, "returns"):
         codec = open_codec("puck", {"options": {"reflectivities": choice}})
-        stream = codec.encode_returns(returns, "2mm")
-        sizes[choice] = codec.attribute_bytes(stream)["reflectance"]
-        decoded = codec.decode_cloud(stream).returns
+        stream = encode_returns(codec, returns, "2mm")
+        sizes[choice] = attribute_bytes(codec, stream)["reflectance"]
+        decoded = decode_cloud(codec, stream).returns
         assert decoded is not None
         np.testing.assert_array_equal(decoded.reflectivities(), returns.reflectivities())
         for turn, original in zip(decoded.turns, returns.turns, strict=True):
@@ -135,13 +137,13 @@ def test_puck_need_not_code_the_reflectivities_of_firings_without_a_return() -> 
 def test_laz_codes_intensities_that_laspy_reads() -> None:
     cloud = _cloud(65535)
     codec = open_codec("laz", {"options": {"intensities": True}})
-    stream = codec.encode_cloud(cloud, "2mm")
+    stream = encode_cloud(codec, cloud, "2mm")
     assert (laspy.read(BytesIO(stream)).intensity == cloud.fields["intensity"]).all()
-    without = open_codec("laz").encode(cloud.xyz, "2mm")
-    assert codec.attribute_bytes(stream) == {"reflectance": len(stream) - len(without)}
-    decoded = open_codec("laz").decode_cloud(stream)
+    without = encode(open_codec("laz"), cloud.xyz, "2mm")
+    assert attribute_bytes(codec, stream) == {"reflectance": len(stream) - len(without)}
+    decoded = decode_cloud(open_codec("laz"), stream)
     np.testing.assert_array_equal(decoded.fields["reflectance"], cloud.fields["intensity"])
-    assert open_codec("laz").decode_cloud(without).fields == {}
+    assert decode_cloud(open_codec("laz"), without).fields == {}
 
 
 def test_a_rate_may_have_a_qp_and_lossy_values_either_transform(tmp_path: Path) -> None:
@@ -149,10 +151,8 @@ def test_a_rate_may_have_a_qp_and_lossy_values_either_transform(tmp_path: Path) 
     rates = {f"qp{qp}": {"step_m": 0.001, "qp": qp} for qp in (40, 16)}
     for transform in ("raht", "lifting"):
         changes = {"options": {**CODING, "transform": transform}, "metric_rates": rates}
-        EncodeCurve(codec="gpcc", changes=changes).run(
-            tmp_path / "cloud.ply", tmp_path / "curve.zip"
-        )
-        EvaluateCurve().run(tmp_path / "cloud.ply", tmp_path / "curve.zip", tmp_path / "rows")
+        Encode(codec="gpcc", changes=changes).run(tmp_path / "cloud.ply", tmp_path / "curve.zip")
+        Evaluate().run(tmp_path / "cloud.ply", tmp_path / "curve.zip", tmp_path / "rows")
         coarse, fine = read_rows([tmp_path / "rows"])
         assert coarse["d1_mse"] == fine["d1_mse"] == 0
         assert coarse["bpp_reflectance"] < fine["bpp_reflectance"]

@@ -13,11 +13,13 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, write_firings
 from puckbench.cli import main
+from puckbench.codecs.rates import metric_rates
 from puckbench.codecs.registry import open_codec
 from puckbench.steps.encode import to_code
+from tests.support.codecs import decode, encode, encode_cloud, encode_returns
 from tests.support.returns import EXAMPLES, homemade, recorded
 
-RATES = list(open_codec("gpcc_predictive").metric_rates)
+RATES = list(metric_rates(open_codec("gpcc_predictive").rates))
 
 
 def _parameter_set(stream: bytes) -> syntax.GeometryParameterSet:
@@ -31,8 +33,8 @@ def _parameter_set(stream: bytes) -> syntax.GeometryParameterSet:
 @pytest.mark.parametrize("rate", ["2mm", "1mm"])
 def test_returns_come_back_to_within_the_grid(name: str, rate: str) -> None:
     returns, codec = EXAMPLES[name](), open_codec("gpcc_predictive")
-    step = codec.metric_rates[rate]["step_m"]
-    decoded = codec.decode(codec.encode_returns(returns, rate))
+    step = codec.rates[rate]["step_m"]
+    decoded = decode(codec, encode_returns(codec, returns, rate))
     rounded = np.rint(returns.points() / step) * step
     assert len(decoded) == len(returns)
     assert np.abs(_sorted(decoded, step) - _sorted(rounded, step)).max() < 1e-9
@@ -44,12 +46,12 @@ def _sorted(points: np.ndarray, step: float) -> np.ndarray:
 
 def test_rates_are_ordered_by_bits_and_error() -> None:
     codec, returns = open_codec("gpcc_predictive"), recorded(60)
-    streams = [codec.encode_returns(returns, rate) for rate in RATES]
+    streams = [encode_returns(codec, returns, rate) for rate in RATES]
     sizes = [len(stream) for stream in streams]
     assert sizes == sorted(sizes)
     assert sizes[-1] > 2 * sizes[0]
     points = returns.points()
-    off = [_mean_off(points, codec.decode(stream)) for stream in streams]
+    off = [_mean_off(points, decode(codec, stream)) for stream in streams]
     assert off == sorted(off, reverse=True)
 
 
@@ -61,7 +63,7 @@ def _mean_off(a: np.ndarray, b: np.ndarray) -> float:
 
 def test_the_sensor_of_a_recording_stands_in_the_stream() -> None:
     returns: Returns = recorded(60)
-    gps = _parameter_set(open_codec("gpcc_predictive").encode_returns(returns, "1mm"))
+    gps = _parameter_set(encode_returns(open_codec("gpcc_predictive"), returns, "1mm"))
     tangents = np.sort(np.tan(np.radians(returns.beams.elevations_deg)))
     assert np.allclose([laser.theta / 2**18 for laser in gps.lasers], tangents, atol=1e-5)
     turn = 1 << (12 + gps.geom_angular_azimuth_scale_log2_minus11)
@@ -75,12 +77,12 @@ def test_a_cloud_is_coded_with_the_returns_beside_it(name: str, tmp_path: Path) 
     codec, returns = open_codec(name), recorded(60)
     path = tmp_path / "turn.ply"
     write_cloud(path, PointCloud(returns.points(), about={"size": 0}))
-    alone = codec.encode_cloud(to_code(codec, path), "1mm")
+    alone = encode_cloud(codec, to_code(codec, path), "1mm")
     write_firings(path.with_suffix(".parquet"), returns)
-    together = codec.encode_cloud(to_code(codec, path), "1mm")
+    together = encode_cloud(codec, to_code(codec, path), "1mm")
     assert _parameter_set(alone).geom_angular_mode_enabled_flag == 0
-    assert alone == codec.encode(returns.points(), "1mm")
-    assert together == codec.encode_returns(returns, "1mm")
+    assert alone == encode(codec, returns.points(), "1mm")
+    assert together == encode_returns(codec, returns, "1mm")
     assert len(together) < len(alone)
 
 
@@ -102,10 +104,10 @@ def test_a_cloud_without_its_sensor_is_said_so(
 
 def test_a_returns_own_firings_need_no_second_block() -> None:
     returns = homemade()
-    assert len(open_codec("gpcc_predictive").encode_returns(returns, "16mm"))
+    assert len(encode_returns(open_codec("gpcc_predictive"), returns, "16mm"))
 
 
 def test_a_bare_stream_holds_no_unit() -> None:
     codec = open_codec("gpcc_predictive", {"options": {"raw": True}})
     with pytest.raises(InputError, match="cannot hold the unit"):
-        codec.encode_returns(recorded(60), "1mm")
+        encode_returns(codec, recorded(60), "1mm")

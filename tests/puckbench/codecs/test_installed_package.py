@@ -10,7 +10,7 @@ import pytest
 CODEC = """
 import numpy as np
 from pydantic import Field
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 from puckbench.codecs.registry import CODECS
 from pointkit.models import Model
 
@@ -26,13 +26,13 @@ class Raw(Codec):
     magic = b"RAW"
     Options = Options
 
-    def _encode(self, points, parameters):
-        kind = parameters["kind"]
-        return b"RAW" + kind.encode() + (points * self.options.stretch).astype(kind).tobytes()
+    def encode(self, cloud, rate):
+        kind = self.rates[rate]["kind"]
+        return b"RAW" + kind.encode() + (cloud.xyz * self.options.stretch).astype(kind).tobytes()
 
-    def _decode(self, stream):
+    def decode(self, stream):
         found = np.frombuffer(stream[6:], stream[3:6].decode()).reshape(-1, 3)
-        return found.astype(float) / self.options.stretch
+        return PointCloud(found.astype(float) / self.options.stretch)
 
 class Bare(Codec):
     rates = {"r1": {}}
@@ -41,24 +41,26 @@ class Bare(Codec):
         super().__init__(**entry)
         self.offset = offset
 
-    def _encode(self, points, parameters):
-        return (points + self.offset).tobytes()
+    def encode(self, cloud, rate):
+        return (cloud.xyz + self.offset).tobytes()
 
-    def _decode(self, stream):
-        return np.frombuffer(stream).reshape(-1, 3) - self.offset
+    def decode(self, stream):
+        return PointCloud(np.frombuffer(stream).reshape(-1, 3) - self.offset)
 """
 
 USED = """
 import numpy as np
 import puckbench.codecs.registry as registry
 from pointkit.errors import InputError
+from puckbench import PointCloud, decoded, encoded
 from puckbench.figures.plot_styles import codec_rank, codec_style
 
 points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+cloud = PointCloud(points)
 for name, changes in (("raw", {}), ("bare", {"options": {"offset": 1.5}})):
     codec = registry.open_codec(name, changes)
-    assert np.array_equal(codec.decode(codec.encode(points, "r1")), points)
-assert registry.codec_of(registry.open_codec("raw").encode(points, "r1")) == "raw"
+    assert np.array_equal(decoded(codec, encoded(codec, cloud, "r1")).xyz, points)
+assert registry.codec_of(encoded(registry.open_codec("raw"), cloud, "r1")) == "raw"
 assert registry.entry("raw") == {
     "class": "raw_points:Raw", "options": {"stretch": 1.0},
     "rates": {"r1": {"kind": "<f2"}, "r2": {"kind": "<f4"}},

@@ -16,8 +16,12 @@ from pointkit.files import read_json, sha256
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
 from puckbench.codecs.base import Codec
+from puckbench.codecs.coding import why_not_here
+from puckbench.codecs.learned import weights_label
+from puckbench.codecs.rates import rates_of
 from puckbench.codecs.registry import codec_of, codecs, entry, has_weights, open_codec
 from puckbench.planning.workflow import Workflow
+from tests.support.codecs import decode, encode
 from tests.support.learned_codecs import RATES, changes, save_tiny, shell
 
 NAMES = list(RATES)
@@ -43,26 +47,26 @@ def _codec(name: str, weights: Path | str) -> Codec:
 @pytest.mark.parametrize("name", NAMES)
 def test_of_all_sets_in_a_folder_a_codec_takes_its_own(name: str, together: Path) -> None:
     codec = _codec(name, together)
-    assert codec.available().ok
-    stream = codec.encode(shell(), "r2")
+    assert not why_not_here(codec)
+    stream = encode(codec, shell(), "r2")
     alone = _codec(name, together / f"{name}.safetensors")
-    assert alone.encode(shell(), "r2") == stream
-    assert np.array_equal(alone.decode(stream), codec.decode(stream))
+    assert encode(alone, shell(), "r2") == stream
+    assert np.array_equal(decode(alone, stream), decode(codec, stream))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_weights_of_a_rate_have_a_name_and_a_digest(name: str, together: Path) -> None:
     file = together / f"{name}.safetensors"
-    assert _codec(name, together).weights_of("r1") == f"{name} {sha256(file)[:16]}"
-    assert bytes.fromhex(sha256(file)[:16]) in _codec(name, together).encode(shell(), "r2")
+    assert weights_label(_codec(name, together).weights("r1")) == f"{name} {sha256(file)[:16]}"
+    assert bytes.fromhex(sha256(file)[:16]) in encode(_codec(name, together), shell(), "r2")
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_streams_of_other_weights_are_refused(name: str, together: Path, tmp_path: Path) -> None:
-    stream = _codec(name, together).encode(shell(), "r2")
+    stream = encode(_codec(name, together), shell(), "r2")
     save_tiny(name, tmp_path / "other.safetensors", seed=1)
     with pytest.raises(InputError, match=f"codec {name}: the stream was made with other weights"):
-        _codec(name, tmp_path).decode(stream)
+        decode(_codec(name, tmp_path), stream)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -71,10 +75,10 @@ def test_a_shipped_set_has_a_name_and_decodes_its_streams_whatever_is_given(
 ) -> None:
     shipped = {path.stem: path for path in together.glob("*.safetensors")}
     monkeypatch.setattr(catalogue, "shipped", lambda: shipped)
-    stream = _codec(name, name).encode(shell(), "r2")
+    stream = encode(_codec(name, name), shell(), "r2")
     save_tiny(name, tmp_path / "other.safetensors", seed=1)
-    decoded = _codec(name, tmp_path).decode(stream)
-    assert np.array_equal(decoded, _codec(name, name).decode(stream))
+    decoded = decode(_codec(name, tmp_path), stream)
+    assert np.array_equal(decoded, decode(_codec(name, name), stream))
 
 
 @pytest.mark.parametrize("cut", [0, 6, 200, -2], ids=["empty", "start", "header", "tensors"])
@@ -83,7 +87,7 @@ def test_damaged_weights_are_refused(name: str, cut: int, together: Path, tmp_pa
     whole = (together / f"{name}.safetensors").read_bytes()
     (tmp_path / "a.safetensors").write_bytes(whole[:cut])
     with pytest.raises(InputError, match=r"a\.safetensors"):
-        _codec(name, tmp_path).encode(shell(), "r2")
+        encode(_codec(name, tmp_path), shell(), "r2")
 
 
 @pytest.mark.parametrize(
@@ -94,18 +98,18 @@ def test_headers_of_another_kind_are_refused(header: str, tmp_path: Path) -> Non
     tensors = {"a": np.zeros(1, np.float16)}
     metadata = {catalogue.HEADER_KEY: header}
     (tmp_path / "a.safetensors").write_bytes(save(tensors, metadata=metadata))
-    assert "damaged weights" in _codec("pcgcv2_plus", tmp_path).available().why
+    assert "damaged weights" in why_not_here(_codec("pcgcv2_plus", tmp_path))
 
 
 def test_safetensors_files_of_others_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.safetensors").write_bytes(save({"a": np.zeros(1, np.float16)}))
-    assert "not a set of weights" in _codec("pcgcv2_plus", tmp_path).available().why
+    assert "not a set of weights" in why_not_here(_codec("pcgcv2_plus", tmp_path))
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path: Path) -> None:
     with (tmp_path / "a.safetensors").open("wb") as file:
         file.truncate(catalogue.MAX_FILE_BYTES + 1)
-    assert "damaged weights (more than" in _codec("pcgcv2_plus", tmp_path).available().why
+    assert "damaged weights (more than" in why_not_here(_codec("pcgcv2_plus", tmp_path))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -116,7 +120,7 @@ def test_a_changed_number_is_found_by_its_check_sum(
     whole[-1] ^= 1
     (tmp_path / "a.safetensors").write_bytes(whole)
     with pytest.raises(InputError, match=r"a\.safetensors: damaged weights \(check sum\)"):
-        _codec(name, tmp_path).encode(shell(), "r2")
+        encode(_codec(name, tmp_path), shell(), "r2")
 
 
 SHAPES = {
@@ -133,7 +137,7 @@ def test_a_network_too_large_to_build_is_refused(name: str, together: Path, tmp_
     about = {**weights.header.model_dump(exclude={"sha256", "digest"}), "shape": SHAPES[name]}
     write_weights(tmp_path / "a.safetensors", about, weights.state, weights.integers)
     with pytest.raises(InputError, match=r"a\.safetensors: shape: (channels\.2|rates|channels) is"):
-        _codec(name, tmp_path).encode(shell(), "r2")
+        encode(_codec(name, tmp_path), shell(), "r2")
 
 
 @pytest.mark.parametrize(("table", "value"), [("frequencies", 0), ("length", 1), ("lowest", 2**20)])
@@ -146,7 +150,7 @@ def test_impossible_frequency_tables_are_refused(
     about = weights.header.model_dump(exclude={"sha256", "digest"})
     write_weights(tmp_path / "a.safetensors", about, weights.state, integers)
     with pytest.raises(InputError, match=r"a\.safetensors: damaged weights"):
-        _codec("pcgcv2_plus", tmp_path).encode(shell(), "r2")
+        encode(_codec("pcgcv2_plus", tmp_path), shell(), "r2")
 
 
 def test_a_set_may_state_the_digest_by_which_streams_name_it(
@@ -154,37 +158,38 @@ def test_a_set_may_state_the_digest_by_which_streams_name_it(
 ) -> None:
     """Sets that were converted from an older format decode the streams of before."""
     weights = read_weights(together / "pcgcv2_plus.safetensors")
-    stream = _codec("pcgcv2_plus", together).encode(shell(), "r2")
+    stream = encode(_codec("pcgcv2_plus", together), shell(), "r2")
     about = {**weights.header.model_dump(exclude={"sha256"}), "digest": weights.digest.hex()}
     about["card"] = {"data": "another card"}
     write_weights(tmp_path / "a.safetensors", about, weights.state, weights.integers)
     codec = _codec("pcgcv2_plus", tmp_path)
-    assert codec.encode(shell(), "r2") == stream
-    assert codec.weights_of("r2") == f"a {weights.digest.hex()}"
-    assert len(codec.decode(stream)) > 0
+    assert encode(codec, shell(), "r2") == stream
+    assert weights_label(codec.weights("r2")) == f"a {weights.digest.hex()}"
+    assert len(decode(codec, stream)) > 0
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_lacks_is_said(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"codec {name}: weights is None, but must be"):
         open_codec(name, {"options": {"weights": None}})
-    assert "has no weights for" in _codec(name, tmp_path).available().why
-    assert "no such folder" in _codec(name, tmp_path / "nowhere").available().why
+    assert "has no weights for" in why_not_here(_codec(name, tmp_path))
+    assert "no such folder" in why_not_here(_codec(name, tmp_path / "nowhere"))
 
 
 def test_shipped_sets_have_what_their_codecs_ask_for() -> None:
     names = {name: entry(name)["options"]["weights"] for name in codecs() if has_weights(name)}
     assert set(catalogue.shipped()) <= set(names.values())
     for name, weights in names.items():
-        assert (weights in catalogue.shipped()) == open_codec(name).available().ok
+        assert (weights in catalogue.shipped()) != bool(why_not_here(open_codec(name)))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_opening_a_codec_does_not_import_torch(name: str, together: Path) -> None:
     program = (
         "import sys; from puckbench.codecs.registry import open_codec;"
+        "from puckbench.codecs.coding import why_not_here;"
         "from puckbench.codecs.registry import open_training;"
-        f"open_codec('{name}', {{'options': {{'weights': '{together}'}}}}).available();"
+        f"why_not_here(open_codec('{name}', {{'options': {{'weights': '{together}'}}}}));"
         f"open_training('{name}', None, {{}}); print(*sys.modules)"
     )
     done = subprocess.run(
@@ -197,13 +202,15 @@ def test_opening_a_codec_does_not_import_torch(name: str, together: Path) -> Non
 def test_after_loading_a_first_call_finds_every_loop_compiled() -> None:
     """The first timed call of a cloud once took 5 s of compilation."""
     names = ["pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net"]
-    here = [name for name in names if open_codec(name).available().ok]
+    here = [name for name in names if not why_not_here(open_codec(name))]
     program = """
 import gc
 import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
+from puckbench.codecs.rates import scaled_rates
 from puckbench.codecs.registry import open_codec
+from tests.support.codecs import decode, encode
 
 def compiled():
     loops = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]
@@ -217,8 +224,9 @@ for name in sys.argv[1:]:
     codec = open_codec(name)
     codec.load()
     before = compiled()
-    for rate in (list(codec.rates)[0], list(codec.rates)[-1]):
-        codec.decode(codec.encode(sphere, rate))
+    rates = list(scaled_rates(codec.rates))
+    for rate in (rates[0], rates[-1]):
+        decode(codec, encode(codec, sphere, rate))
     assert before
     print(*(name for name, count in compiled().items() if before.get(name) != count))
 """
@@ -256,13 +264,13 @@ def test_a_stream_of_a_cloud_in_metres_holds_its_unit() -> None:
     random = np.random.default_rng(2)
     points = np.column_stack([random.uniform(0, 3, (4000, 2)), random.normal(0, 0.005, 4000)])
     in_metres = open_codec("pcgcv2_plus_rooms", {"options": {"unit": 0.001}})
-    assert in_metres.rates_of("metric").keys() == in_metres.rates.keys()
-    stream = in_metres.encode(points, "r4")
+    assert rates_of(in_metres, "metric").keys() == in_metres.rates.keys()
+    stream = encode(in_metres, points, "r4")
     bare = open_codec("pcgcv2_plus_rooms")
     assert codec_of(stream) == "pcgcv2_plus"  # the first with their magic
-    decoded = bare.decode(stream)  # which was told no unit
-    np.testing.assert_allclose(decoded, bare.decode(bare.encode(points * 1000, "r4")) / 1000)
+    decoded = decode(bare, stream)  # which was told no unit
+    np.testing.assert_allclose(decoded, decode(bare, encode(bare, points * 1000, "r4")) / 1000)
     assert np.abs(decoded - decoded.mean(axis=0)).max() < 3
     for damage in (stream[:9], stream[:4] + np.array([np.nan]).tobytes() + stream[12:]):
         with pytest.raises(InputError, match=r"damaged .its unit"):
-            bare.decode(damage)
+            decode(bare, damage)

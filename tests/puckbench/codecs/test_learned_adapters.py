@@ -15,9 +15,12 @@ from cloud_files.clouds import read_cloud, write_cloud
 from pcc_networks import octree_net, pcgcv1, pcgcv2, reno
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
-from puckbench.codecs.base import Codec
-from puckbench.codecs.registry import codec_class, codec_of, open_codec
+from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.coding import why_not_here
+from puckbench.codecs.registry import based_on, codec_class, codec_of, open_codec
+from puckbench.steps.coding import ready
 from puckbench.steps.weights import Train
+from tests.support.codecs import decode, encode
 from tests.support.learned_codecs import RATES, changes, reno_state, save_tiny, shell, weights_name
 
 NETWORKS: dict[str, tuple[ModuleType, dict[str, Any], float]] = {
@@ -40,8 +43,8 @@ def test_the_library_and_the_codec_make_the_same_stream(name: str, tmp_path: Pat
     weights = library.load_weights(tmp_path / weights_name(name))
     stream = library.encode(shell() * unit, weights, **rate)
     codec = open_codec(name, changes(name, tmp_path))
-    assert codec.encode(shell(), "r2") == stream
-    assert np.allclose(library.decode(stream, weights) / unit, codec.decode(stream))
+    assert encode(codec, shell(), "r2") == stream
+    assert np.allclose(library.decode(stream, weights) / unit, decode(codec, stream))
     assert codec_of(stream) == name
 
 
@@ -53,7 +56,7 @@ def _plane(step: int) -> np.ndarray:
 
 def _published(name: str, weights: Path, rates: dict[str, Any] | None = None) -> Codec:
     """The codec that a changed one is based on, with the same weights."""
-    base = codec_class(name).based_on
+    base = based_on(open_codec(name))
     entry = changes(base, weights)
     return open_codec(base, entry if rates is None else {**entry, "rates": rates})
 
@@ -66,13 +69,13 @@ def test_sparse_clouds_are_coded_on_a_coarser_grid_except_as_published(
     rates = {rate: {**values, "mean_occupied_children": 4} for rate, values in RATES[name].items()}
     entry = {**changes(name, tmp_path, point_reconstruction=False), "rates": rates}
     codec, points = open_codec(name, entry), _plane(2)
-    decoded = codec.decode(codec.encode(points, "r2"))
+    decoded = decode(codec, encode(codec, points, "r2"))
     assert np.array_equal(np.unique(decoded % 2), [0])
     assert len(decoded) == len(points)
     published = _published(name, tmp_path, rates)
-    stream = published.encode(points, "r2")
-    assert set(np.unique(published.decode(stream) % 2)) == {0, 1}
-    assert np.array_equal(codec.decode(stream), published.decode(stream))  # the stream says how
+    stream = encode(published, points, "r2")
+    assert set(np.unique(decode(published, stream) % 2)) == {0, 1}
+    assert np.array_equal(decode(codec, stream), decode(published, stream))  # the stream says how
 
 
 @pytest.mark.parametrize("name", IMPROVED)
@@ -81,8 +84,8 @@ def test_coordinates_are_truncated_as_published(name: str, tmp_path: Path) -> No
     points = _plane(2) + np.arange(3)
     rounded = open_codec(name, changes(name, tmp_path))
     published = _published(name, tmp_path)
-    assert published.encode(points + 0.9, "r2") == published.encode(points, "r2")
-    assert rounded.encode(points + 0.9, "r2") != rounded.encode(points, "r2")
+    assert encode(published, points + 0.9, "r2") == encode(published, points, "r2")
+    assert encode(rounded, points + 0.9, "r2") != encode(rounded, points, "r2")
 
 
 @pytest.mark.parametrize("name", IMPROVED)
@@ -91,7 +94,7 @@ def test_options_choose_context_mixing_and_point_reconstruction(name: str, tmp_p
     points = _plane(1)[::2]
     for option in ("context_mixing", "point_reconstruction"):
         streams = [
-            open_codec(name, changes(name, tmp_path, **{option: value})).encode(points, "r1")
+            encode(open_codec(name, changes(name, tmp_path, **{option: value})), points, "r1")
             for value in (True, False)
         ]
         assert streams[0] != streams[1]
@@ -108,11 +111,10 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
     for alpha in ("0.75", "2", "6", "10"):
         (tmp_path / f"a{alpha}b3.npz").touch()
     options = {"options": {"weights": str(tmp_path)}}
-    ok, why = open_codec("pcgcv1", options).available()
-    assert not ok
+    why = why_not_here(open_codec("pcgcv1", options))
     assert "no weights for r4 (rates it has: r1, r2, r3, r5, r6)" in why
     rest = {**options, "rates": ["r1", "r2", "r3", "r5", "r6"]}
-    assert open_codec("pcgcv1", rest).available().ok
+    assert not why_not_here(open_codec("pcgcv1", rest))
 
 
 @pytest.mark.parametrize(
@@ -129,8 +131,7 @@ def test_missing_weights_are_named(
     name: str, entry: dict[str, Any], fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    ok, why = open_codec(name, entry).available()
-    assert not ok
+    why = why_not_here(open_codec(name, entry))
     assert fault in why
 
 
@@ -138,13 +139,13 @@ def test_missing_weights_are_named(
 def test_the_command_decodes_with_the_weights_that_it_is_given(name: str, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.safetensors")
     codec = open_codec(name, changes(name, tmp_path))
-    stream = codec.encode(shell(), "r1")
+    stream = encode(codec, shell(), "r1")
     (tmp_path / "a.bin").write_bytes(stream)
     words = ["decode", tmp_path / "a.bin", tmp_path / "a.ply", "--weights", tmp_path]
     entry = json.dumps({"rates": RATES[name]})
     command = [sys.executable, "-m", "puckbench", *words, "--entry", entry]
     subprocess.run(command, check=True)
-    assert np.array_equal(read_cloud(tmp_path / "a.ply").xyz, codec.decode(stream))
+    assert np.array_equal(read_cloud(tmp_path / "a.ply").xyz, decode(codec, stream))
 
 
 @pytest.fixture(scope="module")
@@ -164,15 +165,15 @@ def test_one_of_renos_three_sets_codes_and_all_decode(reno_folder: Path) -> None
     streams, codec = {}, _reno(reno_folder)
     for name in ("KITTIDetection", "SemanticKITTI", "Ford"):
         own = _reno(reno_folder, trained_on=name)
-        assert own.available().ok
-        assert own.weights_of("8mm").startswith(f"{name} ")
-        streams[name] = own.encode(METRES, "64mm")
-        assert streams[name] == _reno(reno_folder / f"{name}.pt").encode(METRES, "64mm")
-        assert len(codec.decode(streams[name])) == len(codec.decode(streams["KITTIDetection"]))
+        assert not why_not_here(own)
+        assert own.weights("8mm") == reno_folder / f"{name}.pt"
+        streams[name] = encode(own, METRES, "64mm")
+        assert streams[name] == encode(_reno(reno_folder / f"{name}.pt"), METRES, "64mm")
+        assert len(decode(codec, streams[name])) == len(decode(codec, streams["KITTIDetection"]))
     assert len(set(streams.values())) == 3
     alone = _reno(reno_folder / "Ford.pt")
     with pytest.raises(InputError, match="made with other weights"):
-        alone.decode(streams["SemanticKITTI"])
+        decode(alone, streams["SemanticKITTI"])
 
 
 @pytest.mark.parametrize("rate", ["4mm", "64mm", "512mm"])
@@ -181,13 +182,12 @@ def test_points_of_reno_are_those_of_gpcc(reno_folder: Path, rate: str) -> None:
     codec = _reno(reno_folder)
     length = float(rate[:-2]) / 1000
     gpcc = open_codec("gpcc", {"metric_rates": {rate: {"step_m": length}}})
-    result, expected = (each.decode(each.encode(points, rate)) for each in (codec, gpcc))
+    result, expected = (decode(each, encode(each, points, rate)) for each in (codec, gpcc))
     order, expected_order = (np.lexsort(np.rint(p * 1e6).T) for p in (result, expected))
     np.testing.assert_allclose(result[order], expected[expected_order], atol=1e-9)
-    assert list(codec.metric_rates) == [f"{1 << n}mm" for n in range(9, 1, -1)]
-    assert not codec.rates
-    with pytest.raises(InputError, match="rates such as 512mm are lengths, and the cloud is"):
-        codec.check_frame("scaled", "8mm")
+    assert list(codec.rates) == [f"{1 << n}mm" for n in range(9, 1, -1)]
+    fault = codec.skip(CloudKind("scaled"), "8mm")
+    assert str(fault).startswith("rates such as 512mm are lengths, and the cloud is")
 
 
 @no_cuda
@@ -195,9 +195,10 @@ def test_points_of_reno_are_those_of_gpcc(reno_folder: Path, rate: str) -> None:
 def test_where_there_is_no_cuda_the_codec_says_so(name: str, tmp_path: Path) -> None:
     save_tiny(name, tmp_path / "tiny.safetensors")
     codec = open_codec(name, changes(name, tmp_path, device="cuda"))
-    assert codec.available() == (False, "device cuda: PyTorch finds no CUDA device here")
+    with pytest.raises(InputError, match="device cuda: PyTorch finds no CUDA device here"):
+        ready(codec)
     with pytest.raises(InputError, match="no CUDA device"):
-        codec.encode(shell(), "r1")
+        encode(codec, shell(), "r1")
 
 
 @no_cuda

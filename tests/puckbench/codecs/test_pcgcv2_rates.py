@@ -8,6 +8,7 @@ import pytest
 from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.registry import open_codec
 from puckbench.metrics.geometry import distortion
+from tests.support.codecs import decode, encode
 from tests.support.default_clouds import CLOUDS, RAW_ROOM
 
 _CLOUDS: dict[str, Callable[[], PointCloud]] = {**CLOUDS, "office_1, raw": RAW_ROOM}
@@ -24,8 +25,8 @@ _CLOUDS: dict[str, Callable[[], PointCloud]] = {**CLOUDS, "office_1, raw": RAW_R
 def test_bits_grow_in_steps_below_4_and_distances_fall(name: str, cloud: str) -> None:
     reference, codec, rows = _CLOUDS[cloud](), open_codec(name), []
     for rate in codec.rates:
-        stream = codec.encode(reference.xyz, rate)
-        result = distortion(reference, codec.decode(stream))
+        stream = encode(codec, reference.xyz, rate)
+        result = distortion(reference, decode(codec, stream))
         rows.append([len(stream), result["d1_mse"], result["cd_plane"]])
     steps = np.array(rows)[1:] / np.array(rows)[:-1]
     assert steps[:, 0].min() > 1

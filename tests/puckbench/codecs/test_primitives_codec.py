@@ -5,14 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import primitive_codec
 from cloud_files.meshes import read_mesh
 from pointkit.errors import InputError
-from pointkit.geometry.cloud import Floats
-from primitive_codec import RATES, PrimitiveSettings, encode
+from pointkit.geometry.cloud import PointCloud
+from pointkit.measurement import NO_COST
+from primitive_codec import RATES, PrimitiveSettings
 from puckbench.cli import main
-from puckbench.codecs.base import Cost, Parameters
+from puckbench.codecs.coding import decoded_surfaces
 from puckbench.codecs.primitives import Primitives
 from puckbench.codecs.registry import open_codec
+from tests.support.codecs import decode, encode
 
 SIZE = np.array([1023.0, 700.0, 500.0])
 NOISE = 2.5
@@ -43,15 +46,15 @@ def _codec() -> Primitives:
 def test_coordinates_in_metres_far_from_the_origin_come_back() -> None:
     points, codec = _room(), _codec()
     to_grid = points * 0.006 + [4000.0, -250.0, 30.0]
-    decoded = (codec.decode(codec.encode(to_grid, "r4")) - [4000.0, -250.0, 30.0]) / 0.006
+    decoded = (decode(codec, encode(codec, to_grid, "r4")) - [4000.0, -250.0, 30.0]) / 0.006
     assert np.mean(_to_truth(decoded) ** 2) < 0.3 * NOISE**2
 
 
 @pytest.mark.parametrize("away", [0.0, 5e6], ids=["near", "far"])
 def test_the_mesh_is_where_the_points_are_and_labelled_with_planes(away: float) -> None:
     codec = _codec()
-    stream = codec.encode(_room() + away, "r4")
-    mesh, decoded = codec.decode_mesh(stream), codec.decode(stream)
+    stream = encode(codec, _room() + away, "r4")
+    mesh, decoded = decoded_surfaces(codec, stream), decode(codec, stream)
     assert mesh.labels is not None
     chosen = np.array([p.parameters["normal"] for p in mesh.labels.primitives])
     offsets = np.array([p.parameters["offset"] for p in mesh.labels.primitives])
@@ -68,11 +71,11 @@ def test_the_mesh_is_where_the_points_are_and_labelled_with_planes(away: float) 
 def test_unknown_parameters_of_a_rate_are_refused() -> None:
     codec = open_codec("primitives", {"rates": {"r1": {"leafs": 3}}})
     with pytest.raises(InputError, match="unknown option 'leafs'"):
-        codec.encode(_room(100), "r1")
+        encode(codec, _room(100), "r1")
 
 
 def test_the_command_line_writes_the_mesh(tmp_path: Path) -> None:
-    (tmp_path / "a.bin").write_bytes(_codec().encode(_room(), "r4"))
+    (tmp_path / "a.bin").write_bytes(encode(_codec(), _room(), "r4"))
     assert main(["decode", str(tmp_path / "a.bin"), str(tmp_path / "a.ply"), "--as-mesh"]) == 0
     mesh = read_mesh(tmp_path / "a.ply")
     assert mesh.labels is not None
@@ -81,29 +84,22 @@ def test_the_command_line_writes_the_mesh(tmp_path: Path) -> None:
 
 
 def test_a_codec_of_points_has_no_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "a.bin").write_bytes(open_codec("draco").encode(_room(100), "r4"))
+    (tmp_path / "a.bin").write_bytes(encode(open_codec("draco"), _room(100), "r4"))
     assert main(["decode", str(tmp_path / "a.bin"), str(tmp_path / "a.ply"), "--as-mesh"]) == 2
     assert "a.bin: codec draco: codes points, not surfaces" in capsys.readouterr().err
 
 
 def test_streams_are_those_of_the_package() -> None:
     points = _room(3000)
-    assert _codec().encode(points, "r2") == encode(points, PrimitiveSettings(**RATES["r2"]))
+    assert encode(_codec(), points, "r2") == primitive_codec.encode(
+        points, PrimitiveSettings(**RATES["r2"])
+    )
 
 
 def test_rates_share_the_surface_and_cost_what_they_would_alone() -> None:
-    codec, points, here = _codec(), _room(3000), Cost(0.5, 1.0)
-    shared = codec.shared_work()
+    codec, points = _codec(), _room(3000)
+    shared = codec.prepare(PointCloud(points))
     assert shared is not None
     for rate, is_shared in (("r5", False), ("r7", True)):
-        assert codec.encode(points, rate, shared) == codec.encode(points, rate)
-        assert (shared.saved > Cost(0, 0)) == is_shared
-    assert codec.cost(here) == here
-
-
-def test_a_derived_class_with_its_own_coding_shares_nothing() -> None:
-    class Reversed(Primitives):
-        def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-            return super()._encode(points[::-1].copy(), parameters)
-
-    assert Reversed("reversed").shared_work() is None
+        assert encode(codec, points, rate, shared) == encode(codec, points, rate)
+        assert (shared.saved > NO_COST) == is_shared

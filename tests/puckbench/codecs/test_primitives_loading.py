@@ -8,6 +8,7 @@ import sys
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from puckbench.codecs.registry import open_codec
+from tests.support.codecs import decode, encode
 
 def compiled():
     ours = ("gpcc.", "pointkit.", "primitive_codec.")
@@ -24,7 +25,7 @@ can = np.column_stack([300 + 150 * np.cos(turn), 300 + 150 * np.sin(turn), 400 *
 wall = rng.random((4000, 3)) * [1000, 1000, 0]
 points = np.concatenate([can, wall]) + rng.normal(0, 2, (8000, 3))
 for rate in codec.rates:
-    codec.decode(codec.encode(points, rate))
+    decode(codec, encode(codec, points, rate))
 after = compiled()
 print(len(before), sorted(name for name in after if after[name] != before.get(name)))
 """

@@ -16,6 +16,7 @@ from puckbench.metrics.geometry import distortion
 from puckbench.scene_sets.embedded_rooms import EmbeddedRooms
 from puckbench.steps.preparation import MeasuredPoints
 from puckbench.steps.preparation import prepare as prepare_cloud
+from tests.support.codecs import decode, encode
 from tests.support.default_clouds import CLOUDS, sampled_room
 from virtual_lidar import free_origin, open_error_model, open_sweep, scan
 
@@ -52,10 +53,10 @@ def _curve(
 ) -> np.ndarray:
     """Bytes, D1, distances to the points (to plane, to point) and the truth, share of points."""
     codec, rows = open_codec("primitives"), []
-    shared = codec.shared_work()
+    shared = codec.prepare(reference)
     for rate in rates or codec.rates:
-        stream = codec.encode(reference.xyz, rate, shared)
-        decoded = codec.decode(stream)
+        stream = encode(codec, reference.xyz, rate, shared)
+        decoded = decode(codec, stream)
         to_points = distortion(reference, decoded)
         to_truth = distortion(truth, decoded)["cd_plane"] if truth else 0.0
         measured = [to_points[key] for key in ("d1_mse", "cd_plane", "cd_point")]

@@ -15,6 +15,7 @@ from pointkit.lidar.returns import returns_file, write_firings
 from puckbench.codecs.registry import open_codec
 from puckbench.metrics.sensor_metrics import range_errors
 from puckbench.steps.evaluate import Evaluate, Originals
+from tests.support.codecs import decode, decode_cloud, encode_returns
 from tests.support.processors import printed_on_processors
 from tests.support.returns import recorded
 
@@ -28,10 +29,10 @@ def test_streams_are_puck_s_with_a_mark_in_front(rate: str) -> None:
     returns = recorded()
     codec = open_codec("puck_smoothed")
     plain = open_codec("puck", {"options": {"lmbda": codec.options.lmbda}})
-    coded, stream = plain.encode_returns(returns, rate), codec.encode_returns(returns, rate)
+    coded, stream = encode_returns(plain, returns, rate), encode_returns(codec, returns, rate)
     assert stream.endswith(coded)
     assert len(stream) == len(coded) + 6
-    exact, estimate = plain.decode_cloud(coded), codec.decode_cloud(stream)
+    exact, estimate = decode_cloud(plain, coded), decode_cloud(codec, stream)
     assert exact.returns is not None
     assert estimate.returns is not None
     assert range_errors(exact.returns, estimate.returns)["range_max_mm"] == 0
@@ -41,7 +42,7 @@ def test_streams_are_puck_s_with_a_mark_in_front(rate: str) -> None:
     assert np.abs(along[0] - along[1]).max() < 0.02  # lasers are up to 11 mm above the origin
     for wrong, other in ((plain, stream), (codec, coded)):
         with pytest.raises(InputError, match="not a"):
-            wrong.decode(other)
+            decode(wrong, other)
 
 
 def test_range_errors_of_moved_points_are_those_of_the_points(tmp_path: Path) -> None:
@@ -54,7 +55,7 @@ def test_range_errors_of_moved_points_are_those_of_the_points(tmp_path: Path) ->
     originals, rows = Originals(cloud), {}
     for name in ("puck", "puck_smoothed"):
         codec = open_codec(name)
-        decoded = codec.decode_cloud(codec.encode_returns(returns, "2mm"))
+        decoded = decode_cloud(codec, encode_returns(codec, returns, "2mm"))
         rows[name] = Evaluate(codec=name).row(originals, (decoded, {}))
         assert rows[name]["returns_lost"] == rows[name]["returns_added"] == 0
     assert rows["puck"]["range_rms_mm"] == rows["puck"]["range_max_mm"] == 0
@@ -69,13 +70,14 @@ def test_range_errors_of_moved_points_are_those_of_the_points(tmp_path: Path) ->
 _SMOOTH = """
 import hashlib
 from puckbench.codecs.registry import open_codec
+from tests.support.codecs import decode, encode_returns
 from tests.support.returns import recorded
 digest = hashlib.sha256()
 for name in ("puck", "puck_smoothed"):
     codec = open_codec(name)
     for rate in ("50mm", "2mm"):
-        stream = codec.encode_returns(recorded(), rate)
-        digest.update(stream + codec.decode(stream).tobytes())
+        stream = encode_returns(codec, recorded(), rate)
+        digest.update(stream + decode(codec, stream).tobytes())
 print(digest.hexdigest())
 """
 

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import puck
 from pointkit.coding.zstandard import compressed
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.turns import MAX_RANGE, Turn
-from puck import CodingOptions, encode_returns
+from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.returns_codec import ReturnsCodec
+from tests.support.codecs import decode_returns, encode_returns
 from tests.support.returns import staggered
 from virtual_lidar import open_error_model, open_sweep, scan
 from virtual_lidar.scan_returns import returns_of_scan
@@ -23,8 +25,8 @@ from virtual_lidar.scenes.rooms import make_room, room_origin
 def test_images_hold_ranges_of_32_bits(name: str) -> None:
     codec = open_codec(name)
     assert isinstance(codec, ReturnsCodec)
-    if not codec.available().ok:
-        pytest.skip(codec.available().why)
+    if why_not_here(codec):
+        pytest.skip(why_not_here(codec))
     random = np.random.default_rng(0)
     ranges = random.integers(0, MAX_RANGE + 1, (2, 40, 20), dtype=np.uint32)
     ranges[1, ::2] = ranges[0, ::2]
@@ -33,10 +35,10 @@ def test_images_hold_ranges_of_32_bits(name: str) -> None:
     turn = Turn(ranges, np.arange(40, dtype=np.uint16))
     layout = replace(returns.layout, kinds=2)
     wide = replace(returns, layout=layout, turns=(turn,))
-    decoded = codec.decode_returns(codec.encode_returns(wide, "2mm"))
+    decoded = decode_returns(codec, encode_returns(codec, wide, "2mm"))
     assert replace(decoded, turns=()) == replace(wide, turns=())
     np.testing.assert_array_equal(decoded.turns[0].ranges, ranges)
-    coarse = codec.decode_returns(codec.encode_returns(wide, "100mm")).turns[0].ranges
+    coarse = decode_returns(codec, encode_returns(codec, wide, "100mm")).turns[0].ranges
     assert np.abs(coarse.astype(np.int64) - ranges).max() <= 25
 
 
@@ -62,7 +64,7 @@ def test_a_scan_in_millimetres_by_128_lasers_costs_few_bits(effort: str, share: 
     images = [np.ascontiguousarray(turn.ranges[0].T) for turn in turns]
     assert images[0].dtype == np.uint32
     assert images[0].shape == (lasers, columns)
-    options = CodingOptions(effort=effort, times=False)  # type: ignore[arg-type]
-    stream = encode_returns(returns, options)
+    options = puck.CodingOptions(effort=effort, times=False)  # type: ignore[arg-type]
+    stream = puck.encode_returns(returns, options)
     assert len(stream) < share * sum(len(compressed(image.tobytes())) for image in images)
     assert 8 * len(stream) / len(returns) < 5.3

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pointkit.geometry.cloud import Floats, PointCloud
-from puckbench.codecs.base import Codec, Cost, Parameters, SharedWork
+from pointkit.geometry.cloud import PointCloud
+from pointkit.measurement import Cost
+from puckbench.codecs.base import Codec, Parameters, SharedWork
 from puckbench.steps.encode import measured_encoding
+from tests.support.codecs import encode, encode_cloud
 
 POINTS = np.arange(30.0).reshape(10, 3)
 WORK = Cost(1000.0, 1e6)
@@ -22,43 +25,44 @@ class SharedSum(SharedWork):
 
 
 class Plain(Codec):
-    """Codes the sum of the coordinates, by an `_encode` alone."""
+    """Codes the sum of the coordinates."""
 
     rates: Mapping[str, Parameters] = {"r1": {"digit": b"1"}, "r2": {"digit": b"2"}}
 
-    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        return points.sum().tobytes() + bytes(parameters["digit"])
+    def encode(self, cloud: PointCloud, rate: str, work: Any = None) -> bytes:
+        return cloud.xyz.sum().tobytes() + bytes(self.rates[rate]["digit"])
 
-    def _decode(self, stream: bytes) -> Floats:
-        return np.zeros((1, 3))
+    def decode(self, stream: bytes) -> PointCloud:
+        return PointCloud(np.zeros((1, 3)))
 
 
 class Sharing(Plain):
     """Codes the sum, which r2 takes from r1."""
 
-    def shared_work(self) -> SharedSum:
+    def prepare(self, cloud: PointCloud) -> SharedSum:
         """The sum."""
         return SharedSum()
 
-    def _encode_sharing(self, points: Floats, parameters: Parameters, shared: SharedSum) -> bytes:
-        if parameters["digit"] == b"2" and shared.total:
-            shared.saved = WORK
+    def encode(self, cloud: PointCloud, rate: str, work: SharedSum | None = None) -> bytes:
+        work = work or SharedSum()
+        if rate == "r2" and work.total:
+            work.saved = WORK
         else:
-            shared.total = points.sum().tobytes()
-        return shared.total + bytes(parameters["digit"])
+            work.total = cloud.xyz.sum().tobytes()
+        return work.total + bytes(self.rates[rate]["digit"])
 
 
 @pytest.mark.parametrize("shift", [0.0, 5e6], ids=["near", "far"])
 def test_streams_are_the_same_with_shared_work(shift: float) -> None:
     codec, cloud = Sharing("sharing"), PointCloud(POINTS + shift)
-    shared = codec.shared_work()
+    shared = codec.prepare(cloud)
     for rate in ("r1", "r2", "r1"):
-        assert codec.encode_cloud(cloud, rate, shared) == codec.encode_cloud(cloud, rate)
+        assert encode_cloud(codec, cloud, rate, shared) == encode_cloud(codec, cloud, rate)
 
 
 def test_a_rate_costs_what_it_would_cost_alone() -> None:
     codec, cloud = Sharing("sharing"), PointCloud(POINTS)
-    shared = codec.shared_work()
+    shared = codec.prepare(cloud)
     first, second, again = (
         measured_encoding(codec, cloud, rate, 2, shared) for rate in ("r1", "r2", "r1")
     )
@@ -69,6 +73,6 @@ def test_a_rate_costs_what_it_would_cost_alone() -> None:
 
 def test_a_codec_without_shared_work_is_one_with_an_encode_alone() -> None:
     codec, cloud = Plain("plain"), PointCloud(POINTS)
-    assert codec.shared_work() is None
-    stream = measured_encoding(codec, cloud, "r1", shared=codec.shared_work()).result
-    assert stream == codec.encode(POINTS, "r1", SharedSum()) == POINTS.sum().tobytes() + b"1"
+    assert codec.prepare(cloud) is None
+    stream = measured_encoding(codec, cloud, "r1", shared=codec.prepare(cloud)).result
+    assert stream == encode(codec, POINTS, "r1", SharedSum()) == POINTS.sum().tobytes() + b"1"

@@ -21,29 +21,29 @@ class Mine(Codec):
     colour = "#123456"
     rates = {"r1": {}}
 
-    def _encode(self, points, parameters):
-        return points.tobytes()
+    def encode(self, cloud, rate):
+        return cloud.xyz.tobytes()
 
-    def _decode(self, stream):
+    def decode(self, stream):
         return []
 """
 
 
 HELPED = """
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 {early}
 
 class Helped(Codec):
     title = "Helped"
     rates = {{"r1": {{}}}}
 
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         {late}
-        return {name}.STEP.to_bytes() + points.astype("<f8").tobytes()
+        return {name}.STEP.to_bytes() + cloud.xyz.astype("<f8").tobytes()
 
-    def _decode(self, stream):
-        return np.frombuffer(stream[1:], "<f8").reshape(-1, 3)
+    def decode(self, stream):
+        return PointCloud(np.frombuffer(stream[1:], "<f8").reshape(-1, 3))
 """
 
 

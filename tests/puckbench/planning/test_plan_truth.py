@@ -79,9 +79,9 @@ def test_without_labels_or_surfaces_nothing_is_compared(
 OWN = """
 from puckbench.codecs.base import Codec
 class Own(Codec):
-    def _encode(self, points, parameters):
-        return points.tobytes()
-    def _decode(self, stream):
+    def encode(self, cloud, rate):
+        return cloud.xyz.tobytes()
+    def decode(self, stream):
         raise NotImplementedError
 """
 

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from pcc_networks import catalogue
+from puckbench.codecs.rates import scaled_rates
 from puckbench.codecs.registry import open_codec, open_training
 from puckbench.planning.plan import TrainingPlan
 from puckbench.planning.workflow import Workflow
@@ -81,5 +82,5 @@ def test_cards_tell_what_the_sets_do_on_the_clouds_they_are_validated_on(name: s
     validation = card.pop("validation")
     assert card == header_of(name).card
     assert validation["data"] == [f"{dataset}/{cloud}.ply" for dataset, cloud in plan.validate]
-    assert list(validation["rates"]) == list(open_codec(plan.codec).rates)
+    assert list(validation["rates"]) == list(scaled_rates(open_codec(plan.codec).rates))
     assert validation["faults"] == faults(validation["rates"]) == []

@@ -32,10 +32,10 @@ from puckbench.codecs.base import Codec, lengths
 class MyCodec(Codec):
     rates = {"r1": {}}
 
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         return b""
 
-    def _decode(self, stream):
+    def decode(self, stream):
         return None
 """
 
@@ -398,7 +398,7 @@ def test_a_fault_is_one_line_before_anything_runs(
 ) -> None:
     Path("empty.xyz").touch()
     Path("notes.md").touch()
-    Path("metric.py").write_text(OWN.replace('rates = {"r1": {}}', "metric_rates = lengths(10)"))
+    Path("metric.py").write_text(OWN.replace('rates = {"r1": {}}', "rates = lengths(10)"))
     np.save("nan.npy", np.vstack([POINTS, [np.nan, 0, 0]]))
     assert main(["run", *words.split()]) == 2
     said = capsys.readouterr()

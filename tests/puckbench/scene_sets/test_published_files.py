@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs.learned import PUBLISHED_WEIGHTS
+from puckbench.codecs.coding import why_not_here
+from puckbench.codecs.learned import PUBLISHED_WEIGHTS, weights_label
 from puckbench.codecs.registry import open_codec
 from puckbench.scene_sets import published_files
 from puckbench.scene_sets.sources import SOURCES
@@ -94,14 +95,14 @@ def test_one_command_brings_the_published_codecs(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in RATES:
-        ok, why = open_codec(name).available()
-        assert not ok
+        why = why_not_here(open_codec(name))
         assert why == f"no weights in {PUBLISHED_WEIGHTS}: fetch them (puckbench data pcgc_weights)"
     assert main(["data", "pcgc_weights"]) == 0
     assert "pcgc_weights" in capsys.readouterr().out
     for name, rates in RATES.items():
-        assert open_codec(name).available().ok
-        assert len(open_codec(name).weights_files()) == len(rates)
+        codec = open_codec(name)
+        assert not why_not_here(codec)
+        assert len({*map(codec.weights, codec.rates)}) == len(rates)
     folder = Path(PUBLISHED_WEIGHTS)
     assert (folder / "LICENSE-PCGCv1").read_text() == "Apache"
     assert "MIT License" in (folder / "CREDITS.md").read_text()
@@ -165,11 +166,11 @@ def test_the_weights_of_reno_come_alike(
     monkeypatch.setitem(SOURCES, "reno_weights", replace(source, download=download))
     monkeypatch.chdir(tmp_path)
     assert main(["data", "reno_weights"]) == 0
-    assert open_codec("reno").available().ok
+    assert not why_not_here(open_codec("reno"))
     assert "MIT License" in Path("data/reno_weights/CREDITS.md").read_text()
     for name in RENO_SETS:
         codec = open_codec("reno", {"options": {"trained_on": name}})
-        assert codec.weights_of("8mm") == f"{name} {_sha256(name.encode())[:16]}"
+        assert weights_label(codec.weights("8mm")) == f"{name} {_sha256(name.encode())[:16]}"
 
 
 def test_recordings_of_ouster_sensors_have_metadata_digests_and_a_licence() -> None:

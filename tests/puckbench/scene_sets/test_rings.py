@@ -16,6 +16,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.scene_sets.kitti import Kitti
 from puckbench.scene_sets.nuscenes import NuScenes
 from puckbench.scene_sets.scene import Scene
+from tests.support.codecs import decode_cloud, encode_returns
 from tests.support.files import put
 
 
@@ -88,7 +89,7 @@ def test_recovered_returns_survive_files_and_streams(tmp_path: Path) -> None:
     write_firings(tmp_path / "turn.parquet", result)
     again = read_firings(tmp_path / "turn.parquet")
     assert again.beams == result.beams
-    decoded = open_codec("puck").decode_cloud(open_codec("puck").encode_returns(result, "2mm"))
+    decoded = decode_cloud(open_codec("puck"), encode_returns(open_codec("puck"), result, "2mm"))
     np.testing.assert_array_equal(decoded.xyz, result.points())
 
 

@@ -34,24 +34,24 @@ NAME = "airplane_01"
 COUNTING = """
 from pathlib import Path
 
-from puckbench.codecs.base import Codec, Pace
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Counting(Codec):
     rates = {f"r{rate}": {} for rate in range(1, 6)}
-    pace = Pace(0.0, 2000.0)
+    costs = {"base_s": 0.0, "million_s": 2000.0}
 
     def load(self):
         with Path("loads").open("a") as loads:
             loads.write("x")
 
-    def _encode(self, points, parameters):
-        return points.tobytes()
+    def encode(self, cloud, rate):
+        return cloud.xyz.tobytes()
 
-    def _decode(self, stream):
+    def decode(self, stream):
         import numpy as np
 
-        return np.frombuffer(stream).reshape(-1, 3)
+        return PointCloud(np.frombuffer(stream).reshape(-1, 3))
 """
 
 

@@ -32,7 +32,7 @@ from puckbench.codecs.base import Codec
 class Own(Codec):
     rates = {"r1": {}}
 
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         print("said", file=sys.stderr)
         if os.environ.get("WAIT") and not Path(os.environ["WAIT"]).exists():
             Path(os.environ["WAIT"]).write_text(str(os.getpid()))
@@ -50,7 +50,7 @@ class Own(Codec):
         }
         return json.dumps(found).encode()
 
-    def _decode(self, stream):
+    def decode(self, stream):
         raise NotImplementedError
 """
 KILLED = "puckbench: this job was killed, and runs again\n"

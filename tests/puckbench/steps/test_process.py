@@ -28,18 +28,18 @@ class Own(Codec):
         "r4": {"do": "remove"},
     }
 
-    def _encode(self, points, parameters):
-        if parameters["do"] == "move":
+    def encode(self, cloud, rate):
+        if self.rates[rate]["do"] == "move":
             os.chdir(os.path.dirname(__file__))
-        if parameters["do"] == "exit":
+        if self.rates[rate]["do"] == "exit":
             sys.exit()
-        if parameters["do"] == "stop":
+        if self.rates[rate]["do"] == "stop":
             sys.exit("no licence")
-        if parameters["do"] == "remove":
+        if self.rates[rate]["do"] == "remove":
             os.remove("cloud.ply")
         return b"coded"
 
-    def _decode(self, stream):
+    def decode(self, stream):
         raise ValueError
 """
 

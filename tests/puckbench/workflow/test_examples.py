@@ -15,10 +15,12 @@ import yaml
 
 from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
+from pointkit.measurement import Cost
 from pointkit.registry import trust
-from puckbench.codecs.base import Cost
+from puckbench.codecs.coding import cost_of
 from puckbench.codecs.registry import open_codec
 from tests.support.bench import BOX, CONFIG, ROOT, Bench
+from tests.support.codecs import decode, encode
 from tests.support.pages import blocks, commands, page, write_files
 
 CODEC = "docs/how-to/bring_a_codec.md"
@@ -62,9 +64,9 @@ def test_a_codec_that_runs_a_program_codes_as_its_page_shows(tmp_path: Path) -> 
     trust([place])
     codec = open_codec("zipped", {"class": place})
     points = np.random.default_rng(0).random((500, 3)).astype(np.float32).astype(float)
-    np.testing.assert_array_equal(codec.decode(codec.encode(points, "r2")), points)
-    np.testing.assert_allclose(codec.decode(codec.encode(points, "r1")), points, atol=1e-3)
-    assert codec.cost(Cost(0.0, 0.0)).seconds > 0
+    np.testing.assert_array_equal(decode(codec, encode(codec, points, "r2")), points)
+    np.testing.assert_allclose(decode(codec, encode(codec, points, "r1")), points, atol=1e-3)
+    assert cost_of(codec, Cost(0.0, 0.0)).seconds > 0
 
 
 def test_gpcc_codes_points_alone_as_its_example_shows() -> None:

@@ -18,112 +18,115 @@ import sys
 import time
 
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Good(Codec):
     rates = {"r1": {"step": 16}, "r2": {"step": 4}}
 
-    def _encode(self, points, parameters):
-        step = np.float64(parameters["step"])
-        return step.tobytes() + np.round(points / step).astype("<i4").tobytes()
+    def encode(self, cloud, rate):
+        step = np.float64(self.rates[rate]["step"])
+        return step.tobytes() + np.round(cloud.xyz / step).astype("<i4").tobytes()
 
-    def _decode(self, stream):
+    def decode(self, stream):
+        return PointCloud(self.points(stream))
+
+    def points(self, stream):
         return np.frombuffer(stream[8:], "<i4").reshape(-1, 3) * np.frombuffer(stream[:8])
 
 
 class Raises(Good):
-    def _encode(self, points, parameters):
-        return [b"a"][1 if parameters["step"] == 4 else 0] + super()._encode(points, parameters)
+    def encode(self, cloud, rate):
+        return [b"a"][1 if rate == "r2" else 0] + super().encode(cloud, rate)
 
-    def _decode(self, stream):
-        return super()._decode(stream[1:])
+    def points(self, stream):
+        return super().points(stream[1:])
 
 
 class Nothing(Good):
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         return None
 
 
 class Flat(Good):
-    def _decode(self, stream):
-        return super()._decode(stream).ravel()
+    def points(self, stream):
+        return super().points(stream).ravel()
 
 
 class OnItsSide(Good):
-    def _decode(self, stream):
-        return super()._decode(stream).T
+    def points(self, stream):
+        return super().points(stream).T
 
 
 class NotFinite(Good):
-    def _decode(self, stream):
-        return super()._decode(stream) * np.inf
+    def points(self, stream):
+        return super().points(stream) * np.inf
 
 
 class Hungry(Good):
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         return np.zeros(10**16).tobytes()
 
 
 class Crashes(Good):
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         return ctypes.string_at(0)
 
 
 class Exits(Good):
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         sys.exit(0)
 
 
 class Leaves(Good):
-    def _decode(self, stream):
+    def decode(self, stream):
         os._exit(3)
 
 
 class LeavesWell(Good):
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         os._exit(0)
 
 
 class Moves(Good):
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         os.chdir("/")
-        return super()._encode(points, parameters)
+        return super().encode(cloud, rate)
 
 
 class Hangs(Good):
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         while True:
             time.sleep(0.01)
 
 
 class Random(Good):
-    def _encode(self, points, parameters):
-        return super()._encode(points, parameters) + np.random.default_rng().bytes(12)
+    def encode(self, cloud, rate):
+        return super().encode(cloud, rate) + np.random.default_rng().bytes(12)
 
-    def _decode(self, stream):
-        return super()._decode(stream[:-12])
+    def points(self, stream):
+        return super().points(stream[:-12])
 
 
 class Wavers(Good):
-    def _decode(self, stream):
-        return super()._decode(stream) + np.random.default_rng().random()
+    def points(self, stream):
+        return super().points(stream) + np.random.default_rng().random()
 
 
 class Loses(Good):
-    def _decode(self, stream):
-        return super()._decode(stream)[:10]
+    def points(self, stream):
+        return super().points(stream)[:10]
 """
 FAULTS = {
-    "raises": "rate r2: IndexError: list index out of range (faulty.py:24)",
-    "nothing": "rate r1: _encode returned NoneType, not bytes",
-    "flat": "rate r1: _decode returned an array of shape (9000,), not an array of shape (m, 3)",
-    "on_its_side": "_decode returned an array of shape (3, 3000), not an array of shape (m, 3)",
-    "not_finite": "rate r1: decoded points: 3000 of 3000 points are not finite",
+    "raises": "rate r2: IndexError: list index out of range (faulty.py:27)",
+    "nothing": "rate r1: encode returned NoneType, not bytes",
+    "flat": "rate r1: expected points of shape (n, 3), got (9000,)",
+    "on_its_side": "expected points of shape (n, 3), got (3, 3000)",
+    "not_finite": "rate r1: 3000 of 3000 points are not finite",
     "hungry": "MemoryError",
     "crashes": "the process died: Segmentation fault",
     "hangs": "took longer than its limit",
-    "exits": "rate r1: SystemExit: exit status 0 (faulty.py:62)",
+    "exits": "rate r1: SystemExit: exit status 0 (faulty.py:65)",
     "leaves": "the process ended itself with exit status 3",
     "leaves_well": "the process ended itself with exit status 0",
 }

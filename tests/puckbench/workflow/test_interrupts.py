@@ -19,22 +19,22 @@ import time
 from pathlib import Path
 
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Waits(Codec):
     rates = {"r1": {}}
 
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         number = Path(__file__).with_name("number")
         if not number.exists():
             number.with_suffix(".new").write_text(str(os.getpid()))
             number.with_suffix(".new").rename(number)
             time.sleep(600)
-        return points.tobytes()
+        return cloud.xyz.tobytes()
 
-    def _decode(self, stream):
-        return np.frombuffer(stream).reshape(-1, 3)
+    def decode(self, stream):
+        return PointCloud(np.frombuffer(stream).reshape(-1, 3))
 """
 CONFIG = """
 results: out

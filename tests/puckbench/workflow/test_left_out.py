@@ -36,10 +36,10 @@ class Breaks(ErrorModel):
 class Exits(Codec):
     rates = {"r1": {}}
 
-    def _encode(self, points, parameters):
+    def encode(self, cloud, rate):
         sys.exit(0)
 
-    def _decode(self, stream):
+    def decode(self, stream):
         raise NotImplementedError
 
 

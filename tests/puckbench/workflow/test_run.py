@@ -21,21 +21,21 @@ OWN = """
 import zlib
 
 import numpy as np
-from puckbench.codecs.base import Codec, lengths
+from puckbench.codecs.base import Codec, PointCloud, lengths, parameters_of
 
 
 class Steps(Codec):
     title = "Steps"
-    metric_rates = lengths(100, 50, 20, 10)
+    rates = lengths(100, 50, 20, 10)
 
-    def _encode(self, points, parameters):
-        step = parameters["step_m"]
-        whole = np.rint(points / step).astype("<i4").tobytes()
+    def encode(self, cloud, rate):
+        step = parameters_of(self, rate)["step_m"]
+        whole = np.rint(cloud.xyz / step).astype("<i4").tobytes()
         return np.float64(step).tobytes() + zlib.compress(whole)
 
-    def _decode(self, stream):
+    def decode(self, stream):
         whole = np.frombuffer(zlib.decompress(stream[8:]), "<i4").reshape(-1, 3)
-        return whole * np.frombuffer(stream[:8])
+        return PointCloud(whole * np.frombuffer(stream[:8]))
 """
 
 
@@ -108,19 +108,21 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
 
 COARSE = """
 import numpy as np
-from puckbench.codecs.base import Codec
+from puckbench.codecs.base import Codec, PointCloud
 
 
 class Coarse(Codec):
     title = "Coarse"
     rates = {f"r{step}": {"step": 2.0 ** (5 - step)} for step in (1, 2, 3)}
 
-    def _encode(self, points, parameters):
-        grid = np.unique(np.rint(points / parameters["step"]).astype("<u2"), axis=0)
-        return np.float32(parameters["step"]).tobytes() + grid.tobytes()
+    def encode(self, cloud, rate):
+        step = self.rates[rate]["step"]
+        grid = np.unique(np.rint(cloud.xyz / step).astype("<u2"), axis=0)
+        return np.float32(step).tobytes() + grid.tobytes()
 
-    def _decode(self, stream):
-        return np.frombuffer(stream[4:], "<u2").reshape(-1, 3) * np.frombuffer(stream[:4], "<f4")
+    def decode(self, stream):
+        cells = np.frombuffer(stream[4:], "<u2").reshape(-1, 3)
+        return PointCloud((cells * np.frombuffer(stream[:4], "<f4")).astype(float))
 """
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from puckbench.codecs.rates import rates_of
+from puckbench.geometry.attributes import RETURNS
 from puckbench.planning.needs.registry import NEEDS, Options
 from puckbench.planning.plan import DataSetPlan, Plan
 from puckbench.tables.against_octree import OCTREE
@@ -29,13 +31,13 @@ def odometry_on_drives(plan: Plan) -> Options | None:
 @NEEDS.register("attributes")
 def coded_attributes(plan: Plan) -> Options | None:
     """Require that at least one codec codes attributes besides coordinates."""
-    return _if(any(codec.attributes for codec in plan.opened.values()))
+    return _if(any({*codec.attributes} - {RETURNS} for codec in plan.opened.values()))
 
 
 @NEEDS.register("octree")
 def octree_and_others(plan: Plan) -> Options | None:
     """Require that G-PCC's octree and another codec have rates for clouds in metres."""
-    metric = {name for name, codec in plan.opened.items() if codec.rates_of("metric")}
+    metric = {name for name, codec in plan.opened.items() if rates_of(codec, "metric")}
     return _if(OCTREE in metric and len(metric) > 1)
 
 

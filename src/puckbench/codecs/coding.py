@@ -1,0 +1,163 @@
+"""Functions that call codecs: they check what goes in and comes out, and shift far clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pointkit.errors import InputError, naming
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud, check_points
+from pointkit.geometry.mesh import Mesh, labelled_mesh_in_metres
+from pointkit.measurement import NO_COST, Cost
+from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.external import ExternalCodec
+from puckbench.codecs.rates import is_length, parameters_of, rates_of
+from puckbench.codecs.shift import moved, shift_of, shifted, unshifted
+from puckbench.geometry.attributes import RETURNS
+
+CODE = ("puckbench.codecs.external",)
+
+
+def encoded(codec: Codec, cloud: PointCloud, rate: str, work: Any = None) -> bytes:
+    """Encode a cloud at a rate of a codec to a self-contained byte string.
+
+    A cloud far from the origin is shifted towards it before encoding (`puckbench.codecs.shift`).
+
+    Parameters
+    ----------
+    codec
+        The codec.
+    cloud
+        The cloud to encode. If its coordinate frame is unknown and the rate is a length, it is
+        taken as metres.
+    rate
+        Name of a rate, or a length such as "15mm" if the codec allows any.
+    work
+        Object from the codec's `prepare` for this cloud. It saves time and does not affect the
+        result.
+
+    Raises
+    ------
+    InputError
+        The rate is unknown, the codec skips the cloud (`Codec.skip`), the cloud is empty, a
+        reflectance is not a 16-bit integer, or the codec cannot encode the cloud.
+    """
+    name = f"codec {codec.name}"
+    if not isinstance(cloud, PointCloud):
+        raise InputError(f"{name}: a PointCloud is coded, not {type(cloud).__name__}")
+    parameters_of(codec, rate)
+    check_points(cloud.xyz, name)
+    kind = CloudKind.of(cloud)
+    if kind.frame is None and is_length(codec, rate):
+        kind = kind._replace(frame="metric")
+    if reason := codec.skip(kind, rate):
+        raise InputError(f"{name}: {reason}")
+    shift = None if _is_coded_as_it_is(codec, cloud) else shift_of(cloud.xyz)
+    points = cloud.xyz if shift is None else cloud.xyz - shift
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    if points is not cloud.xyz:
+        cloud = replace(cloud, xyz=points)
+    _forget_programs(codec)
+    if work is not None:
+        work.saved = NO_COST
+    with naming(name):
+        stream = codec.encode(cloud, rate) if work is None else codec.encode(cloud, rate, work)
+        if not isinstance(stream, bytes):
+            raise InputError(f"encode returned {type(stream).__name__}, not bytes")
+        if not stream:
+            raise InputError("encode returned an empty stream")
+    return stream if shift is None else shifted(stream, shift)
+
+
+def _is_coded_as_it_is(codec: Codec, cloud: PointCloud) -> bool:
+    """Return whether a cloud must not be shifted: returns have no place, bare streams no header."""
+    has_returns = cloud.returns is not None and RETURNS in codec.attributes
+    return has_returns or getattr(codec.options, "raw", False)
+
+
+def decoded(codec: Codec, stream: bytes) -> PointCloud:
+    """Decode a byte string to a cloud, in the coordinate frame of the encoded cloud.
+
+    The cloud has the returns and attributes that the byte string contains. Raises InputError if the
+    byte string is damaged or belongs to another codec.
+    """
+    _forget_programs(codec)
+    with naming(f"codec {codec.name}"):
+        content, shift = unshifted(stream)
+        cloud = codec.decode(content)
+        if not isinstance(cloud, PointCloud):
+            raise InputError(f"decode returned {type(cloud).__name__}, not a PointCloud")
+        return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
+
+
+def decoded_surfaces(codec: Codec, stream: bytes) -> Mesh:
+    """Decode a byte string to a triangulated surface (see `Codec.surfaces`).
+
+    Raises InputError as `decoded` does, and if the codec or the byte string has no surfaces.
+    """
+    with naming(f"codec {codec.name}"):
+        content, shift = unshifted(stream)
+        mesh = codec.surfaces(content)
+    return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
+
+
+def attribute_bytes(codec: Codec, stream: bytes) -> Mapping[str, int]:
+    """Return how many bytes of a stream each attribute takes, by name of the attribute.
+
+    All other bytes are geometry. Attributes without bytes are left out.
+    """
+    with naming(f"codec {codec.name}"):
+        sizes = codec.attribute_bytes(unshifted(stream).stream)
+    return {name: size for name, size in sizes.items() if size}
+
+
+def check_codes(codec: Codec, cloud: CloudKind, rate: str | None = None) -> None:
+    """Raise InputError if a codec skips a cloud at a rate; by default, at each rate for its frame.
+
+    The message has the codec's reason (`Codec.skip`).
+    """
+    rates = (rate,) if rate is not None else tuple(rates_of(codec, cloud.frame) or codec.rates)
+    reasons = [codec.skip(cloud, each) for each in rates]
+    if reasons and all(reasons):
+        raise InputError(f"codec {codec.name}: {reasons[0]}")
+
+
+def why_not_here(codec: Codec) -> str:
+    """Return why a codec cannot encode on this machine, or "" if it can.
+
+    It cannot if it skips a rate for every cloud, since a package, program or file is missing.
+    """
+    return next(filter(None, (_lack(codec, rate) for rate in codec.rates)), "")
+
+
+def skip_anywhere(codec: Codec, cloud: CloudKind, rate: str) -> str | None:
+    """Return why a codec does not encode a cloud on any machine, or None.
+
+    This is `Codec.skip` without what only this machine lacks: a planned job may run on another.
+    """
+    reason = codec.skip(cloud, rate)
+    return None if reason == _lack(codec, rate) else reason
+
+
+def _lack(codec: Codec, rate: str) -> str | None:
+    """Return why a codec skips a rate for every cloud, or None if it encodes some."""
+    frame: CoordinateFrame = "metric" if is_length(codec, rate) else "scaled"
+    return codec.skip(CloudKind(frame, has_returns=True, has_packets=True), rate)
+
+
+def cost_of(codec: Codec, here: Cost) -> Cost:
+    """Return the time and memory that the last encoding or decoding took.
+
+    It is the cost of the external programs that the codec ran, or else `here`, which was measured
+    in this process.
+    """
+    programs = codec.programs_cost if isinstance(codec, ExternalCodec) else None
+    return programs or here
+
+
+def _forget_programs(codec: Codec) -> None:
+    if isinstance(codec, ExternalCodec):
+        codec.programs_cost = None
