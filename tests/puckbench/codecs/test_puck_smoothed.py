@@ -14,7 +14,7 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.lidar.returns import returns_file, write_firings
 from puckbench.codecs.registry import open_codec
 from puckbench.metrics.sensor_metrics import range_errors
-from puckbench.steps.evaluate import Evaluate, Originals
+from puckbench.steps.evaluate import Measuring, Originals
 from tests.support.codecs import decode, decode_cloud, encode_returns
 from tests.support.processors import printed_on_processors
 from tests.support.returns import recorded
@@ -56,7 +56,7 @@ def test_range_errors_of_moved_points_are_those_of_the_points(tmp_path: Path) ->
     for name in ("puck", "puck_smoothed"):
         codec = open_codec(name)
         decoded = decode_cloud(codec, encode_returns(codec, returns, "2mm"))
-        rows[name] = Evaluate(codec=name).row(originals, (decoded, {}))
+        rows[name] = Measuring().row(originals, (decoded, {}))
         assert rows[name]["returns_lost"] == rows[name]["returns_added"] == 0
     assert rows["puck"]["range_rms_mm"] == rows["puck"]["range_max_mm"] == 0
     moved = rows["puck_smoothed"]
