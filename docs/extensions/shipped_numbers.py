@@ -19,13 +19,13 @@ import pandas as pd
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.metrics.statistics import MIN_SCENES, SCENE, Estimate, with_scenes
+from puckbench.report.bd_rate_text import delta_text
+from puckbench.report.findings import findings, short_title
+from puckbench.report.reference_results import ReferenceResults, read_reference
 from puckbench.tables.nearest_truth import nearest_truth, truth_bits
 from puckbench.tables.noise_bits import noise_bits
 from puckbench.tables.rate_deltas import bd_rate, bd_rate_pairs
 from puckbench.tables.uses import uses
-from puckbench.report.bd_rate_text import delta_text
-from puckbench.report.findings import findings, short_title
-from puckbench.report.reference_results import ReferenceResults, read_reference
 
 ROOT = Path(__file__).parents[2]
 MARKER = re.compile(r"(<!-- shown: (\w+) -->)(.*?)(<!-- end -->)", re.DOTALL)
