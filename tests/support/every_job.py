@@ -18,7 +18,6 @@ import yaml
 from puckbench.planning.planned_job import PlannedJob
 from puckbench.planning.workflow import Workflow
 from tests.support import bench
-from tests.support.codecs import encode
 
 SOURCES = Path(str(sys.modules["puckbench"].__file__)).parents[1]
 _SPIN = {"preset": "spin", "azimuth_step_deg": 2.0}
@@ -182,7 +181,7 @@ def _of_drives(flow: Workflow) -> Iterator[tuple[str, PlannedJob]]:
         yield from ((f"drive {name}", flow.drives.drive(name, drive)) for drive in entry.drives)
         yield f"measure_undecoded {name}", flow.drives.measure(name, "undecoded")
         for codec in entry.rates:
-            yield f"encode_drive {name}/{codec}", encode(flow.drives, name, codec)
+            yield f"encode_drive {name}/{codec}", flow.drives.encode(name, codec)
             yield f"measure_drive {name}/{codec}", flow.drives.measure(name, codec)
 
 

@@ -29,7 +29,10 @@ STATISTICS = (
     *("puckbench.metrics.statistics", "puckbench.metrics.timing"),
 )
 """Code that computes statistics of results."""
-FIGURES = (*STATISTICS, "puckbench.figures", "virtual_lidar.errors")
+FIGURES = (
+    *(*STATISTICS, "puckbench.figures", "virtual_lidar.errors"),
+    *("puckbench.codecs.old_contract", "puckbench.codecs.rates"),
+)
 """Code that all figures share."""
 TABLES = (
     *(*FIGURES, "puckbench.metrics.tables", "puckbench.report", "puckbench.jobs.table_files"),
