@@ -19,7 +19,13 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.geometry.mesh import Mesh
 from pointkit.lidar.returns import Returns
 from puckbench.codecs.base import CloudKind, Codec
-from puckbench.codecs.rates import Parameters, check_metric, metric_rates, parameters_of
+from puckbench.codecs.rates import (
+    Parameters,
+    check_metric,
+    grid_fault,
+    metric_rates,
+    parameters_of,
+)
 from puckbench.geometry.attributes import RETURNS, Attributes, coded_attributes
 
 _NEW_NAMES = {
@@ -39,6 +45,7 @@ _NEW_NAMES = {
     "check_frame": "skip",
     "takes": "skip and attributes",
     "packets_alone": "skip",
+    "grid": "skip",
     "most_steps": "skip",
     "most_extent": "skip",
     "weights_of": "weights(rate)",
@@ -183,6 +190,8 @@ class _OldContract(Codec):
             return "codes the returns of a spinning sensor, and the cloud has none"
         if self.packets_alone and not cloud.has_packets:
             return "codes recorded data packets"
+        if self.grid and (reason := grid_fault(self, cloud.frame, rate)):
+            return reason
         try:
             self.check_frame(cloud.frame, rate)
         except InputError as error:
@@ -206,6 +215,7 @@ class _OldDefaults:
     metric_rates: Mapping[str, Parameters] = {}
     takes = "points"
     packets_alone = False
+    grid = 0.0
     most_steps = math.inf
 
     def available(self) -> Availability:

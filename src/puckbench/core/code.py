@@ -33,8 +33,8 @@ STATISTICS = (
 )
 """Code that computes statistics of results."""
 FIGURES = (
-    *(*STATISTICS, "puckbench.results.columns", "puckbench.figures"),
-    "virtual_lidar.errors",
+    *(*STATISTICS, "puckbench.results.columns", "puckbench.figures", "virtual_lidar.errors"),
+    *("puckbench.codecs.old_contract", "puckbench.codecs.rates"),
 )
 """Code that all figures share."""
 TABLES = (*FIGURES, "puckbench.tables")

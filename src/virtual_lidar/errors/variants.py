@@ -25,12 +25,13 @@ def _variant(name: str, entry: dict[str, Any]) -> type[ErrorModel]:
         field.default = value
         fields[parameter] = (field.annotation, field)
     title = "".join(part.capitalize() for part in name.split("_"))
-    kind: type[ErrorModel] = create_model(
+    kind: Any = create_model(
         title, __base__=base, __module__=__name__, __doc__=entry["what"], **fields
     )
     kind.title, kind.colour = entry["title"], entry["colour"]
     kind.variant_of = base
-    return kind
+    variant: type[ErrorModel] = kind
+    return variant
 
 
 for _name, _entry in read_yaml(Path(__file__).with_suffix(".yaml")).items():

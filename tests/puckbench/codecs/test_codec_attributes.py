@@ -82,7 +82,9 @@ def test_rows_have_the_bits_of_each_attribute_and_what_is_not_coded(tmp_path: Pa
         assert stream.record["not_coded"] == "time"
     lossy, exact = (stream.record["bpp_reflectance"] for stream in coded.values())
     assert lossy < exact
-    Decode(codec="gpcc", entry=changes, rate="2mm").run(tmp_path / "curve.zip", tmp_path / "decoded.ply")
+    Decode(codec="gpcc", entry=changes, rate="2mm").run(
+        tmp_path / "curve.zip", tmp_path / "decoded.ply"
+    )
     assert _rows(read_cloud(tmp_path / "decoded.ply")) == _rows(cloud)
 
 
@@ -152,7 +154,9 @@ def test_a_rate_may_have_a_qp_and_lossy_values_either_transform(tmp_path: Path) 
     for transform in ("raht", "lifting"):
         changes = {"options": {**CODING, "transform": transform}, "metric_rates": rates}
         Encode(codec="gpcc", entry=changes).run(tmp_path / "cloud.ply", tmp_path / "curve.zip")
-        Evaluate(codec="gpcc").run(tmp_path / "cloud.ply", tmp_path / "curve.zip", tmp_path / "rows")
+        Evaluate(codec="gpcc").run(
+            tmp_path / "cloud.ply", tmp_path / "curve.zip", tmp_path / "rows"
+        )
         coarse, fine = read_rows([tmp_path / "rows"])
         assert coarse["d1_mse"] == fine["d1_mse"] == 0
         assert coarse["bpp_reflectance"] < fine["bpp_reflectance"]

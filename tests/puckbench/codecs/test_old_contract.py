@@ -56,6 +56,10 @@ class Old(Codec):
         return np.frombuffer(stream[3:], kind).reshape(-1, 3).astype(float)
 
 
+class OnAGrid(Old):
+    grid = 1.0
+
+
 class Narrow(Old):
     most_steps = 100.0
     any_length = False
@@ -179,6 +183,8 @@ def test_what_an_old_codec_refuses_it_skips(file: Path) -> None:
     fault = codec.skip(CloudKind("scaled"), "10mm")
     assert fault is not None
     assert "are lengths, and the cloud is scaled" in fault
+    fault = _opened(file, "OnAGrid").skip(CloudKind("metric"), "r2")
+    assert str(fault).startswith("its rates are steps of a scaled cloud's grid")
     lacking = open_codec("not_here", {"class": f"{file}:Old"})
     assert why_not_here(lacking) == "no licence"
     narrow = _opened(file, "Narrow")

@@ -18,6 +18,7 @@ from PIL import Image
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
+from puckbench.codecs.rates import rates_of
 from puckbench.codecs.registry import CODECS
 from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
@@ -255,7 +256,7 @@ def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() 
     assert [example.kind for example in contents.examples] == list(config["figures"]["examples"])
     for example in contents.examples:
         frame = "metric" if example.kind == "spin" else "scaled"
-        coding = {name for name, codec in bench.plan.opened.items() if codec.rates_of(frame)}
+        coding = {name for name, codec in bench.plan.opened.items() if rates_of(codec, frame)}
         assert set(example.decoded) == coding
         assert {len(rates) for rates in example.decoded.values()} == {3}
     assert contents.examples[0].original == "results/clouds/objects/airplane_02.ply"

@@ -37,11 +37,14 @@ OF_EVERY_JOB = {
 }
 """Code that finds and starts jobs, or measures them: it changes no result."""
 IN_PARAMETERS = {
-    *("puckbench/codecs/variants.yaml", "pcc_networks/weights", "puckbench/report/assets"),
+    *("puckbench/codecs/styles.yaml", "puckbench/codecs/variants.yaml", "pcc_networks/weights"),
+    "puckbench/report/assets",
     *("pointkit/lidar/sensors", "virtual_lidar/errors/calibrations"),
 }
 """Data whose content, or whose digest, is among the parameters of the jobs that read them."""
-NOT_OF_RESULTS = {"jenco2022/claims/catalogue.yaml", "results/logs"}
+NOT_OF_RESULTS = {
+    *("jenco2022/claims/catalogue.yaml", "virtual_lidar/errors/variants.yaml", "results/logs"),
+}
 """Data that modules read as plug-ins are listed, and times, which reference results contain."""
 
 
