@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from jenco2022.steps.residuals import WallPoints
+from jenco2022.steps.wall_points import WallPoints
 from pointkit.errors import InputError
 from puckbench.cli import main
 
@@ -30,7 +30,7 @@ def test_a_scan_s_points_and_their_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scan = tmp_path / "scan.parquet"
-    WallPoints(distances=(1.0,), keep=2000).run(scan)
+    WallPoints(distances_m=(1.0,), rows=2000).run(scan)
     points = pd.read_parquet(scan)
     assert points["surface"].value_counts().tolist() == [2000] * 3
     residuals = points.assign(run=1, residual_m=points["y_m"])[points["surface"] == "wall"]
@@ -44,4 +44,4 @@ def test_a_scan_s_points_and_their_effect(
     capsys.readouterr()
     assert "needs the input 'residuals'" in refused(capsys, "table", "thesis_numbers", out)
     with pytest.raises(InputError, match="wall_floor_7m"):
-        WallPoints(distances=(7.0,)).run(scan)
+        WallPoints(distances_m=(7.0,)).run(scan)

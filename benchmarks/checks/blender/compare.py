@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from benchmarks.performance.scan_speed import least_times
 from numpy.typing import NDArray
-from puckbench.steps.surfaces import read_surface
+from puckbench.geometry.surfaces import read_surface
 
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh

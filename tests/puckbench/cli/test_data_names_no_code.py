@@ -310,14 +310,14 @@ def _rows_of_a_run(place: str) -> int:
     """Result rows that become a table."""
     row = {"dataset": "a", "cloud": "b", "rate": "r1", "codec": place, "class": place, "bpp": 1.0}
     write_rows(Path("rows.parquet"), [row])
-    write_json(Path("record.json"), {"kind": "metrics", "names": ["rows.parquet"]})
-    return job(["rows_table", "record.json", "results=.", "csv=a.csv", "parquet=a.parquet"])
+    settings = json.dumps({"table": "metrics", "names": ["rows.parquet"]})
+    files = ("results=.", "csv=a.csv", "parquet=a.parquet", "columns=columns.csv")
+    return job(["results_table", settings, *files])
 
 
 def _job(place: str) -> int:
-    """The name of a job, which is one of ours."""
-    write_json(Path("record.json"), {})
-    return job([place, "record.json"])
+    """The name of a step, which is one of ours."""
+    return job([place, "{}"])
 
 
 READERS: dict[Callable[[str], int], str | None] = {

@@ -242,14 +242,14 @@ def test_a_scan_table_with_wrong_metadata_is_refused(
 def test_a_row_that_is_no_object_and_a_description_without_a_key_are_named(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    files = ["results=.", "csv=a.csv", "parquet=a.parquet"]
+    files = ["results=.", "csv=a.csv", "parquet=a.parquet", "columns=columns.csv"]
     write_json(Path("r1.json"), [1])
-    write_json(Path("record.json"), {"kind": "scan_errors", "names": ["r1.json"]})
-    assert job(["rows_table", "record.json", *files]) == 2
+    settings = json.dumps({"table": "scan_errors", "names": ["r1.json"]})
+    assert job(["results_table", settings, *files]) == 2
     assert "r1.json: not a JSON object" in capsys.readouterr().err
     write_json(Path("r1.json"), {"name": "a"})
-    write_json(Path("record.json"), {"kind": "clouds", "names": ["r1.json"]})
-    assert job(["rows_table", "record.json", *files]) == 2
+    settings = json.dumps({"table": "clouds", "names": ["r1.json"]})
+    assert job(["results_table", settings, *files]) == 2
     assert "r1.json: not the description of a prepared cloud" in capsys.readouterr().err
 
 

@@ -59,16 +59,16 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("puckbench.steps.encode.write_json", interrupted)
+    monkeypatch.setattr("puckbench.cli.encode.write_json", interrupted)
+    monkeypatch.setattr("puckbench.steps.encode.write_curve", interrupted)
     out = cloud.with_suffix(".bin")
     before = sorted(cloud.parent.iterdir())
     coding = ["--codec", "draco", "--rate", "r1"]
     assert main(["encode", str(cloud), str(out), *coding]) == 130
     assert capsys.readouterr().err == "puckbench: interrupted\n"
     assert sorted(cloud.parent.iterdir()) == before
-    record = cloud.with_name("record.json")
-    record.write_text(json.dumps({"codec": "draco", "rate": "r1"}))
-    assert process.main(["encode", str(record), f"cloud={cloud}", f"stream={out}"]) == 130
+    words = ["encode", '{"codec": "draco"}', f"cloud={cloud}", f"curve={out}"]
+    assert process.main(words) == 130
     assert capsys.readouterr().err == "puckbench: interrupted\n"
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from puckbench.planning.file_digests import file_digests
+from puckbench.planning.memory import Memory
 
 LATER, EARLIER = (2e9, 2e9), (1e9, 1e9)
 
@@ -19,7 +20,11 @@ def memory(tmp_path: Path) -> Path:
 
 
 def digest(path: Path, memory: Path) -> str:
-    return file_digests([path], memory)[path]
+    """The digest in a run, whose memory is the file `memory`."""
+    of_run = Memory(memory.parent)
+    found = file_digests([path], of_run)[path]
+    of_run.save()
+    return found
 
 
 def test_other_content_counts_whatever_its_time(tmp_path: Path, memory: Path) -> None:
@@ -117,3 +122,11 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path, memory: Path) -> None:
     assert digest(pipe, memory) == digest(lost, memory)
     (tmp_path / "nowhere.ply").write_text("here")
     assert digest(lost, memory) != digest(pipe, memory)
+
+
+def test_planning_alone_writes_nothing(tmp_path: Path, memory: Path) -> None:
+    cloud = tmp_path / "a.xyz"
+    cloud.write_text("0 0 0\n")
+    of_run = Memory(memory.parent)
+    assert file_digests([cloud], of_run) == file_digests([cloud], of_run)
+    assert not memory.parent.exists()

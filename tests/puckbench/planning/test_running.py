@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pointkit.errors import InputError
-from puckbench.planning.running import check_records, check_room, left_out_lines
+from puckbench.planning.running import check_room, left_out_lines, mark_planning
 
 
 def test_a_folder_without_room_is_named(tmp_path: Path) -> None:
@@ -40,7 +40,7 @@ def test_a_folder_without_room_for_snakemake_s_records_is_named_with_advice(
     Path(".snakemake").write_bytes(b"")
     said = r"^\.snakemake: file exists; Snakemake writes there, .*: start it in another folder$"
     with pytest.raises(InputError, match=said):
-        check_records()
+        mark_planning()
 
 
 def test_a_long_list_of_what_was_left_out_is_cut() -> None:

@@ -33,7 +33,9 @@ def plan(meshes: Path, data: dict[str, Any] | None = None, **top: Any) -> Plan:
     scenes = {"mine": {"loader": "mesh_files", "options": {"path": str(meshes)}}}
     results = str(meshes.parent / "results")
     config = {"results": results, "scene_sets": scenes, "datasets": {"scanned": scanned}, **top}
-    return Plan(checked(config), check_scenes=True)
+    planned = Plan(checked(config), check_scenes=True)
+    planned.memory.save()
+    return planned
 
 
 def test_scenes_that_cannot_be_scanned_are_left_out_and_named(meshes: Path) -> None:

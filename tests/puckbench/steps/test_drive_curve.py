@@ -13,7 +13,9 @@ from puckbench.metrics.tasks.odometry import estimated_poses
 from puckbench.recordings.drives import Drive, azimuth_shares, firing_shares, read_drive
 from puckbench.results.row_files import read_rows
 from puckbench.steps.drive import VirtualDrive
-from puckbench.steps.encode_drive import EncodeDrive, MeasureDrive
+from puckbench.steps.encode_drive import EncodeDrive
+from puckbench.steps.measure_drive import MeasureDrive
+from puckbench.steps.measure_undecoded import MeasureUndecoded
 from virtual_lidar.scenes.street import make_street, street_origin
 
 TASKS = {"odometry": {"skip": 10}, "gicp_odometry": {"skip": 10}}
@@ -43,10 +45,12 @@ def drive(street: Path) -> Path:
 
 
 def rows_of(drive: Path, curve: Path | None = None, codec: str | None = None) -> pd.DataFrame:
-    changes = CHANGES if codec else {}
-    job = MeasureDrive(dataset="way", tasks=TASKS, codec=codec, changes=changes, repeats=1)
-    job.run(drive, drive.parent / "rows.parquet", curve)
-    return pd.DataFrame(read_rows([drive.parent / "rows.parquet"])).set_index("times")
+    rows = drive.parent / "rows.parquet"
+    if codec and curve:
+        MeasureDrive(dataset="way", tasks=TASKS, codec=codec, entry=CHANGES).run(drive, curve, rows)
+    else:
+        MeasureUndecoded(dataset="way", tasks=TASKS).run(drive, rows)
+    return pd.DataFrame(read_rows([rows])).set_index("times")
 
 
 def test_azimuths_give_the_firing_times(drive: Path) -> None:
@@ -66,7 +70,7 @@ def test_codecs_of_points_drift_as_far_as_the_undecoded_drive_with_times_of_azim
         "azimuth": "azimuth times",
         "none": "no times",
     }
-    EncodeDrive(codec="gpcc", changes=CHANGES, repeats=1).run(drive, drive.parent / "curve.zip")
+    EncodeDrive(codec="gpcc", entry=CHANGES).run(drive, drive.parent / "curve.zip")
     coded = rows_of(drive, drive.parent / "curve.zip", "gpcc")
     assert list(coded.index) == ["azimuth", "none"]
     for column in ("drift_percent", "gicp_drift_percent"):

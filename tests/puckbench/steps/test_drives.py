@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from pointkit.errors import InputError
 from puckbench.metrics.tasks.odometry import estimated_poses
 from puckbench.recordings.drives import read_drive
-from puckbench.steps.drive import DriveOfClouds
+from puckbench.steps.drive_of_clouds import DriveOfClouds
 
 TURNS = 4
 CAMERA = np.array([[0.0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, 0.3], [0, 0, 0, 1]])

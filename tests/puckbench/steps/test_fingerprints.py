@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pointkit.registry import load, trust
-from puckbench.planning import fingerprints
+from puckbench.steps import fingerprints
 from puckbench.steps.fingerprints import covered
 
 

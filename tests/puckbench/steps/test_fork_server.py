@@ -18,6 +18,7 @@ import pytest
 import puckbench
 from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
+from puckbench.results.curves import read_curve
 from puckbench.steps import fork_server
 
 OWN = """
@@ -113,10 +114,9 @@ def job(tmp_path: Path) -> list[str]:
     points = np.random.default_rng(0).random((10, 3)) * 1023
     write_cloud(tmp_path / "cloud.ply", PointCloud(points, about={"size": 1024}))
     (tmp_path / "own.py").write_text(OWN)
-    record = {"codec": "own", "rate": "r1", "changes": {"class": f"{tmp_path}/own.py:Own"}}
-    files = [f"cloud={tmp_path}/cloud.ply", f"stream={tmp_path}/out.bin"]
-    (tmp_path / "record.json").write_text(json.dumps(record))
-    return [sys.executable, "-m", "puckbench.steps", "encode", f"{tmp_path}/record.json", *files]
+    settings = {"codec": "own", "entry": {"class": f"{tmp_path}/own.py:Own"}, "repeats": 2}
+    files = [f"cloud={tmp_path}/cloud.ply", f"curve={tmp_path}/out.zip"]
+    return [sys.executable, "-m", "puckbench.steps", "encode", json.dumps(settings), *files]
 
 
 def _run(
@@ -131,9 +131,9 @@ def _run(
         text=True,
         check=False,
     )
-    stream = folder / "out.bin"
-    result: dict[str, Any] = json.loads(stream.read_bytes()) if stream.exists() else {}
-    stream.unlink(missing_ok=True)
+    curve = folder / "out.zip"
+    result: dict[str, Any] = json.loads(read_curve(curve)["r1"].stream) if curve.exists() else {}
+    curve.unlink(missing_ok=True)
     return done, result
 
 
@@ -142,7 +142,7 @@ def test_a_forked_job_has_all_of_the_process_that_asked_for_it(
     job: list[str], tmp_path: Path
 ) -> None:
     done, result = _run(job, tmp_path, VARIABLE="value")
-    assert (done.returncode, done.stderr) == (0, "said\n")
+    assert (done.returncode, done.stderr) == (0, "said\nsaid\n")
     assert json.loads(done.stdout)["job"] == "encode"
     assert result["forked"]
     assert result["folder"] == str(tmp_path)

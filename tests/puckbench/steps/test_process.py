@@ -11,6 +11,7 @@ import pytest
 from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
+from puckbench.results.curves import read_curve
 from puckbench.steps.process import main
 
 OWN = """
@@ -56,21 +57,21 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     place = f"{plugins}/own.py:Own"
     trust([place])
     for rate in ("r1", "r2", "r3", "r4"):
-        record = {"codec": "own", "rate": rate, "changes": {"class": place}}
-        (work / f"{rate}.json").write_text(json.dumps(record))
+        settings = {"codec": "own", "entry": {"class": place, "rates": [rate]}, "repeats": 2}
+        (work / f"{rate}.json").write_text(json.dumps(settings))
     monkeypatch.chdir(work)
     return work
 
 
 def _status(rate: str) -> int:
-    return main(["encode", f"{rate}.json", "cloud=cloud.ply", "stream=out.bin"])
+    return main(["encode", f"@{rate}.json", "cloud=cloud.ply", "curve=out.zip"])
 
 
 def test_files_are_where_they_were_asked_for_though_a_plug_in_changes_the_folder(
     folder: Path,
 ) -> None:
     assert _status("r1") == 0
-    assert (folder / "out.bin").read_bytes() == b"coded"
+    assert read_curve(folder / "out.zip")["r1"].stream == b"coded"
 
 
 @pytest.mark.parametrize(
@@ -83,7 +84,7 @@ def test_a_plug_in_that_ends_the_process_has_failed(
     assert _status(rate) == 2
     (last,) = capsys.readouterr().err.splitlines()
     assert last.startswith(f"puckbench: rate {rate}: codec own: {line}")
-    assert not (folder / "out.bin").exists()
+    assert not (folder / "out.zip").exists()
 
 
 def test_a_job_without_one_of_its_files_has_failed(
@@ -91,5 +92,5 @@ def test_a_job_without_one_of_its_files_has_failed(
 ) -> None:
     assert _status("r4") == 2
     output = capsys.readouterr()
-    assert output.err == "puckbench: cloud.ply: the job ended without this file\n"
+    assert output.err == "puckbench: cloud.ply: the step ended without this file\n"
     assert output.out == ""
