@@ -351,7 +351,7 @@ READERS: dict[Callable[[str], int], str | None] = {
     _start_of_training: "w.safetensors",
     _manifest: None,
     _rows_of_a_run: None,
-    _job: rf"job: '{{}}' {IS_CODE}",
+    _job: rf"step: '{{}}' {IS_CODE}",
 }
 """What reads data, and the line in which it refuses them, with the place; None where it takes the
 names as those of something that it does not know."""

@@ -153,7 +153,7 @@ def test_options_of_clouds_are_refused_for_scans(
     if not Path("s.parquet").exists():
         answer(capsys, "scan", "m.off", "s.parquet", "--sweep", '{"duration_s": 0.01}')
     said = refused(capsys, "prepare", "s.parquet", "r.ply", *turns, *option)
-    assert f"s.parquet: {option[0]} is for clouds" in said
+    assert f"{option[0]}: is for clouds, not for scans, recordings (s.parquet)" in said
 
 
 def test_units_of_some_files_go_to_their_sets() -> None:

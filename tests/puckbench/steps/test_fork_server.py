@@ -221,7 +221,7 @@ def test_a_job_s_status_and_errors_come_to_who_asked(job: list[str], tmp_path: P
     assert done.stderr.startswith("puckbench: ")
     assert done.stderr.count("\n") == 1
     (tmp_path / "bad.json").write_text("{")
-    done, _ = _run([*job[:4], f"{tmp_path}/bad.json", *job[5:]], tmp_path)
+    done, _ = _run([*job[:4], f"@{tmp_path}/bad.json", *job[5:]], tmp_path)
     assert done.returncode == 2
     assert done.stderr.startswith(f"puckbench: {tmp_path}/bad.json: not valid JSON")
 
@@ -255,8 +255,9 @@ def test_a_job_that_is_killed_runs_again_by_itself(
     for name in killed:
         os.kill(numbers[name], signal.SIGKILL)
     said = asking.communicate()[1]
-    assert (asking.returncode, said) == (0, f"said\n{KILLED}said\n")
-    assert json.loads((tmp_path / "out.bin").read_bytes())["forked"] is False
+    assert (asking.returncode, said) == (0, f"said\n{KILLED}said\nsaid\n")
+    stream = read_curve(tmp_path / "out.zip")["r1"].stream
+    assert json.loads(stream)["forked"] is False
     assert not _lives(number)
 
 
@@ -282,7 +283,7 @@ def test_a_job_ends_with_the_process_that_asked_for_it(job: list[str], tmp_path:
     asking.communicate()  # until the job, which has the same streams, lets go of them
     while _lives(number):
         time.sleep(0.05)
-    assert not (tmp_path / "out.bin").exists()
+    assert not (tmp_path / "out.zip").exists()
 
 
 @pytest.mark.usefixtures("server")

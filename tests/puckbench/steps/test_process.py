@@ -17,6 +17,7 @@ from puckbench.steps.process import main
 OWN = """
 import os
 import sys
+from pathlib import Path
 
 from puckbench.codecs.base import Codec
 
@@ -37,7 +38,7 @@ class Own(Codec):
         if self.rates[rate]["do"] == "stop":
             sys.exit("no licence")
         if self.rates[rate]["do"] == "remove":
-            os.remove("cloud.ply")
+            Path("cloud.ply").unlink(missing_ok=True)
         return b"coded"
 
     def decode(self, stream):
