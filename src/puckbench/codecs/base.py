@@ -34,7 +34,12 @@ from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from pointkit.geometry.mesh import Mesh
 from pointkit.measurement import NO_COST, Cost
 from pointkit.models import Model, parsed
-from puckbench.codecs.rates import Parameters, frame_fault, lengths, parameters_of
+from puckbench.codecs.rates import (  # noqa: F401 (for codecs of users)
+    Parameters,
+    frame_fault,
+    lengths,
+    parameters_of,
+)
 
 CODE = (
     "puckbench.codecs.coding",
@@ -45,16 +50,7 @@ CODE = (
     "puckbench.geometry.attributes",
 )
 
-__all__ = [
-    "CloudKind",
-    "Codec",
-    "InputError",
-    "Parameters",
-    "PointCloud",
-    "SharedWork",
-    "lengths",
-    "parameters_of",
-]
+__all__ = ["CloudKind", "Codec", "SharedWork"]
 
 
 class CloudKind(NamedTuple):

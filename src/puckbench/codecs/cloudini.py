@@ -4,7 +4,8 @@ from functools import cached_property
 from importlib.metadata import version
 from importlib.util import find_spec
 
-from puckbench.codecs.base import CloudKind, Codec, PointCloud
+from pointkit.geometry.cloud import PointCloud
+from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.rates import lengths, parameters_of
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.storage.cloudini import MAGIC, decode_cloudini, encode_cloudini

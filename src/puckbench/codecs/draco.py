@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from pointkit.errors import NARROWER, InputError
-from pointkit.geometry.cloud import Floats, bounds
+from pointkit.geometry.cloud import Floats, PointCloud, bounds
 from pointkit.models import Model
-from puckbench.codecs.base import CloudKind, Codec, Parameters, PointCloud
+from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.most_points import most_points
-from puckbench.codecs.rates import lengths, parameters_of
+from puckbench.codecs.rates import Parameters, lengths, parameters_of
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.shift import moved, shift_of, shifted, unshifted
 from puckbench.codecs.unit import multiplied, with_unit, without_unit

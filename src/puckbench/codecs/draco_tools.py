@@ -9,8 +9,8 @@ from pydantic import Field
 
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
+from pointkit.geometry.cloud import PointCloud
 from pointkit.models import Model
-from puckbench.codecs.base import PointCloud
 from puckbench.codecs.draco import DRACO_RATES
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.rates import parameters_of

@@ -25,13 +25,13 @@ from gpcc.grid import (
 )
 from gpcc.options import PROFILES, GpccOptions
 from pointkit.errors import InputError
-from pointkit.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.lidar.returns import Beams, Returns
 from pointkit.lidar.turns import Layout, Turn
 from pointkit.models import Model
 from puckbench import __version__
-from puckbench.codecs.base import CloudKind, Codec, Parameters, PointCloud
-from puckbench.codecs.rates import grid_fault, lengths, parameters_of, scaled_rates
+from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.rates import Parameters, grid_fault, lengths, parameters_of, scaled_rates
 from puckbench.codecs.registry import CODECS
 from puckbench.geometry.attributes import (
     COLOUR,

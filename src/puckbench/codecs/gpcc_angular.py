@@ -6,8 +6,8 @@ from typing import Literal
 from pydantic import Field
 
 from gpcc.options import PROFILES, SPINNING, GpccOptions
-from puckbench.codecs.base import Parameters
 from puckbench.codecs.gpcc import CoderOptions, SensorCodec
+from puckbench.codecs.rates import Parameters
 from puckbench.codecs.registry import CODECS
 
 CODE = ("puckbench.codecs.gpcc",)

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import Field
 
-from pointkit.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.measurement import CostlyResult
-from puckbench.codecs.base import CloudKind, PointCloud
+from puckbench.codecs.base import CloudKind
 from puckbench.codecs.gpcc import CoderOptions, Gpcc
 from puckbench.codecs.registry import CODECS
 from puckbench.geometry.jet_smoothing import LEAST_NEIGHBOURS, smooth_by_jets

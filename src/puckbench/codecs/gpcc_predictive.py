@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from gpcc.attributes.options import qp_of_step
-from puckbench.codecs.base import Parameters
 from puckbench.codecs.gpcc import EIGHTHS, CoderOptions, SensorCodec
-from puckbench.codecs.rates import lengths
+from puckbench.codecs.rates import Parameters, lengths
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:

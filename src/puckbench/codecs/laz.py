@@ -6,8 +6,9 @@ from importlib.metadata import version
 import numpy as np
 from pydantic import Field
 
+from pointkit.geometry.cloud import PointCloud
 from pointkit.models import Model
-from puckbench.codecs.base import CloudKind, Codec, PointCloud
+from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.rates import lengths, parameters_of
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.storage.laz import MAGIC, decode_laz, encode_laz, intensity_bytes

@@ -17,10 +17,10 @@ from pydantic import Field
 
 from pointkit.errors import InputError
 from pointkit.files import sha256
-from pointkit.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.models import Model
-from puckbench.codecs.base import CloudKind, Codec, Parameters, PointCloud
-from puckbench.codecs.rates import parameters_of
+from puckbench.codecs.base import CloudKind, Codec
+from puckbench.codecs.rates import Parameters, parameters_of
 from puckbench.codecs.unit import multiplied, with_unit, without_unit
 
 if TYPE_CHECKING:

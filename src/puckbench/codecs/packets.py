@@ -10,8 +10,10 @@ from typing import ClassVar
 from pointkit.coding.framing import Framing
 from pointkit.coding.zstandard import compressed, decompressed
 from pointkit.errors import InputError
+from pointkit.geometry.cloud import PointCloud
 from puckbench import __version__
-from puckbench.codecs.base import CloudKind, Parameters, PointCloud
+from puckbench.codecs.base import CloudKind
+from puckbench.codecs.rates import Parameters
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, cloud_of, returns_of
 from puckbench.codecs.storage.packets import decode_packets, encode_packets

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import CloudKind, Parameters, PointCloud
+from pointkit.geometry.cloud import Floats, PointCloud
+from puckbench.codecs.base import CloudKind
 from puckbench.codecs.learned import Improved, ImprovedOptions, LearnedByLambda
-from puckbench.codecs.rates import grid_fault
+from puckbench.codecs.rates import Parameters, grid_fault
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:

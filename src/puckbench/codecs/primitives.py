@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from pointkit.geometry.cloud import PointCloud
 from pointkit.geometry.mesh import Mesh
 from pointkit.models import Model, parsed
 from primitive_codec.settings import RATES, PrimitiveSettings
-from puckbench.codecs.base import Codec, Parameters, PointCloud
-from puckbench.codecs.rates import parameters_of
+from puckbench.codecs.base import Codec
+from puckbench.codecs.rates import Parameters, parameters_of
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:

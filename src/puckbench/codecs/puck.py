@@ -12,12 +12,12 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Beams, Returns
 from pointkit.lidar.turns import Layout, Turn
 from pointkit.models import Model
 from puck.records import MAGIC
 from puckbench import __version__
-from puckbench.codecs.base import PointCloud
 from puckbench.codecs.rates import lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, cloud_of, returns_of

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from pydantic import Field
 
 from pointkit.errors import InputError
+from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns
-from puckbench.codecs.base import PointCloud
 from puckbench.codecs.puck import Puck, PuckOptions
 from puckbench.codecs.rates import lengths
 from puckbench.codecs.registry import CODECS

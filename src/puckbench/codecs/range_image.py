@@ -7,8 +7,9 @@ from importlib.util import find_spec
 from pydantic import Field
 
 from pointkit.coding.framing import Framing
+from pointkit.geometry.cloud import PointCloud
 from pointkit.models import Model
-from puckbench.codecs.base import CloudKind, PointCloud
+from puckbench.codecs.base import CloudKind
 from puckbench.codecs.rates import lengths
 from puckbench.codecs.returns_codec import ReturnsCodec, cloud_of, returns_of
 from puckbench.codecs.storage.range_images import (

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
-from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import CloudKind, Parameters, PointCloud
+from pointkit.geometry.cloud import Floats, PointCloud
+from puckbench.codecs.base import CloudKind
 from puckbench.codecs.learned import Learned, LearnedOptions
-from puckbench.codecs.rates import parameters_of
+from puckbench.codecs.rates import Parameters, parameters_of
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:

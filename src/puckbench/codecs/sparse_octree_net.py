@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from gpcc.grid import input_grid
-from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import CloudKind, Parameters, PointCloud
+from pointkit.geometry.cloud import Floats, PointCloud
+from puckbench.codecs.base import CloudKind
 from puckbench.codecs.gpcc import EIGHTHS, UnitOptions, finest_step
 from puckbench.codecs.learned import Learned, LearnedOptions
-from puckbench.codecs.rates import grid_fault, lengths, parameters_of
+from puckbench.codecs.rates import Parameters, grid_fault, lengths, parameters_of
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from typing import Any
 
 from gpcc.grid import InputGrid, input_coordinates, quantise, unwrap
 from pointkit.files import read_bytes
-from pointkit.geometry.cloud import Floats
-from puckbench.codecs.base import Parameters, PointCloud
+from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.codecs.external import ExternalCodec, folder, read_points, write_points
 from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
+from puckbench.codecs.rates import Parameters
 from puckbench.codecs.registry import CODECS
 
 CODE = ("puckbench.codecs.external", "puckbench.codecs.gpcc")

@@ -25,13 +25,14 @@ def _variant(name: str, entry: dict[str, Any]) -> type[ErrorModel]:
         field.default = value
         fields[parameter] = (field.annotation, field)
     title = "".join(part.capitalize() for part in name.split("_"))
-    kind: Any = create_model(
-        title, __base__=base, __module__=__name__, __doc__=entry["what"], **fields
-    )
-    kind.title, kind.colour = entry["title"], entry["colour"]
-    kind.variant_of = base
-    variant: type[ErrorModel] = kind
-    return variant
+    about = {"__module__": __name__, "__doc__": entry["what"]}
+    return _styled(create_model(title, __base__=base, **about, **fields), entry, base)
+
+
+def _styled(kind: Any, entry: dict[str, Any], base: type[ErrorModel]) -> type[ErrorModel]:
+    kind.title, kind.colour, kind.variant_of = entry["title"], entry["colour"], base
+    styled: type[ErrorModel] = kind
+    return styled
 
 
 for _name, _entry in read_yaml(Path(__file__).with_suffix(".yaml")).items():
