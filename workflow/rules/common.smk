@@ -84,7 +84,7 @@ if workflow.is_main_process and workflow.storage_settings.default_storage_provid
     if provenance.is_lost:
         line = f"puckbench: {RESULTS}: no log says how results were made: all are made again"
         print(line, file=sys.stderr, flush=True)
-rules_of = Rules(flow, provenance, ancient, local)
+rules_of = Rules(flow, provenance, ancient, local, has_begun=not workflow.is_main_process)
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     bar.expect(
         job_s=job_seconds(flow),

@@ -50,6 +50,8 @@ class Rules:
     ancient, local
         Snakemake's functions of these names. The first makes the times of inputs not count, and the
         second says that they are not in remote storage.
+    has_begun
+        Whether the run has begun, so that files may be written; false while it is planned.
     """
 
     def __init__(
@@ -58,11 +60,11 @@ class Rules:
         provenance: Provenance | None,
         ancient: Callable[[Any], Any],
         local: Callable[[Any], Any],
+        has_begun: bool,
     ) -> None:
         self.flow, self.provenance = flow, provenance
         self.ancient, self.local = ancient, local
-        self.has_begun = False
-        """Whether the run has begun, so that files may be written."""
+        self._has_begun = has_begun
         self._long: dict[Path, str] = {}
 
     def __call__(self, name: str, place: str) -> RuleStep:
@@ -81,18 +83,18 @@ class Rules:
         if len(step.settings) <= _LONGEST:
             return shlex.quote(step.settings)
         path = self.flow.plan.results / ".settings" / f"{step.key}.json"
-        self._long[path] = step.settings
-        if self.has_begun:
-            self.begin()
+        if self._has_begun:
+            write_bytes(path, step.settings.encode())
+        else:
+            self._long[path] = step.settings
         return shlex.quote(f"@{path}")
 
     def begin(self) -> None:
         """Write what planning has learned, and files with long settings, now and from now on."""
-        self.has_begun = True
+        self._has_begun = True
         self.flow.plan.memory.save()
         for path, settings in self._long.items():
             write_bytes(path, settings.encode())
-        self._long.clear()
 
 
 class RuleStep:

@@ -21,7 +21,7 @@ UNUSED = {
     "prepare t.pcap o.ply --scale 512": "--scale: not with turns",
     "prepare t.pcap o.ply --crop 0 0 0 1 1 1": "--crop: not with turns, which are whole (t.pcap)",
     "prepare t.pcap o.ply --clean": "--clean: is for scans (t.pcap)",
-    "prepare t.pcap o.ply --keep-missing": "--keep-missing: is for clouds, not for scans, recordings (t.pcap)",
+    "prepare t.pcap o.ply --keep-missing": "--keep-missing: is for clouds, not",
     "prepare a.ply o.ply --clean": "--clean: is for scans (a.ply)",
     "prepare a.ply o.ply --bin-columns 4": "--bin-columns: is for .bin files (a.ply)",
     "prepare a.ply o.ply --topic x": "topic 'x': only ROS bags have topics",
