@@ -53,7 +53,7 @@ _ENDINGS = ("_s", "_mse", "_psnr")
 """Columns, and endings of columns, whose numbers a comparison uses."""
 _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
 """Columns that every file has."""
-_TIMED = ("encode_curve", "evaluate_curve", "encode_drive")
+_TIMED = ("encode", "evaluate", "encode_drive")
 """Names of the jobs that time codecs."""
 MIN_PROCESSOR_SHARE = 0.95
 """Smallest ratio of processor time to wall time of `_TIMED` jobs (one thread each) on an idle

@@ -15,7 +15,7 @@ from puckbench.planning.failures import (
 )
 from puckbench.planning.running import held_since, hold_results
 
-DONE = '{"job": "evaluate_curve", "processor_s": 1.0, "wall_s": 1.0}'
+DONE = '{"job": "evaluate", "processor_s": 1.0, "wall_s": 1.0}'
 
 
 def _log(path: Path, *lines: str) -> None:
