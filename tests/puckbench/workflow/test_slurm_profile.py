@@ -1,6 +1,7 @@
 """The profile for Slurm speaks of rules that there are, and its requests can be computed."""
 
 import re
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,10 @@ import pytest
 import yaml
 
 from puckbench.codecs.learned import Learned
-from puckbench.codecs.registry import codec_class, codecs
+from puckbench.codecs.registry import codec_class, codecs, open_codec
+from puckbench.planning.costs import costs_of
+from puckbench.planning.rules import RuleStep
+from puckbench.steps.step import STEPS
 
 WORKFLOW = Path(__file__).parents[3] / "workflow"
 PROFILE = yaml.safe_load((WORKFLOW / "profiles" / "slurm" / "config.yaml").read_text())
@@ -40,14 +44,14 @@ def test_another_attempt_gets_more_time(rule: str) -> None:
 def test_another_attempt_gets_more_memory() -> None:
     """In every rule whose memory depends on the cloud or the codec."""
     texts = [file.read_text() for file in (WORKFLOW / "rules").glob("*.smk")]
-    asked = [line for text in texts for line in text.splitlines() if ".memory_mb(" in line]
-    assert len(asked) == 13
-    assert all("lambda w, attempt" in line for line in asked if "training" not in line)
-    assert all("attempt * " in line for line in asked if "training" not in line)
+    asked = [line for text in texts for line in text.splitlines() if "mem_mb=" in line]
+    assert len(asked) == len(STEPS.names())
+    assert all(line.endswith(".memory_mb,") for line in asked)
+    parameters = signature(RuleStep.memory_mb).parameters
+    assert "attempt" in parameters
 
 
 @pytest.mark.parametrize("codec", codecs())
 def test_a_network_gets_most_memory(codec: str) -> None:
-    assert (codec_class(codec).memory.of(1_000_000) > 2000) == issubclass(
-        codec_class(codec), Learned
-    )
+    memory_mb = costs_of(open_codec(codec)).memory_of(1_000_000)
+    assert (memory_mb > 2000) == issubclass(codec_class(codec), Learned)
