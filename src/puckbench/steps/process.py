@@ -100,10 +100,22 @@ def _files(kind: type[Step], words: Sequence[str]) -> dict[str, list[Path]]:
         key, _, path = word.partition("=")
         if key in parameters or (takes_any and key.isidentifier()):
             files[key] = [Path(path).absolute()] if path else []
+        elif key != word and key.isidentifier():
+            known = ", ".join(name for name in parameters if name != "self")
+            raise InputError(f"{word}: the step has no file {key!r} (known: {known})")
         elif files:
             files[next(reversed(files))].append(Path(word).absolute())
         else:
             raise InputError(f"{word}: must be key=FILE")
+    needed = [
+        name
+        for name, parameter in parameters.items()
+        if parameter.kind is parameter.POSITIONAL_OR_KEYWORD
+        and parameter.default is parameter.empty
+        and name not in (*files, "self")
+    ]
+    if needed:
+        raise InputError(f"the step needs {', '.join(f'{name}=FILE' for name in needed)}")
     return files
 
 

@@ -141,10 +141,7 @@ class PlannedStep:
     @cached_property
     def fingerprint(self) -> str:
         """Text that changes if the code of the step, or the data `also`, change."""
-        places = (
-            str(Path(each).absolute()) if each.endswith(".py") else each for each in self.code
-        )
-        version = code_version(type(self.step).__module__, *places)
+        version = code_version(type(self.step).__module__, *self.code)
         return f"{version} {self.also}".rstrip()
 
     @cached_property
@@ -165,7 +162,8 @@ def planned(
     minutes: int = 10,
 ) -> PlannedStep:
     """Return a planned step; the parameters are those of `PlannedStep`."""
-    return PlannedStep(step, inputs, content or {}, code, str(also).strip(), memory_mb, minutes)
+    places = tuple(str(Path(each).absolute()) if each.endswith(".py") else each for each in code)
+    return PlannedStep(step, inputs, content or {}, places, str(also).strip(), memory_mb, minutes)
 
 
 def words_of(files: Mapping[str, Any], names: Collection[str]) -> str:

@@ -95,3 +95,24 @@ def test_a_job_without_one_of_its_files_has_failed(
     output = capsys.readouterr()
     assert output.err == "puckbench: cloud.ply: the step ended without this file\n"
     assert output.out == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["sample", "{}"], "the step needs mesh=FILE, cloud=FILE"),
+        (["sample", "{}", "mesh=a", "nokey=b", "cloud=c"], "nokey=b: the step has no file 'nokey'"),
+        (["sample", "{}", "a"], "a: must be key=FILE"),
+        (["sample", "{"], "the settings: not valid JSON"),
+        (["sample", "@nowhere.json"], "nowhere.json: no such file"),
+        (["nothing", "{}"], "unknown step 'nothing'"),
+        (["sample"], "usage: python -m puckbench.steps NAME SETTINGS key=FILE ..."),
+    ],
+)
+def test_a_command_that_is_wrong_is_one_line(
+    words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"puckbench: {line}")
+    assert said.count("\n") == 1
