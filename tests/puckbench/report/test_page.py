@@ -361,7 +361,7 @@ def test_without_webgl_the_clouds_are_drawn_all_the_same(opened: Opened, tmp_pat
 
 
 def test_the_date_is_that_of_the_jobs_logs_and_not_of_the_page_s_own(tmp_path: Path) -> None:
-    for name, job, end in (("a", "encode", "2026-05-03"), ("report", "report", "2026-06-01")):
+    for name, job, end in (("a", "encode", "2026-05-03"), ("report", "report_page", "2026-06-01")):
         cost = {"job": job, **COST, "ended": f"{end}T10:00:00+00:00"}
         (tmp_path / f"{name}.log").write_text(f"words\n{json.dumps(cost)}\n")
     (tmp_path / "failed.log").write_text("puckbench: no such file\n")

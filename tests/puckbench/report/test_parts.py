@@ -22,7 +22,7 @@ from puckbench.codecs.rates import rates_of
 from puckbench.codecs.registry import CODECS
 from puckbench.figures.plot_styles import _OTHER_MARKERS, codec_style
 from puckbench.figures.style import FigureStyle
-from puckbench.planning.report_contents import spread_out
+from puckbench.planning.plan import spread_out
 from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text
 from puckbench.report.build import TableShown, build_page

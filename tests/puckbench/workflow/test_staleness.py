@@ -33,7 +33,7 @@ ALL_TRACED = {"table", "evaluate", "encode", "study_table", "results_table"}
 OF_EVERY_JOB = {
     *("puckbench/core/environment.py", "puckbench/core/introspection.py"),
     *("puckbench/core/packages.py", "puckbench/moved.py"),
-    *("puckbench/steps/cost.py", "puckbench/steps/process.py"),
+    *("puckbench/steps/cost.py", "puckbench/steps/process.py", "puckbench/steps/step.py"),
 }
 """Code that finds and starts jobs, or measures them: it changes no result."""
 IN_PARAMETERS = {
@@ -230,7 +230,7 @@ CHANGED_BY: dict[str, set[str]] = {
     "virtual_lidar/scenes/rooms.py": {"scene objects", "scene rooms"} | STUDY | MINE,
     "virtual_lidar/scenes/rooms.yaml": {"scene objects", "scene rooms"} | STUDY | MINE,
     "virtual_lidar/scenes/furniture/seating.py": {"scene objects", "scene rooms"} | STUDY | MINE,
-    "cloud_files/las.py": RECORDED | _curves("laz") | _each("decode", *CODECS) | MINE,
+    "cloud_files/las.py": RECORDED | _curves("laz") | MINE,
     "cloud_files/text.py": {*RECORDED, "scene clouds"} | MINE,
     "cloud_files/meshes/off.py": {"scene meshes"} | MINE,
     "cloud_files/meshes/obj.py": MINE,

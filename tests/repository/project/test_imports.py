@@ -58,7 +58,7 @@ REGISTRIES = [
     "puckbench.codecs.registry import CODECS",
     "puckbench.scene_sets.registry import LOADERS",
     "puckbench.figures.registry import FIGURES",
-    "puckbench.steps.step import JOBS",
+    "puckbench.steps.step import STEPS",
     "virtual_lidar.errors import ERROR_MODELS",
     "puckbench.metrics.metric_registry import METRICS",
     "puckbench.tables.registry import TABLES",
