@@ -43,7 +43,8 @@ IN_PARAMETERS = {
 }
 """Data whose content, or whose digest, is among the parameters of the jobs that read them."""
 NOT_OF_RESULTS = {
-    *("jenco2022/claims/catalogue.yaml", "virtual_lidar/errors/variants.yaml", "results/logs"),
+    *("jenco2022/claims/catalogue.yaml", "jenco2022/figures/model_styles.yaml"),
+    *("virtual_lidar/errors/variants.yaml", "results/logs"),
 }
 """Data that modules read as plug-ins are listed, and times, which reference results contain."""
 
