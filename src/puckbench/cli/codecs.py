@@ -5,9 +5,9 @@ from typing import Any
 
 from pointkit.registry import trust
 from puckbench.codecs.coding import why_not_here
-from puckbench.codecs.learned import weights_label
 from puckbench.codecs.rates import metric_rates, scaled_rates
 from puckbench.codecs.registry import codecs, look, open_codec
+from puckbench.codecs.weights_label import weights_label
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -47,6 +47,7 @@ CODE = (
     "puckbench.codecs.rates",
     "puckbench.codecs.shift",
     "puckbench.codecs.unit",
+    "puckbench.codecs.weights_label",
     "puckbench.geometry.attributes",
 )
 

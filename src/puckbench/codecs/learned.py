@@ -16,7 +16,6 @@ import numpy as np
 from pydantic import Field
 
 from pointkit.errors import InputError
-from pointkit.files import sha256
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.models import Model
 from puckbench.codecs.base import CloudKind, Codec
@@ -30,7 +29,6 @@ CODE = ("puckbench.codecs.base",)
 
 _NEEDED = {"pcc_networks": "pcc_networks", "torch": "PyTorch", "constriction": "constriction"}
 _INSTALL = "pip install 'puckbench[learned]', or make learned where its Makefile is"
-_DIGITS = 16
 PUBLISHED_WEIGHTS = "data/pcgc_weights"
 """Folder to which `puckbench data pcgc_weights` writes the weights of PCGCv1's and PCGCv2's
 authors."""
@@ -294,17 +292,3 @@ def _trial_cloud() -> Floats:
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))
     return np.concatenate([block, np.column_stack([x, y, wave])])
-
-
-def weights_label(path: Path | None) -> str:
-    """Return the name of a weights file, and the first digits of its digest, after a space.
-
-    The digest is the one in the file's header or, without a header, the file's SHA-256. Without a
-    file, the text is empty.
-    """
-    if path is None:
-        return ""
-    from pcc_networks.catalogue import SUFFIX, header_of
-
-    kept = header_of(path).digest if path.suffix == SUFFIX else None
-    return f"{path.stem} {kept or sha256(path)[:_DIGITS]}"

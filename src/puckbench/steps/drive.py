@@ -16,7 +16,10 @@ from virtual_lidar.sweep import Sweep
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
 
-CODE = (*MESH_FILES, *SENSOR, "puckbench.steps.scan", "puckbench.recordings")
+CODE = (
+    *(*MESH_FILES, *SENSOR, "cloud_files.poses", "puckbench.steps.scan"),
+    "puckbench.recordings",
+)
 
 
 @STEPS.register("drive")

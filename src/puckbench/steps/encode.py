@@ -14,8 +14,8 @@ from pointkit.measurement import Cost, Measured, measured
 from pointkit.terminal import Progress
 from puckbench.codecs.base import CloudKind, Codec, SharedWork
 from puckbench.codecs.coding import attribute_bytes, check_codes, cost_of, encoded
-from puckbench.codecs.learned import weights_label
 from puckbench.codecs.rates import rates_of
+from puckbench.codecs.weights_label import weights_label
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.geometry.attributes import RETURNS, not_coded

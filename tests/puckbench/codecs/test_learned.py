@@ -17,9 +17,9 @@ from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
 from puckbench.codecs.base import Codec
 from puckbench.codecs.coding import why_not_here
-from puckbench.codecs.learned import weights_label
 from puckbench.codecs.rates import rates_of
 from puckbench.codecs.registry import codec_of, codecs, entry, has_weights, open_codec
+from puckbench.codecs.weights_label import weights_label
 from puckbench.planning.workflow import Workflow
 from tests.support.codecs import decode, encode
 from tests.support.learned_codecs import RATES, changes, save_tiny, shell

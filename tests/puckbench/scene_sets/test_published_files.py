@@ -16,8 +16,9 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.codecs.coding import why_not_here
-from puckbench.codecs.learned import PUBLISHED_WEIGHTS, weights_label
+from puckbench.codecs.learned import PUBLISHED_WEIGHTS
 from puckbench.codecs.registry import open_codec
+from puckbench.codecs.weights_label import weights_label
 from puckbench.scene_sets import published_files
 from puckbench.scene_sets.sources import SOURCES
 from tests.support.tensorflow_checkpoint import checkpoint
