@@ -246,8 +246,12 @@ def test_results_depend_on_what_is_in_the_file_of_weights(together: Path, tmp_pa
     codes = []
     for name in ("pcgcv1_plus", "pcgcv2_plus"):
         (tmp_path / "a.safetensors").write_bytes((together / f"{name}.safetensors").read_bytes())
-        coding = Workflow(config).coding
-        codes.append([coding.encode(*curve).code for curve in coding.plan.curves])
+        flow, names = Workflow(config), ("dataset", "cloud", "codec")
+        steps = (
+            flow.step("encode", **dict(zip(names, curve, strict=True)))
+            for curve in flow.plan.curves
+        )
+        codes.append([step.fingerprint for step in steps])
     assert codes[0][0] != codes[1][0]
     assert codes[0][1] == codes[1][1]
 
