@@ -177,18 +177,19 @@ def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int 
     InputError
         The cloud is empty or has no extent, or an argument is not valid.
     """
-    from puckbench.geometry.scaling import METRIC
+    from puckbench.geometry.scaling import METRIC, check_cube_size
     from puckbench.steps import preparation
     from puckbench.steps.prepare import PreparationSettings
 
     plain = size.item() if isinstance(size, np.integer) else size
     number = neighbours.item() if isinstance(neighbours, np.integer) else neighbours
+    if isinstance(plain, int) and plain != 0:
+        check_cube_size(plain)
     given = {"size": METRIC if plain == 0 else plain, "neighbours": number}
     settings = parsed(PreparationSettings, given, "prepare")
     points = _cloud(cloud)
     check_points(points.xyz, "the cloud")
-    side = 0 if settings.size == METRIC else settings.size
-    return preparation.prepare(points, side, settings.neighbours)
+    return preparation.prepare(points, settings.size, settings.neighbours)
 
 
 def _cloud(cloud: PointCloud | Floats) -> PointCloud:

@@ -98,7 +98,7 @@ onstart:
     or_stop(rules_of.begin)
     if not plan.config.failed:
         plan.config.failures_file.unlink(missing_ok=True)
-    if not plan.config.failed:  # else the run that failed has printed them
+        # The run that failed has printed them already.
         for line in left_out_lines(flow.outputs.left_out_rows):
             print(f"puckbench: {line}", file=sys.stderr, flush=True)
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:

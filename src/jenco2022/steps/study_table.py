@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from puckbench.steps.results_table import OfNames
+from puckbench.steps.results_table import JoiningStep
 from puckbench.steps.sensing import code_of_models
 from puckbench.steps.step import STEPS, PlannedStep, planned
 from virtual_lidar import open_error_model
@@ -30,7 +30,7 @@ _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "resi
 
 
 @STEPS.register("study_table")
-class StudyTable(OfNames):
+class StudyTable(JoiningStep):
     """Join tables of several error models or recordings, or compare error models with recordings.
 
     Parameters

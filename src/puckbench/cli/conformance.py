@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def points_decoder(codec: str) -> Callable[[bytes], Floats]:
-    """Return the function that decodes streams with a codec to points."""
+    """Return a function that decodes a stream to points (m, 3); `codec` is the codec's name."""
     from puckbench.codecs.coding import decoded
     from puckbench.codecs.registry import open_codec
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pointkit.errors import naming
 from pointkit.files import write_json, written_whole
-from pointkit.geometry.cloud import CoordinateFrame, PointCloud, bounds
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from puckbench.cli.codec_options import codec_arguments, opened_codec, timing_of
 from puckbench.cli.types import note
 from puckbench.codecs.base import CloudKind, Codec
@@ -65,11 +65,7 @@ def _cloud(options: argparse.Namespace, codec: Codec, rate: str) -> PointCloud:
 
 
 def _prepare(source: Path, cloud: Path, in_metres: bool) -> None:
-    from puckbench.geometry.extent import warn_of_implausible_extent
     from puckbench.steps.prepare import Prepare, measured_points
 
-    points = measured_points(source)
-    if in_metres and source.suffix != ".parquet":
-        warn_of_implausible_extent(source, bounds(points.cloud.xyz))
     step = Prepare(size="metric") if in_metres else Prepare()
-    step.write(points, {}, cloud)
+    step.write(source, measured_points(source), {}, cloud)

@@ -12,7 +12,7 @@ from cloud_files.clouds import checked_cloud
 from cloud_files.content import plain_suffix
 from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError, naming
-from pointkit.geometry.cloud import Floats, UncheckedCloud, bounds
+from pointkit.geometry.cloud import Floats, UncheckedCloud
 from pointkit.lidar.returns import returns_file
 from puck.recordings.data_packets import LEFT_OUT
 from puck.recordings.pcap import refuse_stream
@@ -25,7 +25,6 @@ from puckbench.cli.units import (
     in_unit_of,
     refuse_cloud_options,
 )
-from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.scene_sets.selected_turns import check_selection, is_recording, read_selected_turns
 from puckbench.steps.prepare import Prepare, box_of, in_metres, names_and_groups, points_of_scan
@@ -117,14 +116,12 @@ def _cloud(options: argparse.Namespace, points: MeasuredPoints, **settings: Any)
     step = Prepare.create(neighbours=options.neighbours, **settings)
     if options.peak is not None and not step.is_metric:
         raise InputError("peak: only for clouds in metres; that of a scaled cloud is its size - 1")
-    if step.is_metric and options.cloud.suffix != ".parquet":
-        warn_of_implausible_extent(options.cloud, bounds(points.cloud.xyz))
+    box = None
     if words:
-        points = points.cropped(box_of(Path(words[0])) if len(words) == 1 else _box(words))
-    if len(points.cloud) == 0:
-        raise InputError(f"{options.cloud}: no point is left after cropping")
+        box = box_of(Path(words[0])) if len(words) == 1 else _box(words)
     names = names_and_groups(options.out, *options.about)
-    return step.write(points, names, options.out, options.truth, _peak(options))
+    files = options.out, options.truth
+    return step.write(options.cloud, points, names, *files, box, _peak(options))
 
 
 def _peak(options: argparse.Namespace) -> dict[str, float]:

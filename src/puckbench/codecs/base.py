@@ -76,7 +76,10 @@ class CloudKind(NamedTuple):
 
     @classmethod
     def of(cls, cloud: PointCloud) -> Self:
-        """Return what is known of a cloud, without its extent, which encoders check exactly."""
+        """Return what is known of an existing cloud.
+
+        The extent is left out: encoders measure it themselves, and refuse wide clouds.
+        """
         has_returns = cloud.returns is not None
         return cls(cloud.frame, has_returns, has_returns)
 

@@ -107,9 +107,10 @@ def look(name: str, entry: Entry | None = None) -> Look:
 
 
 def _class_styles(codec: type[Codec]) -> list[Entry]:
-    """Return what a class says of its style: its attributes, and those of its base classes.
+    """Return the places that may define a class's style, as dictionaries by name of the property.
 
-    The last item is what ``styles.yaml`` says of the first class that it names.
+    They are the attributes of the class and of each base class and, last, the entry of the class
+    (or of the nearest base class that has one) in ``styles.yaml``.
     """
     names = (registered_name(kind) for kind in codec.__mro__)
     named = (_styles()[name] for name in names if name in _styles())

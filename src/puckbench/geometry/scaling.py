@@ -48,6 +48,12 @@ def origin_shift(points: Floats) -> Floats:
     return np.where(np.abs(nearest) > FAR_M, np.trunc(nearest), 0.0)
 
 
+def check_cube_size(size: int) -> None:
+    """Raise InputError unless `size` is a valid number of positions along a side of a cube."""
+    if not 2 <= size < INTEGER_LIMIT:
+        raise InputError(f"size is {size}, but must be from 2 to 2^53 (or 0: metres)")
+
+
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
     """Return the scaling that fits points into the cube [0, size - 1]^3.
 
@@ -66,8 +72,7 @@ def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
     InputError
         `size` is not valid, or all points are the same.
     """
-    if not 2 <= size < INTEGER_LIMIT:
-        raise InputError(f"size is {size}, but must be from 2 to 2^53 (or 0: metres)")
+    check_cube_size(size)
     offset = points.min(axis=0)
     extent = float((points.max(axis=0) - offset).max())
     if extent <= 0:

@@ -26,6 +26,7 @@ from puckbench.steps.prepare import PreparationSettings
 from puckbench.steps.sample import SamplingSettings
 from puckbench.steps.scan import SensorSettings
 from puckbench.steps.scene import LoaderSettings
+from puckbench.steps.weights import ValidationSettings
 
 Options = dict[str, Any]
 
@@ -221,7 +222,7 @@ class CodecConfig(Model):
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
-class TrainingConfig(Model):
+class TrainingConfig(ValidationSettings):
     """A training of a learned codec's weights (`snakemake train`)."""
 
     codec: str = Field(description="Codec whose weights are trained.")
@@ -235,9 +236,6 @@ class TrainingConfig(Model):
         (),
         alias="validate",
         description="Data sets for the validation, whose results are in the model card.",
-    )
-    validate_every: int = Field(
-        0, ge=0, description="Steps between two validations; 0: only at the end."
     )
     steps: int | None = Field(None, ge=1, description="Number of steps; by default the codec's.")
     seed: Seed | None = Field(

@@ -209,8 +209,6 @@ class TrainingPlan:
         Name of the codec, and its entry in the configuration.
     clouds, validate
         Clouds of the training and of the validation, as pairs (data set, cloud).
-    validate_every
-        Number of steps between two validations; 0 validates only at the end.
     start
         Path of the file of initial weights; None starts with random weights.
     settings
@@ -221,7 +219,6 @@ class TrainingPlan:
     entry: dict[str, Any]
     clouds: tuple[tuple[str, str], ...]
     validate: tuple[tuple[str, str], ...]
-    validate_every: int
     start: str | None
     settings: dict[str, Any]
 
@@ -581,9 +578,7 @@ class Plan:
             tuple(cloud for data in names for cloud in self._clouds(f"{where}.{key}", data))
             for key, names in (("datasets", value.datasets), ("validate", value.validate_))
         )
-        return TrainingPlan(
-            value.codec, entry, clouds, validate, value.validate_every, start, settings
-        )
+        return TrainingPlan(value.codec, entry, clouds, validate, start, settings)
 
     def _lacks_start(self, name: str, value: TrainingConfig) -> bool:
         """Return whether a training failed, or the training of its initial weights failed."""
@@ -645,7 +640,17 @@ class Plan:
         return {name: getattr(timing, name) for name in TimingSettings.model_fields}
 
     def coding_entry(self, dataset: str, codec: str, rates: Iterable[str]) -> dict[str, Any]:
-        """Return a codec's complete entry, with only the given rates for a data set's clouds."""
+        """Return a codec's complete entry in the configuration, reduced to some rates.
+
+        Parameters
+        ----------
+        dataset
+            Name of the data set; the rates are those for its coordinate frame.
+        codec
+            Name of the codec.
+        rates
+            Names of the rates to keep.
+        """
         table = rates_of(self.opened[codec], self.datasets[dataset].frame)
         return self.entry_with(codec, {rate: table[rate] for rate in rates})
 

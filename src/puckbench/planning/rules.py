@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from pointkit.errors import InputError
 from pointkit.files import refusing_paths, write_bytes
@@ -18,7 +18,6 @@ from puckbench.steps.step import PlannedStep
 
 P = ParamSpec("P")
 T = TypeVar("T")
-Wildcards = Mapping[str, str]
 
 _LONGEST = 60_000
 """Largest number of characters of settings in a command, of which Linux takes 128 KiB."""
@@ -30,12 +29,8 @@ def or_stop(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         with refusing_paths():
             return function(*args, **kwargs)
     except InputError as error:
-        _stop(error)
-
-
-def _stop(error: InputError) -> NoReturn:
-    print(f"puckbench: {error}", file=sys.stderr, flush=True)  # noqa: T201
-    os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
+        print(f"puckbench: {error}", file=sys.stderr, flush=True)  # noqa: T201
+        os._exit(2)  # Snakemake would turn an exception into status 1 and a traceback
 
 
 class Rules:
@@ -108,6 +103,7 @@ class RuleStep:
         Name of the step.
     place
         Path of the rule's log in the folder of logs, without the suffix; with wildcards in braces.
+        With the values of the wildcards, it is the name of the job.
     """
 
     def __init__(self, rules: Rules, name: str, place: str) -> None:
@@ -129,7 +125,12 @@ class RuleStep:
         return {**step.inputs, **content, "planned": self._planned(wildcards, step)}
 
     def _planned(self, wildcards: Any, step: PlannedStep) -> Any:
-        """Return Snakemake's folder, whose time counts if present results were made otherwise."""
+        """Return the input that makes Snakemake run a job again, or leaves it alone.
+
+        It is Snakemake's folder, whose time is that of the planning (`mark_planning`), so that it
+        is newer than all results. The time counts only if the job's present results were made with
+        other settings or code.
+        """
         rules, job = self._rules, self._place.format(**wildcards)
         if rules.provenance is not None and rules.provenance.is_made_otherwise(job, step.key):
             return rules.local(str(SNAKEMAKE_FOLDER))

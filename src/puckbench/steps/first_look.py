@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.core.code import CLOUD_FILES, TABLES
 from puckbench.figures.registry import FIGURES as REGISTRY
-from puckbench.steps.results_table import OfNames
+from puckbench.steps.results_table import JoiningStep
 from puckbench.steps.step import STEPS, Paths, PlannedStep, planned
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ CODE = (*CLOUD_FILES, *TABLES, "puckbench.steps.results_table")
 
 
 @STEPS.register("first_look")
-class FirstLook(OfNames):
+class FirstLook(JoiningStep):
     """Draw the first figures of a run from the results of one codec.
 
     `style` has layers of options of the figures' style, each of which overrides earlier ones.

@@ -7,7 +7,14 @@ import numpy as np
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.crop import inside_box
 from puckbench.geometry.digest import cloud_digest
-from puckbench.geometry.scaling import GRID, Scaling, cube_scaling, grid_scaling, origin_shift
+from puckbench.geometry.scaling import (
+    GRID,
+    METRIC,
+    Scaling,
+    cube_scaling,
+    grid_scaling,
+    origin_shift,
+)
 from puckbench.metrics.default_peak import PEAK_M
 
 CODE = (
@@ -65,8 +72,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         Cloud in metres.
     size
         Number of grid positions along a side of the cube [0, size - 1] to which the cloud is
-        scaled. With 0, the cloud stays in metres, but is shifted if coordinates are large
-        (`origin_shift`). With `GRID`, it gets the coordinates of its own voxel grid.
+        scaled. With 0 or `METRIC`, the cloud stays in metres, but is shifted if coordinates are
+        large (`origin_shift`). With `GRID`, it gets the coordinates of its own voxel grid.
     neighbours
         Number of neighbouring points from which a normal is estimated.
     """
@@ -98,6 +105,6 @@ def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:
     if size == GRID:
         scaling = grid_scaling(cloud.xyz, cloud.about)
         return scaling, np.rint(scaling.apply(cloud.xyz)), int(cloud.about["grid"]["size"])
-    side = int(size)
+    side = 0 if size == METRIC else int(size)
     scaling = cube_scaling(cloud.xyz, side) if side else Scaling(1.0, origin_shift(cloud.xyz))
     return scaling, scaling.apply(cloud.xyz), side

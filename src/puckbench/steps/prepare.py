@@ -35,8 +35,16 @@ class _Boxed(Model):
     box: tuple[Corner, Corner]
 
 
-class PreparationSettings(Model):
-    """How a cloud is prepared for coding."""
+class NormalSettings(Model):
+    """Settings of the estimate of normals."""
+
+    neighbours: int = Field(
+        30, ge=3, description="Number of neighbouring points for the estimate of a normal."
+    )
+
+
+class PreparationSettings(NormalSettings):
+    """Settings of the preparation of a cloud for coding: cropping, scale and normals."""
 
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",
@@ -48,9 +56,6 @@ class PreparationSettings(Model):
         description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels keep their grid "
         "(`make: cloud`). `metric`: clouds stay in metres, in the frame of their sensor if there "
         "is one, and rates are lengths (`10mm`).",
-    )
-    neighbours: int = Field(
-        30, ge=3, description="Number of neighbouring points for the estimate of a normal."
     )
 
     @property
@@ -92,40 +97,46 @@ class Prepare(PreparationSettings, Step):
         truth
             File to which the clean points are written, in the coordinate frame of `cloud`.
         """
-        points = measured_points(source)
-        if self.is_metric and source.suffix != ".parquet":
-            warn_of_implausible_extent(source, bounds(points.cloud.xyz))
-        if self.crop != "none":
-            points = points.cropped(box_of(about), self.crop)
-        if len(points.cloud) == 0:
-            raise InputError(f"{source}: no point is left after cropping")
-        return self.write(points, names_and_groups(cloud, about), cloud, truth)
+        box = None if self.crop == "none" else box_of(about)
+        names = names_and_groups(cloud, about)
+        return self.write(source, measured_points(source), names, cloud, truth, box)
 
     def write(
         self,
+        source: Path,
         points: MeasuredPoints,
         names: dict[str, Any],
         cloud: Path,
         truth: Path | None = None,
+        box: Floats | None = None,
         more: dict[str, Any] | None = None,
     ) -> dict[str, Any]:
         """Write measured points as `run` does, and return the description of the cloud.
 
         Parameters
         ----------
+        source
+            File of the points, for messages.
         points
-            The measured points, already cropped, with their true points.
+            The measured points, with their true points.
         names
             Result of `names_and_groups`.
         cloud, truth
             Files to write; the latter is optional.
+        box
+            Lowest and highest corner (2, 3), in m, to which the points are cropped; None for all.
         more
             Further entries of the description.
         """
         from puckbench.steps.preparation import prepare
 
-        size = 0 if self.size == METRIC else self.size
-        prepared = prepare(points.cloud, size, self.neighbours)
+        if self.is_metric and source.suffix != ".parquet":
+            warn_of_implausible_extent(source, bounds(points.cloud.xyz))
+        if box is not None:
+            points = points.cropped(box, self.crop)
+        if len(points.cloud) == 0:
+            raise InputError(f"{source}: no point is left after cropping")
+        prepared = prepare(points.cloud, self.size, self.neighbours)
         described = {**names, **prepared.about, **(more or {})}
         write_cloud(cloud, replace(prepared, about=described))
         if truth:

@@ -4,15 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pydantic import Field
-
 from cloud_files.clouds import write_cloud
 from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, read_firings, write_firings
 from puckbench.scene_sets.selected_turns import select_turns
-from puckbench.steps.prepare import names_and_groups
+from puckbench.steps.prepare import NormalSettings, names_and_groups
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 from virtual_lidar.scan_table import ScanTable
 
@@ -27,20 +25,17 @@ CODE = (
 
 
 @STEPS.register("prepare_returns")
-class PrepareReturns(Step):
+class PrepareReturns(NormalSettings, Step):
     """Prepare a spinning sensor's returns for coding, as a cloud in metres with normals.
 
     The cloud is in the coordinate frame of the sensor.
 
     Parameters
     ----------
-    neighbours
-        Number of neighbouring points from which a normal is estimated.
     error_model
         Name of the error model of a virtual scan, for the description of the cloud.
     """
 
-    neighbours: int = Field(30, ge=3)
     error_model: str = ""
 
     @classmethod

@@ -23,7 +23,10 @@ TIMEOUT = "PUCKBENCH_TIMEOUT_S"
 """Environment variable with the time limit of a step in s; empty or 0 means no limit."""
 _KEY = "--key="
 _OBJECTS_PER_SEARCH = 10_000
-"""Garbage collection threshold, raised since imports make many objects, but no garbage."""
+"""Number of new objects after which Python looks for garbage.
+
+It is higher than usual, since imports make many objects that are never garbage.
+"""
 
 
 def main(words: Sequence[str]) -> int:

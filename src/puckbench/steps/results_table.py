@@ -3,8 +3,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import Field
-
 from puckbench.core.code import TABLES
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
 from puckbench.tables.files import write_result
@@ -16,7 +14,7 @@ if TYPE_CHECKING:
 CODE = (*TABLES, "puckbench.tables.gathered")
 
 
-class OfNames(Step):
+class JoiningStep(Step):
     """Base class of steps that read many files of results.
 
     `names` are the paths of the files, relative to the results folder.
@@ -30,7 +28,7 @@ class OfNames(Step):
 
 
 @STEPS.register("results_table")
-class ResultsTable(OfNames):
+class ResultsTable(JoiningStep):
     """Join the rows of results that many steps wrote, or rows that are known before the run.
 
     Parameters
@@ -42,7 +40,7 @@ class ResultsTable(OfNames):
     """
 
     table: str
-    rows: tuple[dict[str, str], ...] = Field(())
+    rows: tuple[dict[str, str], ...] = ()
 
     @classmethod
     def of_plan(cls, flow: Workflow, /, table: str) -> PlannedStep:

@@ -22,7 +22,7 @@ CODE = (*MESH_FILES, "puckbench.geometry.sampling")
 
 
 class SamplingSettings(Model):
-    """How many points are sampled on a mesh."""
+    """Settings of the sampling of points on a mesh."""
 
     points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
 

@@ -86,7 +86,17 @@ class Scanning(SensorSettings, Step):
 
     @classmethod
     def of_entry(cls, entry: Sensing, scene: str, seed: int) -> Self:
-        """Return the step that scans a scene as a data set's or drive's entry says."""
+        """Return the step that scans a scene with the settings of a configuration's entry.
+
+        Parameters
+        ----------
+        entry
+            Entry of a data set or a drive.
+        scene
+            Name of the scene.
+        seed
+            Seed of the sensor's errors.
+        """
         origin = entry.origin.get(scene) if isinstance(entry.origin, dict) else entry.origin
         shared = {name: getattr(entry, name) for name in SensorSettings.model_fields}
         return cls(**shared, origin=origin, seed=seed)

@@ -12,6 +12,7 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.files import sha256, write_json
 from pointkit.geometry.cloud import Floats
+from pointkit.models import Model
 from puckbench.codecs.learned import require_networks
 from puckbench.codecs.registry import entry as complete_entry
 from puckbench.codecs.registry import (
@@ -41,8 +42,16 @@ _BYTES_PER_POINT = 50
 """Memory of a training per point of the clouds, bytes."""
 
 
+class ValidationSettings(Model):
+    """Settings of the validation of a training."""
+
+    validate_every: int = Field(
+        0, ge=0, description="Steps between two validations; 0: only at the end."
+    )
+
+
 @STEPS.register("weights")
-class Train(CodecStep):
+class Train(CodecStep, ValidationSettings):
     """Train the neural network of a learned codec.
 
     Parameters
@@ -53,8 +62,6 @@ class Train(CodecStep):
         Initial weights: name of shipped weights, or a file; by default random.
     every
         Number of steps between two checkpoints.
-    validate_every
-        Number of steps between two validations; 0 validates only at the end.
     peak
         Peak of the validation's PSNRs, in the unit of the clouds; by default from the descriptions
         of the validation's clouds.
@@ -67,7 +74,6 @@ class Train(CodecStep):
     options: dict[str, Any] = Field({})
     start: str | None = None
     every: int = Field(100, ge=1)
-    validate_every: int = Field(0, ge=0)
     peak: float | None = Field(None, gt=0)
     code: str | None = None
 
@@ -91,7 +97,7 @@ class Train(CodecStep):
                 entry=training.entry,
                 options=training.settings,
                 start=training.start,
-                validate_every=training.validate_every,
+                validate_every=plan.config.train[trained].validate_every,
                 code=code_version(module, codec, "pcc_networks.training"),
             ),
             {"clouds": clouds, "validate": validate, "about": about, **made},

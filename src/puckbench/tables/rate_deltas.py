@@ -33,7 +33,7 @@ _GROUP = ["dataset", "metric", "codec"]
 _OF_CURVE = ("points", "pooled", LOSSLESS)
 """Columns that describe the codec's curve; ``anchor_...`` describes the anchor's."""
 _LENGTHS = ("m", "mm", GRID)
-"""Units of lengths."""
+"""Units that mark a column of lengths, whose quality is -20 log10 of the value."""
 _STATUS = {
     "no_common_range": NO_COMMON_RANGE,
     "little_overlap": LITTLE_OVERLAP,
@@ -43,7 +43,7 @@ _STATUS = {
 
 
 def _columns() -> Iterator[Column]:
-    """Yield the columns of this table and of the two tables below."""
+    """Yield the columns of ``bd_rate``, ``bd_rate_pairs`` and ``bd_rate_clouds``."""
     too_little = "the curves have too little in common (columns of counts)"
     yield Column("bd_rate_percent", "BD-rate", "%", LOWER, missing=too_little)
     yield Column("bd_quality_db", "BD-PSNR", "dB", HIGHER, missing=too_little)
