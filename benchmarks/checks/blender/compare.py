@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from benchmarks.performance.scan_speed import least_times
 from numpy.typing import NDArray
-from puckbench.geometry.surfaces import read_surface
 
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
 from pointkit.lidar.sensors import load_sensor
+from puckbench.geometry.surfaces import read_surface
 from virtual_lidar import ScanJob, Sweep, free_origin, open_error_model
 from virtual_lidar.raycast import RayCaster
 from virtual_lidar.scenes.calibration import calibration_origin, make_calibration
