@@ -52,7 +52,7 @@ def draw_primitives(cloud: PointCloud, truth: Mesh, rate: str = "r4") -> Figure:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
-    stream = open_codec("primitives").encode(cloud.xyz, rate)
+    stream = open_codec("primitives").encode(cloud, rate)
     patches = read_patches(stream)
     planes, rounds = int(patches.octree.leaves.counts[1]), len(patches.revolutions)
     decoded, names = segment_points(patches)

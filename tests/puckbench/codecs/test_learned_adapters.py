@@ -214,7 +214,7 @@ def test_a_training_of_an_entry_that_cannot_be_used_does_not_start(
 ) -> None:
     write_cloud(tmp_path / "a.ply", PointCloud(shell(), about={"size": 64}))
     out = tmp_path / "out.safetensors"
-    training = Train(codec="pcgcv2_plus", changes={"options": options}, options={"steps": 1})
+    training = Train(codec="pcgcv2_plus", entry={"options": options}, options={"steps": 1})
     with pytest.raises(InputError, match=fault):
         training.run((tmp_path / "a.ply",), out)
     assert not out.exists()

@@ -83,7 +83,7 @@ config = {
     "datasets": {"d": {"scene_set": "a", "make": "sample"}},
     "codecs": {"pcgcv2_plus": {}, "sparse_octree_net": {}, "draco": {}},
 }
-print(len({curve[-1] for curve in Workflow(config).coding.plan.curves}))
+print(len({curve[-1] for curve in Workflow(config).plan.curves}))
 """
     done = subprocess.run(
         [sys.executable, "-S", "-c", program],

@@ -84,7 +84,9 @@ def test_what_cannot_be_listed_is_named(path: Any, fault: str | None) -> None:
 def plan(**top: Any) -> Plan:
     scenes = {"mine": {"loader": "point_clouds", "options": {"path": "mine"}}}
     datasets = {"mine": {"scene_set": "mine", "make": "cloud"}}
-    return Plan(checked({"scene_sets": scenes, "datasets": datasets, **top}), check_scenes=True)
+    planned = Plan(checked({"scene_sets": scenes, "datasets": datasets, **top}), check_scenes=True)
+    planned.memory.save()
+    return planned
 
 
 @pytest.mark.usefixtures("mine")
@@ -143,6 +145,13 @@ def test_a_scenes_job_does_not_change_with_the_other_files() -> None:
     assert record() == before
 
 
+def prepared_again(source: Path, name: str, size: int | str) -> PointCloud:
+    """The cloud in a file, prepared as the step does with points that no scan measured."""
+    cloud, truth = source.with_name(f"{name}.ply"), source.with_name(f"{name}_truth.ply")
+    Prepare(size=size, crop="none").run(source, source.with_suffix(".json"), cloud, truth)
+    return read_cloud(cloud)
+
+
 def test_surveyed_coordinates_come_back_bit_for_bit(tmp_path: Path) -> None:
     utm = RNG.random((500, 3)) * [90, 70, 12] + [698_234.0, 5_337_911.0, -3.0]
     utm[0] = [698_234.001, 5_337_911.123456789, 1e-9]
@@ -151,18 +160,16 @@ def test_surveyed_coordinates_come_back_bit_for_bit(tmp_path: Path) -> None:
     write_cloud(tmp_path / "utm.ply", PointCloud(utm, colours=colours, fields=fields), False)
     options = {"path": str(tmp_path / "utm.ply")}
     WriteScene(loader="point_clouds", name="utm", options=options).run(tmp_path / "scene.ply")
-    Prepare(size=0).run(tmp_path / "scene.ply", tmp_path / "cloud.ply")
-    prepared = read_cloud(tmp_path / "cloud.ply")
+    prepared = prepared_again(tmp_path / "scene.ply", "cloud", "metric")
     assert read_json(tmp_path / "cloud.json")["offset"] == [698_234.0, 5_337_911.0, 0.0]
     assert np.abs(prepared.xyz).max() < 100
     assert np.array_equal(prepared.to_metres(prepared.xyz), utm)
     assert np.array_equal(prepared.fields["intensity"], fields["intensity"])
     assert np.array_equal(prepared.colours, colours)
     # Prepared again, it is the same cloud; scaled to a cube, no point has moved by a micrometre.
-    Prepare(size=0).run(tmp_path / "cloud.ply", tmp_path / "again.ply")
-    assert np.array_equal(read_cloud(tmp_path / "again.ply").xyz, prepared.xyz)
-    Prepare().run(tmp_path / "scene.ply", tmp_path / "scaled.ply")
-    scaled = read_cloud(tmp_path / "scaled.ply")
+    again = prepared_again(tmp_path / "cloud.ply", "again", "metric")
+    assert np.array_equal(again.xyz, prepared.xyz)
+    scaled = prepared_again(tmp_path / "scene.ply", "scaled", 1024)
     assert np.abs(scaled.to_metres(scaled.xyz) - utm).max() < 2e-9
 
 

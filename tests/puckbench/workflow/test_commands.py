@@ -22,7 +22,10 @@ def alone(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
-def test_commands_of_a_dry_run_make_what_they_say(alone: Bench) -> None:
+def test_commands_of_a_dry_run_make_what_they_say(
+    alone: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")  # Python's files are not the plan's
     before = {*alone.folder.rglob("*")}
     done = alone.snakemake("--dry-run", "--printshellcmds", SAMPLE)
     assert done.returncode == 0, done.stderr[-4000:]

@@ -534,9 +534,8 @@ def test_a_copy_of_the_sources_and_other_help_texts_re_make_nothing(copied: Benc
 
 
 def test_a_new_registration_makes_what_it_registers(copied: Bench) -> None:
-    (
-        copied.snakefile.parents[1] / "src" / "puckbench" / "metrics" / "tables" / "streams.py"
-    ).write_text(TABLE)
+    tables = copied.snakefile.parents[1] / "src" / "puckbench" / "tables"
+    (tables / "streams.py").write_text(TABLE)
     assert copied.planned() == {"streams": 1, "report_page": 1}
 
 
