@@ -69,6 +69,8 @@ class TableEntry:
         Whether the workflow collects the table from files of many jobs.
     error_models
         Names of error models whose parameters the function reads.
+    shown
+        Columns that LaTeX shows of a wide table (`usual` of `puckbench.tables.latex.paper_columns`).
     """
 
     name: str
@@ -79,6 +81,7 @@ class TableEntry:
     needs: tuple[str, ...] = ()
     gathered: bool = False
     error_models: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:
