@@ -70,7 +70,7 @@ class TableEntry:
     error_models
         Names of error models whose parameters the function reads.
     shown
-        Columns that LaTeX shows of a wide table (`usual` of `puckbench.tables.latex.paper_columns`).
+        Columns that LaTeX shows of a wide table (`usual` in `puckbench.tables.latex`).
     """
 
     name: str
