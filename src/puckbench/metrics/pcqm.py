@@ -52,19 +52,20 @@ def pcqm(reference: PointCloud, decoded: PointCloud) -> float:
     longest = float(np.ptp(bounds(a.points), axis=0).max())
     radius = _RADIUS * longest
     a_tree, b_tree = cKDTree(a.points), cKDTree(b.points)
-    _, nearest = b_tree.query(a.points, k=NEIGHBOURS)
-    projected = _projections(a.points, b.points, nearest.astype(np.int64))
-    curvatures = [
+    nearest = np.asarray(b_tree.query(a.points, k=NEIGHBOURS)[1], np.int64)
+    projected = _projections(a.points, b.points, nearest)
+    bent, other_bent = (
         longest * _curvatures(a.points, tree, points, radius)
         for tree, points in ((a_tree, a.points), (b_tree, b.points))
-    ]
-    lights = [lightness(a.values), lightness(b.values)[nearest[:, 0]]]
+    )
+    light, other_light = lightness(a.values), lightness(b.values)[nearest[:, 0]]
     reach, sums = _STATISTICS * radius, np.zeros(3)
     for first in range(0, len(a.points), _QUERIES):
         starts, rows = _within(a_tree, a.points[first : first + _QUERIES], reach)
-        sums += _features(first, starts, rows, a.points, projected, *curvatures, *lights, reach / 2)
-    curvature, light, pattern = sums / len(a.points)
-    return float(_CURVATURE * curvature + _LIGHTNESS * (1 - light) + _PATTERN * (1 - pattern))
+        near = (first, starts, rows, a.points, projected)
+        sums += _features(*near, bent, other_bent, light, other_light, reach / 2)
+    curvature, likeness, pattern = sums / len(a.points)
+    return float(_CURVATURE * curvature + _LIGHTNESS * (1 - likeness) + _PATTERN * (1 - pattern))
 
 
 def lightness(colours: Floats) -> Floats:

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import Field
 
@@ -83,9 +83,9 @@ class Table(Step):
         table = self._made(entry, {name: read_table(inputs[name]) for name in used})
         for column in table.select_dtypes("floating"):
             table[column] = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
-        return table
+        return cast("pd.DataFrame", table)
 
-    def _made(self, entry: TableEntry, inputs: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    def _made(self, entry: TableEntry, inputs: dict[str, pd.DataFrame]) -> Any:
         try:
             signature(entry.make).bind(**inputs, **self.options)
         except TypeError as error:

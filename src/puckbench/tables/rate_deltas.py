@@ -311,9 +311,9 @@ class _Curves:
 def _curves(metrics: pd.DataFrame, qualities: Sequence[str]) -> Iterator[_Curves]:
     for metric in qualities:
         rows = _with_quality(metrics, metric)
-        counted = {name: _counted_bits(part, metric) for name, part in rows.groupby("dataset")}
+        counted = {str(name): _counted_bits(part, metric) for name, part in rows.groupby("dataset")}
         for (dataset, cloud), part in rows.groupby(["dataset", "cloud"], sort=False):
-            bits = counted[dataset]
+            bits = counted[str(dataset)]
             names = {"dataset": dataset, "metric": metric, "cloud": cloud, "bits_counted": bits}
             names |= {SCENE: part[SCENE].iloc[0]} if SCENE in part else {}
             yield _Curves(names, part.assign(bits=part[bits].fillna(part["bpp"])))
