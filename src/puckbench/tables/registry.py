@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import puckbench.metrics.metric_registry  # noqa: F401 (declares the columns of further metrics)
 from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
 from puckbench.results.columns import Columns, declare, declared_by
