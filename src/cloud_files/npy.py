@@ -104,8 +104,10 @@ def _array_columns(array: NDArray[Any]) -> Columns:
         return columns
     is_image = array.ndim == 3 and array.dtype.kind == "f"
     rows = array.reshape(-1, array.shape[-1]) if is_image else array
-    if rows.ndim != 2 or rows.shape[1] < 3 or rows.dtype.kind not in "fiu":
-        raise InputError(f"expected numbers of shape (n, 3), got {array.dtype} {array.shape}")
+    if rows.dtype.kind not in "fiu":
+        raise InputError(f"points: not numbers, but an array of {array.dtype}")
+    if rows.ndim != 2 or rows.shape[1] < 3:
+        raise InputError(f"expected points of shape (n, 3), got {array.shape}")
     count = rows.shape[1]
     if count > _MAX_COLUMNS or (count > _MAX_COLUMNS_OF_FEW_POINTS and len(rows) < count):
         raise InputError(f"{count} columns: transpose it to a row for each point, (n, 3 or more)")

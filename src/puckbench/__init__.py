@@ -20,6 +20,7 @@ from puckbench.moved import MovedModules
 if TYPE_CHECKING:
     from puckbench.library import InputError as InputError
     from puckbench.library import PointCloud as PointCloud
+    from puckbench.library import bd_rate as bd_rate
     from puckbench.library import compare as compare
     from puckbench.library import decoded as decoded
     from puckbench.library import encoded as encoded
@@ -34,8 +35,8 @@ __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     library=(
-        *("InputError", "PointCloud", "compare", "decoded", "encoded", "measures"),
-        *("open_codec", "prepare", "read_cloud", "turns"),
+        *("InputError", "PointCloud", "bd_rate", "compare", "decoded", "encoded"),
+        *("measures", "open_codec", "prepare", "read_cloud", "turns"),
     ),
 )
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cloud_files.clouds import read_cloud
-from pointkit.errors import InputError
+from pointkit.errors import InputError, closest, naming
 from pointkit.geometry.cloud import Floats, PointCloud, check_points
 from pointkit.models import parsed
 from pointkit.registry import trust
-from puckbench.codecs import registry
+from puckbench.codecs import coding, registry
 from puckbench.codecs.base import CloudKind, Codec, SharedWork
-from puckbench.codecs.coding import check_codes, decoded, encoded
+from puckbench.codecs.coding import check_codes
 from puckbench.codecs.rates import rates_of, scaled_rates
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics
 from puckbench.results.curves import read_curve
@@ -31,6 +31,7 @@ __all__ = [
     "Codec",
     "InputError",
     "PointCloud",
+    "bd_rate",
     "compare",
     "decoded",
     "encoded",
@@ -144,7 +145,7 @@ def measures(
     from puckbench.metrics.sensor_metrics import decoded_range_errors
 
     original, decoded = _cloud(original), _cloud(decoded)
-    _check_peak(peak)
+    _check_peak(peak, "measures")
     metrics = geometry_metrics(original, decoded.xyz, peak)
     metrics |= attribute_metrics(original, decoded, metrics)
     if original.returns is None or decoded.returns is None:
@@ -175,19 +176,59 @@ def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int 
     InputError
         The cloud is empty or has no extent, or an argument is not valid.
     """
-    from puckbench.geometry.scaling import METRIC, check_cube_size
+    from puckbench.geometry.scaling import METRIC
     from puckbench.steps import preparation
     from puckbench.steps.prepare import PreparationSettings
 
     plain = size.item() if isinstance(size, np.integer) else size
     number = neighbours.item() if isinstance(neighbours, np.integer) else neighbours
-    if isinstance(plain, int) and plain != 0:
-        check_cube_size(plain)
     given = {"size": METRIC if plain == 0 else plain, "neighbours": number}
     settings = parsed(PreparationSettings, given, "prepare")
     points = _cloud(cloud)
     check_points(points.xyz, "the cloud")
     return preparation.prepare(points, settings.size, settings.neighbours)
+
+
+def encoded(codec: Codec, cloud: PointCloud | Floats, rate: str, work: Any = None) -> bytes:
+    """Encode a cloud at a rate of a codec to a self-contained byte string.
+
+    A cloud far from the origin is shifted towards it before encoding (`puckbench.codecs.shift`).
+
+    Parameters
+    ----------
+    codec
+        A codec returned by `open_codec`.
+    cloud
+        A cloud, or an array of points (n, 3). If the coordinate frame is unknown and the rate is a
+        length, the coordinates are taken as metres.
+    rate
+        Name of a rate, or a length such as "15mm" if the codec allows any.
+    work
+        Object from the codec's `prepare` for this cloud. It saves time and does not affect the
+        result.
+
+    Raises
+    ------
+    InputError
+        The rate is unknown, the codec skips the cloud (`Codec.skip`), the cloud is empty, a
+        reflectance is not a 16-bit integer, or the codec cannot encode the cloud.
+    """
+    return coding.encoded(_codec(codec), _cloud(cloud), rate, work)
+
+
+def decoded(codec: Codec, stream: bytes) -> PointCloud:
+    """Decode a byte string to a cloud, in the coordinate frame of the encoded cloud.
+
+    The cloud has the returns and attributes that the byte string contains. Raises InputError if the
+    byte string is damaged or belongs to another codec.
+    """
+    return coding.decoded(_codec(codec), stream)
+
+
+def _codec(codec: Codec) -> Codec:
+    if not isinstance(codec, Codec):
+        raise InputError(f"{codec!r} is not a codec (open_codec returns codecs)")
+    return codec
 
 
 def _cloud(cloud: PointCloud | Floats) -> PointCloud:
@@ -236,13 +277,11 @@ def compare(
     from puckbench.metrics.geometry import ReferenceCloud
 
     cloud, chosen = _cloud(cloud), [codecs] if isinstance(codecs, Codec) else list(codecs)
-    _check_peak(peak)
+    _check_peak(peak, "compare")
     if not (isinstance(repeats, Integral) and repeats >= 1):
         raise InputError(f"repeats is {repeats!r}, but must be a whole number from 1 on")
     for codec in chosen:
-        if not isinstance(codec, Codec):
-            raise InputError(f"codecs: {codec!r} is not a codec (open_codec returns codecs)")
-        check_codes(codec, CloudKind.of(cloud))
+        check_codes(_codec(codec), CloudKind.of(cloud))
     cells = [
         (codec, rate, shared)
         for codec, shared in [(ready(codec), codec.prepare(cloud)) for codec in chosen]
@@ -252,9 +291,58 @@ def compare(
     return pd.DataFrame([_row(reference, *cell, repeats, peak) for cell in cells])
 
 
-def _check_peak(peak: float | None) -> None:
-    if not (peak is None or (isinstance(peak, Real) and 0 < peak < np.inf)):
-        raise InputError(f"peak is {peak!r}, but must be a positive number")
+def bd_rate(anchor: pd.DataFrame, tested: pd.DataFrame, quality: str = "d1_psnr") -> float:
+    """Return how many more or fewer bits a codec needs than another at equal quality, in percent.
+
+    It is the Bjontegaard delta rate of the table ``bd_rate_clouds``: the mean difference of the
+    logarithms of the bits, interpolated by PCHIP, over the range that both curves share. It is
+    negative if the tested codec needs fewer bits. Lossless rates are left out.
+
+    Parameters
+    ----------
+    anchor, tested
+        Rows of one codec each, for one cloud, of the table that `compare` returns or of a run's
+        ``metrics.csv``.
+    quality
+        Column that measures quality. Values in dB are kept, a length d is converted to -20 log10 d,
+        and any other value d to -10 log10 d.
+
+    Raises
+    ------
+    InputError
+        A table has rows of several codecs or clouds, or lacks a column; bits are not positive;
+        PSNRs have different peaks; a curve has fewer than four points; or the curves have less than
+        half of the shorter one's range in common.
+    """
+    from puckbench.tables.rate_deltas import bd_rate_of_curves
+
+    for name, rows in (("anchor", anchor), ("tested", tested)):
+        with naming(name):
+            _check_curve(rows, quality)
+    return bd_rate_of_curves(anchor, tested, quality)
+
+
+def _check_curve(rows: pd.DataFrame, quality: str) -> None:
+    import pandas as pd
+
+    from pointkit.tables import check_columns
+
+    if not isinstance(rows, pd.DataFrame):
+        raise InputError(f"expected rows of the table of compare, not {type(rows).__name__}")
+    if quality not in rows:
+        names = [str(name) for name in rows]
+        raise InputError(f"no column '{quality}'{closest(str(quality), names)}")
+    check_columns(rows, ("rate",), ("bpp", quality))
+    for column in ("codec", "dataset", "cloud"):
+        if column in rows and (count := rows[column].nunique()) > 1:
+            raise InputError(f"rows of {count} {column}s: select those of one")
+
+
+def _check_peak(peak: float | None, what: str) -> None:
+    from puckbench.steps.evaluate import MeasuringSettings
+
+    plain = float(peak) if isinstance(peak, Real) else peak
+    parsed(MeasuringSettings, {"peak": plain}, what)
 
 
 def _row(

@@ -25,6 +25,7 @@ from puckbench.codecs.old_contract import adapted
 from puckbench.codecs.rates import Parameters, check_metric, find_rate, metric_rates, scaled_rates
 from puckbench.codecs.shift import unshifted
 from puckbench.codecs.unit import without_unit
+from puckbench.geometry.attributes import COLOUR, REFLECTANCE, RETURNS
 
 if TYPE_CHECKING:
     from pcc_networks.training.settings import BaseTraining
@@ -256,7 +257,7 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     Raises
     ------
     InputError
-        The codec, an option or a rate is unknown, or the codec has no rates.
+        The codec, an option, a rate or an attribute is unknown, or the codec has no rates.
     """
     codec, changes = codec_class(name, changes), changes or {}
     with naming(f"codec {name}"):
@@ -264,11 +265,22 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     if not rates:
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
     try:
-        return codec(name=name, rates=rates, **changes.get("options", {}))
+        opened = codec(name=name, rates=rates, **changes.get("options", {}))
+        _check_attributes(opened)
+        return opened
     except KeyError as error:
         raise InputError(f"codec {name}: a rate lacks the parameter {error}") from error
     except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"codec {name}: {error}") from error
+
+
+def _check_attributes(codec: Codec) -> None:
+    """Raise InputError if a codec names an attribute that does not exist."""
+    known = (REFLECTANCE, COLOUR, RETURNS)
+    for attribute in codec.attributes:
+        if attribute not in known:
+            unknown = f"unknown attribute '{attribute}'{among(str(attribute), known)}"
+            raise InputError(f"codec {codec.name}: {unknown}")
 
 
 def _rates(codec: type[Codec], changes: Entry) -> dict[str, Parameters]:

@@ -74,6 +74,9 @@ class Column:
         Heading in the summary that a run prints, with the unit; empty for `words`.
     digits
         Format of numbers in ranges that the summary prints.
+    decimals
+        Number of decimals in LaTeX tables, where a value has no interval; None: three significant
+        digits.
     missing
         Why a value may be missing; empty for the usual reason (`reason`).
     leads
@@ -97,6 +100,7 @@ class Column:
     short: str = ""
     printed: str = ""
     digits: str = ".2g"
+    decimals: int | None = None
     missing: str = ""
     leads: bool = False
     summarised: bool = False
@@ -277,7 +281,7 @@ def _statistic(of: Column, name: str, suffix: str) -> Column:
 
 def _undeclared(name: str) -> Column:
     if name.endswith("_psnr"):
-        return Column(name, name_in_words(name), "dB", HIGHER, missing=_LOSSLESS)
+        return Column(name, name_in_words(name), "dB", HIGHER, missing=_LOSSLESS, decimals=1)
     stem, ending = _stem_and_ending(name)
     return Column(name, name_in_words(stem), _ENDINGS.get(ending, ""))
 
@@ -373,7 +377,7 @@ def _distances(prefix: str, to: str, group: str, missing: str) -> Iterator[Colum
 
 
 def _psnrs() -> Iterator[Column]:
-    psnr = partial(Column, unit="dB", better=HIGHER, group=CODED, missing=_LOSSLESS)
+    psnr = partial(Column, unit="dB", better=HIGHER, group=CODED, missing=_LOSSLESS, decimals=1)
     first = partial(psnr, digits=".0f", leads=True, summarised=True)
     for kind, words in _MPEG.items():
         short = f"{kind.upper()} PSNR"
@@ -435,7 +439,8 @@ def _returns() -> Iterator[Column]:
 
 
 def _pictures_and_attributes() -> Iterator[Column]:
-    psnr = partial(Column, unit="dB", better=HIGHER, missing=f"lossless, or {_NO_ATTRIBUTE}")
+    missing = f"lossless, or {_NO_ATTRIBUTE}"
+    psnr = partial(Column, unit="dB", better=HIGHER, missing=missing, decimals=1)
     error = partial(Column, better=LOWER, missing=_NO_ATTRIBUTE)
     yield psnr("view_psnr", "PSNR of six rendered views", group=SEEN, missing=_LOSSLESS)
     yield Column("view_ssim", "SSIM of six rendered views", better=HIGHER, group=SEEN)

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pydantic import Field
 
@@ -66,8 +66,15 @@ class Table(Step):
         inputs
             Files of the tables that the function reads, by the names of its parameters.
         """
-        from pointkit.tables import read_table
         from puckbench.tables.files import write_result
+
+        shown = table_entry(self.table).shown
+        rows = write_result(self.made(inputs), columns, *out, usual=shown)
+        return {"table": self.table, **rows, "files": [str(path) for path in out]}
+
+    def made(self, inputs: Mapping[str, Path]) -> pd.DataFrame:
+        """Return the table, made from the files of its inputs (see `run`)."""
+        from pointkit.tables import read_table
 
         entry = table_entry(self.table)
         if missing := [needed for needed in entry.inputs if needed not in inputs]:
@@ -76,8 +83,7 @@ class Table(Step):
         table = self._made(entry, {name: read_table(inputs[name]) for name in used})
         for column in table.select_dtypes("floating"):
             table[column] = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
-        rows = write_result(table, columns, *out)
-        return {"table": self.table, **rows, "files": [str(path) for path in out]}
+        return cast("pd.DataFrame", table)
 
     def _made(self, entry: TableEntry, inputs: dict[str, pd.DataFrame]) -> Any:
         try:

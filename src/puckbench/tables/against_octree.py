@@ -47,6 +47,10 @@ def _own_columns() -> Iterator[Column]:
     title="Bits against those of G-PCC's octree",
     needs=(SPINS_OR_RECORDINGS, OCTREE_AND_OTHERS),
     columns=_own_columns(),
+    shown=(
+        *("dataset", "codec", "at_10_mm", "saved_at_10_mm"),
+        *("at_5_mm", "saved_at_5_mm", "grid_1_mm", "saved_grid_1_mm"),
+    ),
 )
 def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table compares the bits per return of each codec with those of ``gpcc``.

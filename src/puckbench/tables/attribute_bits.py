@@ -17,7 +17,15 @@ _LOSSLESS = ("reflectance_lossless", "colour_lossless")
 _KEYS = ["dataset", "codec", "rate"]
 
 
-@TABLES.register("attribute_bits", title="Bits of reflectances and colours", needs=(ATTRIBUTES,))
+@TABLES.register(
+    "attribute_bits",
+    title="Bits of reflectances and colours",
+    needs=(ATTRIBUTES,),
+    shown=(
+        *("dataset", "codec", "rate", "bpp_geometry"),
+        *("bpp_colour", "y_psnr", "bpp_reflectance", "reflectance_psnr"),
+    ),
+)
 def attribute_bits(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table shows bits per point and errors of the attributes, for codecs that code attributes.
 

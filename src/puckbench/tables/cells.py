@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from math import floor, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +24,19 @@ def cell_text(value: Any) -> str:
     return "" if value is None or value is _missing() else str(value)
 
 
+def decimals_of(spread: float) -> int:
+    """Return the number of decimals with which a spread has two significant digits.
+
+    It is below 0 for spreads from 99.5 on, of which the last digits are rounded away.
+
+    Parameters
+    ----------
+    spread
+        Width of an interval, or half of it, above 0.
+    """
+    return 1 - int(f"{spread:.1e}".partition("e")[2])
+
+
 def interval_text(value: float, low: float, high: float) -> str:
     """Return a value with its interval as text, such as "1.004 (1.002 to 1.007)".
 
@@ -37,7 +49,7 @@ def interval_text(value: float, low: float, high: float) -> str:
     low, high
         Ends of the interval.
     """
-    decimals = max(0, 1 - floor(log10(high - low))) if high > low else 2
+    decimals = max(0, decimals_of(high - low)) if high > low else 2
     return f"{value:.{decimals}f} ({low:.{decimals}f} to {high:.{decimals}f})"
 
 

@@ -25,7 +25,12 @@ if TYPE_CHECKING:
 CODE = ("puckbench.results.rows", "puckbench.results.row_files")
 
 
-@TABLES.register("metrics", title="All results", gathered=True)
+@TABLES.register(
+    "metrics",
+    title="All results",
+    gathered=True,
+    shown=("dataset", "cloud", "codec", "rate", "bpp", "d1_psnr", "d2_psnr", "d1_rms_m"),
+)
 def metrics(files: Sequence[Path]) -> pd.DataFrame:
     """Every measurement, one row per data set, cloud, codec and rate.
 

@@ -40,6 +40,7 @@ _EXACT_MM = 0.1
         Column("scan_mm", "Distance of the scan", "mm"),
         Column("percent_of_scan", "Distance relative to the scan's", "%", LOWER),
     ],
+    shown=("dataset", "codec", "distance", "rate", "bpp", "mm", "percent_of_scan", "scenes"),
 )
 def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame) -> pd.DataFrame:
     """The table shows how far decoded clouds are from the true surface, beside the noisy scan.

@@ -43,6 +43,10 @@ def _columns() -> Iterator[Column]:
     title="What the sensor's noise costs",
     needs=(SEVERAL_NOISES,),
     columns=_columns(),
+    shown=(
+        *("dataset", "error_model", "codec", "noise_bits", "grid_1_mm"),
+        *("at_5_mm", "added_at_5_mm", "scenes"),
+    ),
 )
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     """The table shows the bits per return that the same rays need under several error models.

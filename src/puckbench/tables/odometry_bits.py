@@ -19,7 +19,15 @@ _KEYS = ["dataset", "odometry", "codec", "times"]
 _OF_RATE = ("bits", "rate", "value", "difference", "low", "high")
 
 
-@TABLES.register("odometry_bits", title="Bits that odometry needs", needs=(ODOMETRY,))
+@TABLES.register(
+    "odometry_bits",
+    title="Bits that odometry needs",
+    needs=(ODOMETRY,),
+    shown=(
+        *("dataset", "codec", "measure", "unit"),
+        *("bits", "undecoded", "difference", "verdict"),
+    ),
+)
 def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
     """The table shows from how many bits per return on odometry is as good as without coding.
 

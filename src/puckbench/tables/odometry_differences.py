@@ -64,6 +64,10 @@ _DIGITS = 6
     title="Odometry after decoding, against before",
     needs=(ODOMETRY,),
     columns={"least": "Least difference", "most": "Greatest difference"},
+    shown=(
+        *("dataset", "codec", "rate", "measure", "unit"),
+        *("undecoded", "difference", "verdict"),
+    ),
 )
 def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
     """The table shows how much coding changes the errors of odometry on the same trajectory.

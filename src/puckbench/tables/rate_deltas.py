@@ -8,9 +8,11 @@ import numpy as np
 
 from pointkit.errors import InputError, among
 from pointkit.geometry.cloud import Floats
+from puckbench.geometry.attributes import COLOUR, REFLECTANCE
 from puckbench.metrics.bjontegaard import (
     COMPARED,
     LITTLE_OVERLAP,
+    MIN_POINTS,
     NO_COMMON_RANGE,
     TOO_FEW_POINTS,
     RateDistortionCurve,
@@ -30,10 +32,23 @@ METRICS = ("d1_psnr", "d2_psnr")
 MARGIN_PERCENT = 5.0
 """Default of the largest increase of the bits, in percent, that counts as none."""
 _GROUP = ["dataset", "metric", "codec"]
+_SHOWN = (
+    *("dataset", "metric", "codec", "anchor"),
+    *("bd_rate_percent", "bd_quality_db", "verdict", "scenes"),
+)
 _OF_CURVE = ("points", "pooled", LOSSLESS)
 """Columns that describe the codec's curve; ``anchor_...`` describes the anchor's."""
 _LENGTHS = ("m", "mm", GRID)
 """Units that mark a column of lengths, whose quality is -20 log10 of the value."""
+_COMPARED = {
+    "geometry": (
+        *("d1_", "d2_", "cd_", "acd_", "hausdorff_", "q99_", "range_"),
+        *("truth_", "clean_"),
+    ),
+    COLOUR: ("y_", "u_", "v_", "colour_", "luminance_"),
+    REFLECTANCE: ("reflectance_",),
+}
+"""What metrics compare, as in the names of the columns of bits, and how their names begin."""
 _STATUS = {
     "no_common_range": NO_COMMON_RANGE,
     "little_overlap": LITTLE_OVERLAP,
@@ -45,8 +60,8 @@ _STATUS = {
 def _columns() -> Iterator[Column]:
     """Yield the columns of ``bd_rate``, ``bd_rate_pairs`` and ``bd_rate_clouds``."""
     too_little = "the curves have too little in common (columns of counts)"
-    yield Column("bd_rate_percent", "BD-rate", "%", LOWER, missing=too_little)
-    yield Column("bd_quality_db", "BD-PSNR", "dB", HIGHER, missing=too_little)
+    yield Column("bd_rate_percent", "BD-rate", "%", LOWER, missing=too_little, decimals=1)
+    yield Column("bd_quality_db", "BD-PSNR", "dB", HIGHER, missing=too_little, decimals=2)
     for name, words in (("log_ratio", "Log ratio of rates"), ("shared_range", "Shared range")):
         yield Column(name, words, missing=too_little, bookkeeping=True)
     for name, words in (
@@ -57,6 +72,7 @@ def _columns() -> Iterator[Column]:
         ("no_common_range", "No common range"),
         ("little_overlap", "Little overlap"),
         ("too_few_points", "Too few points"),
+        ("bits_counted", "Bits that count"),
         ("pooled", "Pooled"),
         ("anchor_points", "Anchor points"),
         ("anchor_pooled", "Anchor pooled"),
@@ -70,6 +86,7 @@ def _columns() -> Iterator[Column]:
     title="Bjontegaard deltas per cloud",
     needs=(SEVERAL_CODECS,),
     columns=_columns(),
+    shown=("dataset", "cloud", "metric", "codec", "anchor", "bd_rate_percent", "bd_quality_db"),
 )
 def bd_rate_clouds(
     metrics: pd.DataFrame, anchor: str, qualities: Sequence[str] = METRICS
@@ -78,7 +95,8 @@ def bd_rate_clouds(
 
     There is no value if a curve has fewer than four points, or if the curves have less than half of
     the shorter curve's range in common. ``bd_rate_status`` gives the reason. Lossless rates are
-    left out.
+    left out. For metrics of positions, colours or reflectances, only the bits of these count if all
+    codecs tell them.
 
     Parameters
     ----------
@@ -93,9 +111,11 @@ def bd_rate_clouds(
     Returns
     -------
     pd.DataFrame
-        ``shared_range`` is `BjontegaardDelta.overlap`. ``points``, ``pooled`` and ``lossless``
-        count the points of a curve, the points pooled by `rate_distortion_curve`, and the lossless
-        rates.
+        ``bits_counted`` is the column of the results with the bits that count: those of the
+        positions or of the attribute that the metric compares, or all if a codec does not tell
+        them. ``shared_range`` is `BjontegaardDelta.overlap`. ``points``, ``pooled`` and
+        ``lossless`` count the points of a curve, the points pooled by `rate_distortion_curve`, and
+        the lossless rates.
     """
     import pandas as pd
 
@@ -114,7 +134,12 @@ def bd_rate_clouds(
     return table[leading + [name for name in table if name not in leading]]
 
 
-@TABLES.register("bd_rate", title="Bjontegaard deltas per data set", needs=(SEVERAL_CODECS,))
+@TABLES.register(
+    "bd_rate",
+    title="Bjontegaard deltas per data set",
+    needs=(SEVERAL_CODECS,),
+    shown=_SHOWN,
+)
 def bd_rate(
     metrics: pd.DataFrame,
     anchor: str,
@@ -151,7 +176,12 @@ def bd_rate(
     return _per_data_set(bd_rate_clouds(metrics, anchor, qualities), margin_percent)
 
 
-@TABLES.register("bd_rate_pairs", title="Every codec against every other", needs=(SEVERAL_CODECS,))
+@TABLES.register(
+    "bd_rate_pairs",
+    title="Every codec against every other",
+    needs=(SEVERAL_CODECS,),
+    shown=_SHOWN,
+)
 def bd_rate_pairs(
     metrics: pd.DataFrame,
     anchor: str,
@@ -175,6 +205,45 @@ def bd_rate_pairs(
     if not rows:
         raise InputError(f"metrics table: no codec but the anchor {anchor}")
     return _per_data_set(pd.DataFrame(rows), margin_percent)
+
+
+def bd_rate_of_curves(anchor: pd.DataFrame, tested: pd.DataFrame, quality: str) -> float:
+    """Return the BD-rate of one curve against another in percent, as in ``bd_rate_clouds``.
+
+    Parameters
+    ----------
+    anchor, tested
+        Results of two codecs on one cloud, a row for each rate.
+    quality
+        Column that measures quality (`qualities` of `bd_rate_clouds`).
+
+    Raises
+    ------
+    InputError
+        A column is missing, a rate is not positive, the PSNRs have different peaks, or the curves
+        have no delta.
+    """
+    import pandas as pd
+
+    one_cloud = {"dataset": "", "cloud": ""}
+    curves = {"anchor": anchor, "tested": tested}
+    rows = pd.concat(each.assign(**one_cloud, codec=name) for name, each in curves.items())
+    _check(rows, "anchor", [quality])
+    found = list(_curves(rows.reset_index(drop=True), [quality]))
+    if not found or set(found[0].codecs) != set(curves):
+        raise InputError(f"BD-rate: a curve has no values of {quality!r}")
+    delta = found[0].delta("tested", "anchor")
+    if delta["bd_rate_status"] != COMPARED:
+        counts = ", ".join(
+            f"{delta[name]} points of the {codec}"
+            for codec, name in (("anchor", "anchor_points"), ("tested codec", "points"))
+        )
+        raise InputError(
+            f"BD-rate: {delta['bd_rate_status']} ({counts}; shared range "
+            f"{delta['shared_range']:.0%}): a curve needs {MIN_POINTS} points that are not "
+            f"lossless, and half of the shorter range in common"
+        )
+    return _percent(delta["log_ratio"])
 
 
 def _both_ways(row: dict[str, Any]) -> list[dict[str, Any]]:
@@ -206,7 +275,7 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
     not_positive = metrics[metrics["bpp"] <= 0]
     if len(not_positive):
         codec, *names = map(str, not_positive[["codec", "dataset", "cloud", "rate"]].iloc[0])
-        where = f"{codec} of {'/'.join(names)}"
+        where = f"{codec} of {'/'.join(filter(None, names))}"
         raise InputError(f"metrics table: column 'bpp' must be positive, but is not for {where}")
     check_peaks(metrics, qualities)
 
@@ -242,15 +311,43 @@ class _Curves:
 def _curves(metrics: pd.DataFrame, qualities: Sequence[str]) -> Iterator[_Curves]:
     for metric in qualities:
         rows = _with_quality(metrics, metric)
+        counted = {str(name): _counted_bits(part, metric) for name, part in rows.groupby("dataset")}
         for (dataset, cloud), part in rows.groupby(["dataset", "cloud"], sort=False):
-            names = {"dataset": dataset, "metric": metric, "cloud": cloud}
+            bits = counted[str(dataset)]
+            names = {"dataset": dataset, "metric": metric, "cloud": cloud, "bits_counted": bits}
             names |= {SCENE: part[SCENE].iloc[0]} if SCENE in part else {}
-            yield _Curves(names, part)
+            yield _Curves(names, part.assign(bits=part[bits].fillna(part["bpp"])))
+
+
+def _counted_bits(rows: pd.DataFrame, metric: str) -> str:
+    """Return the column with the bits that count in a data set for a metric.
+
+    They are the bits of the positions or of the attribute that the metric compares. All bits count
+    if a codec does not tell how many of its bits these are, or if the metric compares both.
+    """
+    column = f"bpp_{_compared_by(metric)}"
+    if column not in rows:
+        return "bpp"
+    is_unknown = rows[column].isna()
+    if column == "bpp_geometry":  # codecs of positions only have one kind of bits
+        errors = rows.reindex(columns=[f"{name}_max_error" for name in (COLOUR, REFLECTANCE)])
+        is_unknown &= errors.notna().any(axis=1)
+    return "bpp" if is_unknown.any() else column
+
+
+def _compared_by(metric: str) -> str | None:
+    """Return whether a metric compares positions, colours or reflectances; None for several."""
+    return next((part for part, starts in _COMPARED.items() if metric.startswith(starts)), None)
 
 
 def _with_quality(metrics: pd.DataFrame, name: str) -> pd.DataFrame:
-    lossless = lossless_rows(metrics) & is_shape_metric(name)
-    quality = np.where(lossless, np.nan, _quality(metrics, name))
+    quality = _quality(metrics, name)
+    if (part := _compared_by(name)) in (COLOUR, REFLECTANCE):
+        exact = metrics.reindex(columns=[f"{part}_lossless"])[f"{part}_lossless"]
+        lossless = np.isnan(quality) & exact.eq(True).to_numpy(bool)
+    else:
+        lossless = lossless_rows(metrics) & is_shape_metric(name)
+        quality = np.where(lossless, np.nan, quality)
     rows = metrics.assign(**{LOSSLESS: lossless, "quality": quality})
     is_usable = rows["quality"].notna() | rows[LOSSLESS]
     has_gaps = (~is_usable).groupby(rows["dataset"]).transform("any")
@@ -271,7 +368,7 @@ def _quality(metrics: pd.DataFrame, name: str) -> Floats:
 
 
 def _curve(rows: pd.DataFrame) -> tuple[RateDistortionCurve, int]:
-    result = rate_distortion_curve(rows["bpp"].to_numpy(float), rows["quality"].to_numpy(float))
+    result = rate_distortion_curve(rows["bits"].to_numpy(float), rows["quality"].to_numpy(float))
     return result, int(rows[LOSSLESS].sum())
 
 
@@ -286,6 +383,7 @@ def _counts(part: pd.DataFrame) -> dict[str, Any]:
         "compared": int((status == COMPARED).sum()),
         **{name: int((status == value).sum()) for name, value in _STATUS.items()},
         "quality_compared": int((part["bd_quality_status"] == COMPARED).sum()),
+        "bits_counted": part["bits_counted"].iloc[0],
         "shared_range": float(part["shared_range"].median()),
         "pooled": int(part["pooled"].sum()),
         "anchor_pooled": int(part["anchor_pooled"].sum()),

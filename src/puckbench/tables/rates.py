@@ -19,7 +19,12 @@ _RATIO = Column(
 )
 
 
-@TABLES.register("rates", title="Bits, errors and times at each rate", columns=[_RATIO])
+@TABLES.register(
+    "rates",
+    title="Bits, errors and times at each rate",
+    columns=[_RATIO],
+    shown=("dataset", "codec", "rate", "bpp", "d1_rms_mm", "d2_rms_mm", "encode_s", "decode_s"),
+)
 def rates(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table shows bits per point, errors and coding times for each data set, codec and rate.
 

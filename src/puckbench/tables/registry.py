@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import puckbench.metrics.metric_registry  # noqa: F401 (declares the columns of further metrics)
 from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
 from puckbench.results.columns import Columns, declare, declared_by
@@ -69,6 +70,8 @@ class TableEntry:
         Whether the workflow collects the table from files of many jobs.
     error_models
         Names of error models whose parameters the function reads.
+    shown
+        Columns that LaTeX shows of a wide table (`usual` in `puckbench.tables.latex`).
     """
 
     name: str
@@ -79,6 +82,7 @@ class TableEntry:
     needs: tuple[str, ...] = ()
     gathered: bool = False
     error_models: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -63,6 +63,10 @@ def _columns() -> Iterator[Column]:
     title="What to store a sensor's data in",
     needs=(SPINS_OR_RECORDINGS,),
     columns=_columns(),
+    shown=(
+        *("dataset", "codec", "rate", "kept", "bits_per_return"),
+        *("d1_rms_mm", "range_rms_mm", "bits_at_5_mm"),
+    ),
 )
 def storage(metrics: pd.DataFrame) -> pd.DataFrame:
     """The table shows codecs on clouds in metres, at their most exact rate and at an error of 5 mm.

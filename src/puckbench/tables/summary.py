@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@TABLES.register("summary", title="Medians per data set, codec and rate")
+@TABLES.register(
+    "summary",
+    title="Medians per data set, codec and rate",
+    shown=("dataset", "codec", "rate", "bpp", "d1_psnr", "d2_psnr", "encode_s", "decode_s"),
+)
 def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     """Medians over the clouds of each data set, codec and rate, and their spread.
 

@@ -168,6 +168,7 @@ FEWEST, NEAREST = "fewest bits", "nearest"
         Column("error_mm", "Error", "mm", LOWER),
         Column("ratio", "Ratio to the best codec", better=LOWER, missing="not in every scene"),
     ],
+    shown=("dataset", "use", "codec", "bpp", "error_mm", "ratio", "verdict", "scenes"),
 )
 def uses(
     metrics: pd.DataFrame,

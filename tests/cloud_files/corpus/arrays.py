@@ -196,8 +196,10 @@ CASES = [
         warning="objects_beside.npz: array names is left out: an array of Python objects",
     ),
     # Refused
-    _case("scalar.npy", _npy(3.0), error=r"expected numbers of shape \(n, 3\), got float64 \(\)"),
-    _case("flat.npy", _npy([1.0, 2.0, 3.0]), error=r"expected numbers of shape \(n, 3\)"),
+    _case("scalar.npy", _npy(3.0), error=r"expected points of shape \(n, 3\), got \(\)"),
+    _case(
+        "flat.npy", _npy([1.0, 2.0, 3.0]), error=r"expected points of shape \(n, 3\), got \(3,\)"
+    ),
     _case("side.npy", _npy(np.zeros((3, 40))), error="40 columns: transpose it"),
     _case("picture.npy", _npy(np.zeros((4, 4, 3), "u1")), error=r"got uint8 \(4, 4, 3\)"),
     _case("complex.npy", _npy(TWO + 1j), error="got complex128"),

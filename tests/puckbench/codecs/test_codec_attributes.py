@@ -8,6 +8,7 @@ import laspy
 import numpy as np
 import pytest
 
+import puckbench
 from cloud_files.clouds import read_cloud, write_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
@@ -166,3 +167,60 @@ def test_a_rate_may_have_a_qp_and_lossy_values_either_transform(tmp_path: Path) 
         assert coarse["bpp_reflectance"] < fine["bpp_reflectance"]
         assert coarse["reflectance_psnr"] < fine["reflectance_psnr"] - 12
         assert coarse["y_psnr"] < fine["y_psnr"] - 12
+
+
+@pytest.mark.parametrize(
+    ("named", "fault"),
+    [
+        ('("colours",)', "unknown attribute 'colours' .*; did you mean 'colour'"),
+        ('("colour", "time")', r"unknown attribute 'time' \(known: reflectance, colour, returns\)"),
+    ],
+)
+def test_a_users_codec_that_names_no_attribute_is_refused(
+    named: str, fault: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "own.py"
+    file.write_text(OWN.replace('("colour", "reflectance")', named))
+    with pytest.raises(InputError, match=f"codec own: {fault}"):
+        puckbench.open_codec("own", {"class": f"{file}:Own"})
+
+
+def test_a_users_codec_of_attributes_is_measured(tmp_path: Path) -> None:
+    """Values of 8 bits that lose their lowest bit have errors of 0 or 1."""
+    file = tmp_path / "own.py"
+    file.write_text(OWN)
+    codec = puckbench.open_codec("own", {"class": f"{file}:Own"})
+    cloud = _cloud()
+    (row,) = puckbench.compare(cloud, [codec]).to_dict("records")
+    assert row["lossless"]
+    assert row["not_coded"] == "time"
+    for name in ("colour", "reflectance"):
+        assert row[f"{name}_max_error"] == 1
+        assert not row[f"{name}_lossless"]
+    odd = cloud.fields["intensity"] % 2
+    mse = np.mean(odd.astype(float) ** 2)
+    assert row["reflectance_mse"] == pytest.approx(mse)
+    assert row["reflectance_psnr"] == pytest.approx(10 * np.log10(255**2 / mse))
+    assert 45 < row["y_psnr"] < 60
+
+
+OWN = """
+import numpy as np
+from puckbench.codecs.base import Codec
+from puckbench.geometry.attributes import cloud_with, coded_attributes
+
+
+class Own(Codec):
+    attributes = ("colour", "reflectance")
+    rates = {"10mm": {}}
+
+    def encode(self, cloud, rate):
+        colour, reflectance = coded_attributes(cloud, self.attributes).values()
+        values = np.column_stack([cloud.xyz, colour // 2 * 2, reflectance // 2 * 2])
+        return values.astype(float).tobytes()
+
+    def decode(self, stream):
+        values = np.frombuffer(stream).reshape(-1, 7)
+        attributes = {"colour": values[:, 3:6].astype(np.uint8), "reflectance": values[:, 6]}
+        return cloud_with(values[:, :3], attributes)
+"""

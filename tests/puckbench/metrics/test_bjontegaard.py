@@ -406,3 +406,49 @@ def test_the_command_makes_the_table(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert pd.read_csv(tmp_path / "out.csv")["bd_rate_percent"].tolist() == [-50.0]
     assert main([*words, '{"anker": "a"}']) == 2
     assert "table bd_rate: options: missing a required argument" in capsys.readouterr().err
+
+
+def test_metrics_of_a_part_count_the_bits_of_this_part() -> None:
+    """Codec `b` needs half of the bits of positions, twice those of colours, and more in all."""
+    table = metrics({"a": [1] * 6, "b": [0.5] * 6})
+    is_b = table["codec"] == "b"
+    colours = np.where(is_b, 4, 1) * table["bpp"]
+    whole = table.assign(
+        bpp_geometry=table["bpp"],
+        bpp_colour=colours,
+        bpp=table["bpp"] + colours,
+        y_psnr=table["d1_psnr"] - 20,
+        colour_max_error=9.0,
+        pcqm=10 ** (-table["d1_psnr"] / 10),
+    )
+    names = ["d1_psnr", "y_psnr", "pcqm"]
+    rows = bd_rate(whole, "a", names).set_index("metric")
+    assert rows["bd_rate_percent"].tolist() == pytest.approx([-50, 100, 25])
+    assert rows["bits_counted"].tolist() == ["bpp_geometry", "bpp_colour", "bpp"]
+    untold = whole.assign(**{n: whole[n].where(is_b) for n in ("bpp_geometry", "bpp_colour")})
+    rows = bd_rate(untold, "a", names)
+    assert rows["bd_rate_percent"].tolist() == pytest.approx([25, 25, 25])
+    assert set(rows["bits_counted"]) == {"bpp"}
+
+
+def test_a_codec_of_positions_has_bits_of_positions_only() -> None:
+    table = metrics({"a": [1] * 6, "b": [0.5] * 6})
+    is_b = table["codec"] == "b"
+    table = table.assign(
+        bpp_geometry=table["bpp"].where(is_b),
+        bpp=table["bpp"] * np.where(is_b, 10, 1),
+        colour_max_error=np.where(is_b, 9.0, np.nan),
+    )
+    (row,) = bd_rate(table, "a", ["d1_psnr"]).to_dict("records")
+    assert row["bd_rate_percent"] == pytest.approx(-50)
+
+
+def test_exact_colours_are_lossless_rates() -> None:
+    table = metrics({"a": [1] * 6, "b": [0.5] * 6}).rename(columns={"d1_psnr": "y_psnr"})
+    exact = table[table["rate"] == table["rate"].iloc[-1]]
+    exact = exact.assign(rate="exact", y_psnr=np.nan, bpp=99.0)
+    whole = pd.concat([table, exact])
+    whole["colour_lossless"] = whole["rate"] == "exact"
+    (row,) = bd_rate(whole.assign(d1_mse=1.0), "a", ["y_psnr"]).to_dict("records")
+    assert row["bd_rate_percent"] == pytest.approx(-50)
+    assert row["lossless"] == row["anchor_lossless"] == 6

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from inspect import signature
 
 import numpy as np
 import pandas as pd
@@ -46,7 +47,7 @@ def _tables_of(study: str) -> dict[str, pd.DataFrame]:
     for name, entry in table_entries().items():
         if TABLES.module_of(name).startswith("puckbench.") and not entry.gathered:
             inputs = {each: made[each] for each in (*entry.inputs, *entry.optional)}
-            has_anchor = name in ("bd_rate", "bd_rate_clouds", "bd_rate_pairs", "truth_bits")
+            has_anchor = "anchor" in signature(entry.make).parameters
             made[name] = entry.make(**inputs, **({"anchor": "gpcc"} if has_anchor else {}))
     return made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from puckbench.codecs.base import Codec
 from puckbench.codecs.rates import rates_of
 from puckbench.geometry.attributes import RETURNS
 from puckbench.planning.needs.registry import NEEDS, Options
@@ -30,8 +31,17 @@ def odometry_on_drives(plan: Plan) -> Options | None:
 
 @NEEDS.register("attributes")
 def coded_attributes(plan: Plan) -> Options | None:
-    """Require that at least one codec codes attributes besides coordinates."""
-    return _if(any({*codec.attributes} - {RETURNS} for codec in plan.opened.values()))
+    """Require that at least one codec codes attributes besides coordinates, and tells their bits.
+
+    A codec of a user that does not define `attribute_bytes` does not tell them.
+    """
+    return _if(
+        any(
+            {*codec.attributes} - {RETURNS}
+            and type(codec).attribute_bytes is not Codec.attribute_bytes
+            for codec in plan.opened.values()
+        )
+    )
 
 
 @NEEDS.register("octree")
