@@ -8,7 +8,7 @@ from typing import NamedTuple
 from pointkit.files import text_end, write_bytes
 from pointkit.yaml_files import yaml_text
 from puckbench.steps.cost import BEGIN as COST
-from puckbench.steps.fork_server import EXIT_STATUS
+from puckbench.steps.child import EXIT_STATUS, KILLED
 from puckbench.tables.registry import UNDECODED
 
 PREFIX = "puckbench: "
@@ -33,6 +33,7 @@ _OF_CURVES = {
 """Kinds of jobs for one data set, cloud and codec, with the word for the cloud in messages."""
 _LAST = ("report", "reference")
 """Jobs that no run can leave out, even if they fail."""
+_OUT_OF_MEMORY = " (out of memory?)"
 _TAIL_BYTES = 1 << 16
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
 _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
@@ -173,9 +174,12 @@ def _reason(log: Path) -> str | None:
     if last.startswith(PREFIX):
         return last.removeprefix(PREFIX)
     if fatal := _FATAL.search(text):
-        return f"the process died: {fatal[1]}"
+        signal = f"; {last}" if last.startswith(KILLED) else ""
+        return f"the process died: {fatal[1]}{signal}"
     if timeout := _TIMEOUT.search(text):
         return f"took longer than its limit of {timeout[1]} (timing.timeout_s)"
     if last.startswith(EXIT_STATUS):
         return f"the process ended itself with {last}"
-    return "the process was killed, or ended itself without a message (out of memory?)"
+    if last.startswith(KILLED):
+        return f"the process was {last}{_OUT_OF_MEMORY if 'SIGKILL' in last else ''}"
+    return f"the process was killed, or ended itself without a message{_OUT_OF_MEMORY}"
