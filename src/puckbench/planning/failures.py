@@ -33,7 +33,6 @@ _OF_CURVES = {
 """Kinds of jobs for one data set, cloud and codec, with the word for the cloud in messages."""
 _LAST = ("report", "reference")
 """Jobs that no run can leave out, even if they fail."""
-_OUT_OF_MEMORY = " (out of memory?)"
 _TAIL_BYTES = 1 << 16
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
 _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
@@ -181,5 +180,5 @@ def _reason(log: Path) -> str | None:
     if last.startswith(EXIT_STATUS):
         return f"the process ended itself with {last}"
     if last.startswith(KILLED):
-        return f"the process was {last}{_OUT_OF_MEMORY if 'SIGKILL' in last else ''}"
-    return f"the process was killed, or ended itself without a message{_OUT_OF_MEMORY}"
+        return f"the process was {last.replace('SIGKILL', 'SIGKILL; out of memory?')}"
+    return "the process was killed, or ended itself without a message (out of memory?)"

@@ -35,6 +35,7 @@ def of_few_bits(few_bits: "pd.DataFrame", style: object) -> "Figure":
 """
 TURN = [[0, 0, 0, 0, 0, 0, 0], [0.4, 0, 0.3, 0, 0, 0, 0]]
 CONFIG: dict[str, Any] = {
+    "thesis": True,
     "scene_sets": {
         "objects": {"loader": "embedded_objects", "select": ["airplane_01", "chair_01"]},
         "rooms": {"loader": "embedded_rooms", "select": ["office_1", "copy_room_1"]},
