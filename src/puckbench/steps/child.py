@@ -77,7 +77,10 @@ def exit_status(status: int, *, has_returned: bool) -> int:
 def _run(words: Sequence[str], parent: socket.socket | None = None) -> int:
     from puckbench.steps.process import leave, main
 
-    status = main(words, is_alone=True)
+    try:
+        status = main(words, is_alone=True)
+    except (OSError, ValueError):  # of standard error, which a plug-in has closed
+        os._exit(1)
     if parent:
         parent.send(b"returned")
     leave(status)
