@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from pointkit.files import text_end, write_bytes
 from pointkit.yaml_files import yaml_text
-from puckbench.steps.cost import BEGIN as COST
 from puckbench.steps.child import EXIT_STATUS, KILLED
+from puckbench.steps.cost import BEGIN as COST
 from puckbench.tables.registry import UNDECODED
 
 PREFIX = "puckbench: "
@@ -172,6 +172,11 @@ def _reason(log: Path) -> str | None:
         return None
     if last.startswith(PREFIX):
         return last.removeprefix(PREFIX)
+    return _unexpected_end(text, last)
+
+
+def _unexpected_end(text: str, last: str) -> str:
+    """Return how a process ended that printed no reason, from the log's text and its last line."""
     if fatal := _FATAL.search(text):
         signal = f"; {last}" if last.startswith(KILLED) else ""
         return f"the process died: {fatal[1]}{signal}"

@@ -56,7 +56,7 @@ def run_in_child(words: Sequence[str]) -> int:
 
 
 def exit_status(status: int, *, has_returned: bool) -> int:
-    """Return the exit status for a job's process, and print how the process ended if it ended early.
+    """Return the exit status for a job's process, and print how it ended if the job did not return.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Faults of a user's codec beside Draco: a line for each, and Draco's tables and report.
 
-Jobs are forks of a server; those of processes of their own are in tests/puckbench/steps/test_child.py.
+Jobs are forks of a server; other jobs are in tests/puckbench/steps/test_child.py.
 """
 
 import os
@@ -114,8 +114,7 @@ class Mute(Good):
 
 class Deaf(Good):
     def encode(self, cloud, rate):
-        for number in (1, 2):
-            os.close(number)
+        os.closerange(1, 3)
         return super().encode(cloud, rate)
 
 
@@ -146,7 +145,7 @@ class StartsAndDies(Good):
 
 
 def start_processes():
-    """Start a thread and processes that stay, the last of them without a parent."""
+    # The last process has no parent.
     threading.Thread(target=time.sleep, args=(600,)).start()
     multiprocessing.get_context("fork").Process(target=time.sleep, args=(600,)).start()
     subprocess.Popen(["sleep", "600"])
