@@ -140,7 +140,7 @@ def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
     field = reflectance_field(cloud)
     held = {name: attribute for attribute, name in ((COLOUR, "colours"), (REFLECTANCE, field))}
     of_file = str(cloud.about.get(OF_FILE, "")).split(", ")
-    names = [name for name in ("normals", "labels") if name in of_file]
+    names = [name for name in of_file if name in ("normals", "labels")]
     names += [*(["colours"] if cloud.colours is not None else []), *cloud.fields]
     if field is None and REFLECTANCE in attributes_of(cloud):
         names.append("reflectivity")

@@ -98,8 +98,8 @@ def _run(words: Sequence[str], is_alone: bool) -> None:
     try:
         print(line, flush=True)  # noqa: T201
     except (OSError, ValueError) as error:
-        fault = f"standard output cannot be written ({error}): a plug-in may have closed it"
-        raise InputError(fault) from error
+        fault = "cannot write to standard output, which a plug-in may have closed"
+        raise InputError(f"{fault}: {error}") from error
 
 
 def _settings(word: str) -> Any:

@@ -49,7 +49,7 @@ def rates(metrics: pd.DataFrame) -> pd.DataFrame:
 
 def _row(rows: pd.DataFrame) -> dict[str, Any]:
     points, size = rows["points_in"].sum(), rows["bytes"].sum()
-    values = {"clouds": len(rows), "bpp": float(rows["bpp"].mean())}
+    values: dict[str, Any] = {"clouds": len(rows), "bpp": float(rows["bpp"].mean())}
     values |= {k: 1000 * _rms(rows[v]) for k, v in _SQUARED.items() if v in rows}
     values |= {k: 1000 * float(rows[v].max()) for k, v in _LARGEST.items() if v in rows}
     if "range_rms_mm" in rows:

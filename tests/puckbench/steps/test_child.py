@@ -59,7 +59,7 @@ ENDS = {
     "leave": (7, "exit status 7"),
     "crash": (128 + signal.SIGSEGV, "killed by signal 11 (SIGSEGV)"),
     "kill": (128 + signal.SIGKILL, "killed by signal 9 (SIGKILL)"),
-    "mute": (2, "puckbench: standard output cannot be written ([Errno 9] Bad file descriptor)"),
+    "mute": (2, "puckbench: cannot write to standard output, which a plug-in may have closed: "),
     "deaf": (1, "exit status 1"),
     "start": (0, '{"job": "encode"'),
 }

@@ -177,7 +177,7 @@ class Loses(Good):
         return super().points(stream)[:10]
 """
 FAULTS = {
-    "raises": "rate r2: IndexError: list index out of range (faulty.py:27)",
+    "raises": "rate r2: IndexError: list index out of range (faulty.py:31)",
     "nothing": "rate r1: encode returned NoneType, not bytes",
     "flat": "rate r1: expected points of shape (n, 3), got (9000,)",
     "on_its_side": "expected points of shape (n, 3), got (3, 3000)",
@@ -185,11 +185,11 @@ FAULTS = {
     "hungry": "MemoryError",
     "crashes": "the process died: Segmentation fault; killed by signal 11 (SIGSEGV)",
     "killed": "the process was killed by signal 9 (SIGKILL; out of memory?)",
-    "mute": "standard output cannot be written (",
+    "mute": "cannot write to standard output, which a plug-in may have closed: ",
     "deaf": "the process ended itself with exit status 1",
     "starts_and_dies": "the process ended itself with exit status 7",
     "hangs": "took longer than its limit",
-    "exits": "rate r1: SystemExit: exit status 0 (faulty.py:65)",
+    "exits": "rate r1: SystemExit: exit status 0 (faulty.py:69)",
     "leaves": "the process ended itself with exit status 3",
     "leaves_well": "the process ended itself with exit status 0",
 }
