@@ -213,8 +213,9 @@ def _content_lines(rows: Sequence[Row], style: FigureStyle) -> Iterator[str]:
             key = style.title(row["dataset"]), row["coded"], row.get("not_coded", "")
             codecs.setdefault(key, []).append(style.of_codec(row["codec"]).title)
     for (dataset, coded, left), names in codecs.items():
-        only = f"; only in the files: {left}" if left else ""
-        yield f"file / stream, {dataset}: {coded} coded by {', '.join(dict.fromkeys(names))}{only}."
+        more = f", files also {left}" if left else ""
+        who = ", ".join(dict.fromkeys(names))
+        yield f"file / stream, {dataset}: streams of {who} contain {coded}{more}."
 
 
 def _rate_cells(row: Row, names: Sequence[str], style: FigureStyle) -> list[str]:
