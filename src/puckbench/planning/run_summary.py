@@ -213,7 +213,7 @@ def _content_lines(rows: Sequence[Row], style: FigureStyle) -> Iterator[str]:
             key = style.title(row["dataset"]), row["coded"], row.get("not_coded", "")
             codecs.setdefault(key, []).append(style.of_codec(row["codec"]).title)
     for (dataset, coded, left), names in codecs.items():
-        more = f", files also {left}" if left else ""
+        more = f"; files also {left}" if left else ""
         who = ", ".join(dict.fromkeys(names))
         yield f"file / stream, {dataset}: streams of {who} contain {coded}{more}."
 

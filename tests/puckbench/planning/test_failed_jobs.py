@@ -225,7 +225,7 @@ def test_without_any_result_there_is_still_a_report_of_what_failed() -> None:
     contents = without(config, "scenes/chairs/chair_01").outputs.report_contents
     assert (contents.metrics, list(contents.tables), contents.figures) == (
         None,
-        ["left_out", "claims"],
+        ["left_out"],
         {},
     )
 
