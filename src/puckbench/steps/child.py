@@ -12,6 +12,7 @@ import socket
 import sys
 import time
 from collections.abc import Sequence
+from typing import NoReturn
 
 from puckbench.core.children import adopt_orphans, end_children
 from puckbench.core.interrupts import signal_end
@@ -35,14 +36,14 @@ def run_in_child(words: Sequence[str]) -> int:
         The arguments of ``python -m puckbench.steps``.
     """
     if sys.platform != "linux":
-        return _run(words)
+        _run(words)
     adopt_orphans()
     here, there = socket.socketpair()
     job = os.fork()
     if job == 0:
         here.close()
         signal_end(there.fileno())  # of the parent process, with which this one is interrupted
-        return _run(words, there)
+        _run(words, there)
     try:
         _, status = os.waitpid(job, 0)
     except KeyboardInterrupt:
@@ -74,7 +75,7 @@ def exit_status(status: int, *, has_returned: bool) -> int:
     return status
 
 
-def _run(words: Sequence[str], parent: socket.socket | None = None) -> int:
+def _run(words: Sequence[str], parent: socket.socket | None = None) -> NoReturn:
     from puckbench.steps.process import leave, main
 
     try:
