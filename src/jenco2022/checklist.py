@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from jenco2022.needs import LOADERS
 from pointkit.errors import InputError
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.planning.config import Config, DataSetConfig, read_config, trusted
@@ -16,8 +17,6 @@ from puckbench.tables.registry import table_entries
 
 _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5")
 """Configuration that makes chapter 5 without downloads, and its folder of results."""
-_LOADERS = ("capod", "s3dis", "stanford2d3d")
-"""Loaders of the thesis's data sets."""
 _OF_CAPTURES = frozenset(f"fig_5_{number}" for number in (*range(2, 16), 18, 20))
 """Figures that show captures of a real VLP-16 in the thesis."""
 UNPUBLISHED = "its captures of a real VLP-16, in chapter 5, are unpublished"
@@ -151,7 +150,7 @@ class Reproduction:
         loaders = dict.fromkeys(
             scene_sets[data.scene_set].loader for data in self._datasets_of(name)
         )
-        others = [loader for loader in loaders if loader not in _LOADERS]
+        others = [loader for loader in loaders if loader not in LOADERS]
         if name in _OF_CAPTURES and not self._shows_captures(name):
             others.append("virtual scans")
         return ", ".join(others)

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from puckbench.planning.plan import Plan, SceneSetPlan
 
 
+LOADERS = ("capod", "s3dis", "stanford2d3d")
+"""Loaders of the thesis's data sets."""
+
 _CLASSES: dict[str, tuple[type[Codec], ...]] = {
     DRACO: (Draco, DracoCli),
     PCGCV1: (Pcgcv1,),
@@ -44,8 +47,21 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 }
 
 
+def is_compared(plan: Plan) -> bool:
+    """Return whether a run is compared with the thesis.
+
+    The configuration's key ``thesis`` says so. Without it, runs are compared that have a scene set
+    of the thesis's data (`LOADERS`).
+    """
+    if plan.config.thesis is None:
+        return any(scenes.loader in LOADERS for scenes in plan.scene_sets.values())
+    return plan.config.thesis
+
+
 def dataset_roles(plan: Plan) -> dict[str, str]:
     """Return which of the thesis's data sets the data sets of a run represent.
+
+    Data sets of a run that is not compared with the thesis represent none.
 
     A virtual scan represents the clean scans if its error model is ``none``; otherwise, it
     represents the noisy scans. A recorded cloud represents the rooms. A sampled mesh represents the
@@ -57,6 +73,8 @@ def dataset_roles(plan: Plan) -> dict[str, str]:
     dict
         Roles (names of the thesis's data sets) by name of the run's data set.
     """
+    if not is_compared(plan):
+        return {}
     sources = {
         name: _source(plan.scene_sets[data.scene_set]) for name, data in plan.datasets.items()
     }
@@ -146,14 +164,21 @@ def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
     }
 
 
+@NEEDS.register("thesis")
+def compared_with_thesis(plan: Plan) -> Options | None:
+    """Require that the run is compared with the thesis."""
+    return {} if is_compared(plan) else None
+
+
 @NEEDS.register("claims")
 def claims_options(plan: Plan) -> Options | None:
     """Return the options of the table of claims: which data sets and codecs represent the thesis's.
 
-    The result is None if the run has neither such data sets nor a sensor study.
+    The result is None if the run is not compared with the thesis, or if it has neither such data
+    sets nor a sensor study.
     """
     datasets = dataset_roles(plan)
-    if plan.datasets and not datasets and plan.study is None:
+    if not is_compared(plan) or (plan.datasets and not datasets and plan.study is None):
         return None
     return {"datasets": datasets, "codecs": codec_roles(plan), "stand_ins": stand_in_roles(plan)}
 

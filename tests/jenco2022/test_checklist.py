@@ -14,6 +14,7 @@ from jenco2022.checklist import Item, Reproduction
 from puckbench.cli import main
 
 CONFIG: dict[str, Any] = {
+    "thesis": True,
     "scene_sets": {
         "objects": {
             "loader": "capod",

@@ -86,7 +86,9 @@ def test_what_is_no_table_of_claims_ends_in_one_line(
         assert main(["claims", str(path)]) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert first.endswith("metrics.csv: not a table of claims (no column 'number')")
-    assert "nowhere" in second
+    assert second.endswith(
+        "nowhere/tables/claims.csv: no such file; a run makes it with the key `thesis: true`"
+    )
 
 
 def opened(**changes: Any) -> Workflow:

@@ -18,7 +18,7 @@ CHAPTER_5 = {name for name in FIGURES.names() if name.startswith("fig_5_")}
 
 
 def workflow(study: dict[str, Any] | None) -> Workflow:
-    return Workflow({"scene_sets": {}, "datasets": {}, "sensor_study": study})
+    return Workflow({"scene_sets": {}, "datasets": {}, "sensor_study": study, "thesis": True})
 
 
 def test_an_empty_study_makes_all_of_chapter_5() -> None:

@@ -79,6 +79,7 @@ class Box(Codec):
 CONFIG: dict[str, Any] = {
     "results": "results",
     "seed": 1,
+    "thesis": True,
     "scene_sets": {
         "objects": {"loader": "embedded_objects", "select": ["chair_01"]},
         "rooms": {

@@ -24,6 +24,7 @@ _SPIN = {"preset": "spin", "azimuth_step_deg": 2.0}
 
 CONFIG: dict[str, Any] = {
     "seed": 1,
+    "thesis": True,
     "scene_sets": {
         **bench.CONFIG["scene_sets"],
         "meshes": {"loader": "mesh_files", "options": {"path": "box.off"}},

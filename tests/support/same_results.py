@@ -22,10 +22,11 @@ _CLAIM_ABOUT_TIMES = "Times grow with the rate"
 """Words of the claim about times in `claims.csv`."""
 _TABLE_FOLDERS = {"tables", "first_look", "metrics", "recovery"}
 _LEFT_OUT = re.compile(
-    r"^(logs/.*|report\.html|tables/.*\.tex|\.lock|\.digests\.json|reference\.parquet|(figures|first_look)/fig_6_[589]\.\w+)$"
+    r"^(logs/.*|report\.html|tables/.*\.tex|\.lock|\.digests\.json|reference\.parquet"
+    r"|(figures|first_look)/(fig_6_[589]|medians_per_rate|encoding_time|decoding_time)\.\w+)$"
 )
-"""Files with times: logs, report, reference results and three figures; and LaTeX tables, whose
-values are those of the CSV files."""
+"""Files with times: logs, report, reference results and three figures (with two names each); and
+LaTeX tables, whose values are those of the CSV files."""
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:

@@ -22,6 +22,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
     path = options.results
     path = path if path.suffix else path / "tables" / "claims.csv"
+    if not path.exists():
+        raise InputError(f"{path}: no such file; a run makes it with the key `thesis: true`")
     table = read_table(path).astype(object)
     table = table.where(table.notna(), "")
     if missing := [name for name in ("number", "claim", "verdict", "here") if name not in table]:

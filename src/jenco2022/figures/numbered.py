@@ -1,4 +1,7 @@
-"""Figures 6.1 to 6.9 of the thesis: figures of puckbench under the numbers of the thesis."""
+"""Figures 6.1 to 6.9 of the thesis: figures of puckbench under the numbers of the thesis.
+
+Runs that are not compared with the thesis draw them under their own names.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,7 @@ def _register(number: str, name: str, draw: Callable[..., Any], remark: str = ""
         category=entry.category,
         number=number,
         instead_of=name,
+        needs=("thesis",),
         remark=f"Thesis figure {number}. {remark}",
         is_first_look=entry.is_first_look,
     )

@@ -20,7 +20,7 @@ CODE = (
     "virtual_lidar.sweep",
 )
 
-_table = partial(TABLES.register, category=SENSOR, needs=(STUDY,))
+_table = partial(TABLES.register, category=SENSOR, needs=(STUDY, "thesis"))
 _MISSING_LASER = 13
 
 

@@ -31,6 +31,7 @@ _COLUMNS = (
     "thesis_numbers",
     title="The thesis's numbers beside this run's",
     category=SENSOR,
+    needs=("thesis",),
     columns=_COLUMNS,
 )
 def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:

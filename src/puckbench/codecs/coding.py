@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import chdir
 from dataclasses import replace
 from typing import Any
 
@@ -63,7 +64,7 @@ def encoded(codec: Codec, cloud: PointCloud, rate: str, work: Any = None) -> byt
     _forget_programs(codec)
     if work is not None:
         work.saved = NO_COST
-    with naming(name):
+    with naming(name), chdir("."):  # and back, if the codec changes the folder
         stream = codec.encode(cloud, rate) if work is None else codec.encode(cloud, rate, work)
         if not isinstance(stream, bytes):
             raise InputError(f"encode returned {type(stream).__name__}, not bytes")
@@ -85,7 +86,7 @@ def decoded(codec: Codec, stream: bytes) -> PointCloud:
     byte string is damaged or belongs to another codec.
     """
     _forget_programs(codec)
-    with naming(f"codec {codec.name}"):
+    with naming(f"codec {codec.name}"), chdir("."):
         content, shift = unshifted(stream)
         cloud = codec.decode(content)
         if not isinstance(cloud, PointCloud):
@@ -98,7 +99,7 @@ def decoded_surfaces(codec: Codec, stream: bytes) -> Mesh:
 
     Raises InputError as `decoded` does, and if the codec or the byte string has no surfaces.
     """
-    with naming(f"codec {codec.name}"):
+    with naming(f"codec {codec.name}"), chdir("."):
         content, shift = unshifted(stream)
         mesh = codec.surfaces(content)
     return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)

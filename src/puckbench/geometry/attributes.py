@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.point_columns import WIDE_COLOURS
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 
@@ -13,6 +14,8 @@ Attributes = Mapping[str, NDArray[Any]]
 REFLECTANCE, COLOUR = "reflectance", "colour"
 RETURNS = "returns"
 """What a codec names among its attributes if it encodes the returns of a spinning sensor."""
+OF_FILE = "file_attributes"
+"""Key of a cloud's description with the names of its file's attributes (`attribute_names`)."""
 _MOST_REFLECTANCE = 0xFFFF
 _FIELDS = (REFLECTANCE, "reflectivity", "intensity")
 """Names of reflectance fields, in order of preference."""
@@ -27,6 +30,17 @@ def attribute_of(name: str) -> str:
     if name.lower() in _FIELDS:
         return REFLECTANCE
     return COLOUR if name == "colours" else name
+
+
+def attribute_names(cloud: PointCloud) -> tuple[str, ...]:
+    """Return the names of all attributes of a cloud besides coordinates.
+
+    They are ``normals``, ``colours``, ``labels`` and the names of fields. Colours of 16 bits repeat
+    the colours, and are left out.
+    """
+    arrays = {"normals": cloud.normals, "colours": cloud.colours, "labels": cloud.labels}
+    names = [name for name, values in {**arrays, **cloud.fields}.items() if values is not None]
+    return tuple(name for name in names if name not in WIDE_COLOURS)
 
 
 def reflectance_field(cloud: PointCloud) -> str | None:
@@ -120,12 +134,14 @@ def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
     Returns
     -------
     list
-        Names of the cloud's other attributes: ``colours``, ``reflectivity`` (of returns), and names
-        of fields.
+        Names of the cloud's other attributes: ``colours``, ``reflectivity`` (of returns), names of
+        fields, and the ``normals`` and ``labels`` of the file from which it was made.
     """
     field = reflectance_field(cloud)
     held = {name: attribute for attribute, name in ((COLOUR, "colours"), (REFLECTANCE, field))}
-    names = [*(["colours"] if cloud.colours is not None else []), *cloud.fields]
+    of_file = str(cloud.about.get(OF_FILE, "")).split(", ")
+    names = [name for name in of_file if name in ("normals", "labels")]
+    names += [*(["colours"] if cloud.colours is not None else []), *cloud.fields]
     if field is None and REFLECTANCE in attributes_of(cloud):
         names.append("reflectivity")
         held["reflectivity"] = REFLECTANCE

@@ -444,6 +444,12 @@ class Config(Model):
         description="The sensor's errors measured on a wall and a floor: figures 5.1-5.21 and "
         "their tables; `{}` means all defaults.",
     )
+    thesis: bool | None = Field(
+        None,
+        description="Whether to compare the run with the thesis: its claims, published medians and "
+        "numbers, and figures 6.1-6.9 under these numbers. By default only with a scene set of its "
+        "data (`capod`, `s3dis`, `stanford2d3d`).",
+    )
     timing: TimingConfig = Field(TimingConfig(), description="Measurement of times.")
     bd_rate: RateDeltaConfig = Field(
         RateDeltaConfig(),
@@ -535,7 +541,7 @@ def with_stand_ins(config: Mapping[str, Any]) -> Options:
     the suffix ``_stand_in``. If ``stand_in`` is not true, the copy has the same values.
     """
     changed: Options = copy.deepcopy(dict(config))
-    for key in ("stand_in", "strict"):
+    for key in ("stand_in", "strict", "thesis"):
         if changed.get(key) in ("true", "false"):  # Snakemake's --config passes booleans as text
             changed[key] = changed[key] == "true"
     if changed.get("stand_in") is not True:

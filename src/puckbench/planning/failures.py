@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from pointkit.files import text_end, write_bytes
 from pointkit.yaml_files import yaml_text
+from puckbench.steps.child import EXIT_STATUS, KILLED
 from puckbench.steps.cost import BEGIN as COST
-from puckbench.steps.fork_server import EXIT_STATUS
 from puckbench.tables.registry import UNDECODED
 
 PREFIX = "puckbench: "
@@ -34,6 +34,7 @@ _OF_CURVES = {
 _LAST = ("report", "reference")
 """Jobs that no run can leave out, even if they fail."""
 _TAIL_BYTES = 1 << 16
+_END = re.compile(rf"{EXIT_STATUS}\d+$|{KILLED}\d+ \(\w+\)$")
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
 _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
 
@@ -168,14 +169,22 @@ def _without_names(reason: str, curve: str, codec: str) -> str:
 def _reason(log: Path) -> str | None:
     text = text_end(log, _TAIL_BYTES)
     last = text.rpartition("\n")[2]
-    if last.startswith(COST):
+    if COST in last:  # after what a plug-in printed without a line break
         return None
-    if last.startswith(PREFIX):
-        return last.removeprefix(PREFIX)
+    if PREFIX in last:
+        return last.partition(PREFIX)[2]
+    return _unexpected_end(text, last)
+
+
+def _unexpected_end(text: str, last: str) -> str:
+    """Return how a process ended that printed no reason, from the log's text and its last line."""
+    end = found[0] if (found := _END.search(last)) else ""
     if fatal := _FATAL.search(text):
-        return f"the process died: {fatal[1]}"
+        return "; ".join(filter(None, [f"the process died: {fatal[1]}", end]))
     if timeout := _TIMEOUT.search(text):
         return f"took longer than its limit of {timeout[1]} (timing.timeout_s)"
-    if last.startswith(EXIT_STATUS):
-        return f"the process ended itself with {last}"
+    if end.startswith(EXIT_STATUS):
+        return f"the process ended itself with {end}"
+    if end:
+        return f"the process was {end.replace('SIGKILL', 'SIGKILL; out of memory?')}"
     return "the process was killed, or ended itself without a message (out of memory?)"

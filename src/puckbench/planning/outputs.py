@@ -196,7 +196,8 @@ class Outputs:
 
         If one of two such figures replaces the other (`instead_of`), the other is not drawn.
         """
-        others = {entry.instead_of for entry in figure_entries().values()}
+        entries = figure_entries().values()
+        others = {entry.instead_of for entry in entries if self._met.keys() >= set(entry.needs)}
         return {name: files for name, files in self.drawable.items() if name not in others}
 
     @cached_property
@@ -244,12 +245,18 @@ class Outputs:
 
         The layers are those of data sets and codecs, of all figures, and of this figure.
         """
-        options, other = self.config.figures.options, figure_entry(figure).instead_of
-        of_other = (options[other],) if other in options else ()
-        changes = self.config.figures.style, *of_other, options.get(figure, {})
+        options = self.config.figures.options
+        of_others = [options[name] for name in self._same_picture(figure) if name in options]
+        changes = self.config.figures.style, *of_others, options.get(figure, {})
         if self._shows_codecs(figure):
             return self._style(*changes)
         return (self._dataset_style(), *changes) if self._shows_datasets(figure) else changes
+
+    def _same_picture(self, figure: str) -> list[str]:
+        """Return the other names of a figure (`instead_of`)."""
+        entries = figure_entries()
+        numbered = [name for name, entry in entries.items() if entry.instead_of == figure]
+        return [name for name in (figure_entry(figure).instead_of, *numbered) if name]
 
     @property
     def style(self) -> tuple[dict[str, Any], ...]:

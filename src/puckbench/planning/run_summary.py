@@ -202,6 +202,20 @@ def _rate_lines(results: Path, style: FigureStyle) -> Iterator[str]:
         heads = ["data set", "codec and rate", *(column_named(name).heading for name in names)]
         yield from aligned([heads, *(_rate_cells(row, names, style) for row in rows)])
         yield "99 % and largest: point to point, of the worst cloud; times for a million points."
+        yield from _content_lines(rows, style)
+
+
+def _content_lines(rows: Sequence[Row], style: FigureStyle) -> Iterator[str]:
+    """Yield lines that tell what the streams of the column "file / stream" contain."""
+    codecs: dict[tuple[str, str, str], list[str]] = {}
+    for row in rows:
+        if row.get("coded"):
+            key = style.title(row["dataset"]), row["coded"], row.get("not_coded", "")
+            codecs.setdefault(key, []).append(style.of_codec(row["codec"]).title)
+    for (dataset, coded, left), names in codecs.items():
+        more = f"; files also {left}" if left else ""
+        who = ", ".join(dict.fromkeys(names))
+        yield f"file / stream, {dataset}: streams of {who} contain {coded}{more}."
 
 
 def _rate_cells(row: Row, names: Sequence[str], style: FigureStyle) -> list[str]:

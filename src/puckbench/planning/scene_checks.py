@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from cloud_files.point_columns import WIDE_COLOURS
 from pointkit.errors import InputError
-from pointkit.geometry.cloud import Floats, PointCloud, bounds, check_extent
+from pointkit.geometry.cloud import Floats, bounds, check_extent
 from pointkit.models import Model, parsed
 from pointkit.terminal import Progress
+from puckbench.geometry.attributes import attribute_names
 from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
 from puckbench.planning.config import DataSetConfig
@@ -160,7 +160,7 @@ def _check_scene(
                 "points": len(points),
                 "extent_m": _extent(points),
                 "is_shifted": bool(origin_shift(points).any()),
-                "attributes": () if cloud is None else _attributes(cloud),
+                "attributes": () if cloud is None else attribute_names(cloud),
                 "dropped_points": scene.about.get("dropped_points", 0),
             }
         if scene.mesh is None:
@@ -176,12 +176,6 @@ def _check_scene(
     except InputError as error:
         return " ".join(str(error).split()), {}
     return None, {"extent_m": _extent(corners)}
-
-
-def _attributes(cloud: PointCloud) -> tuple[str, ...]:
-    arrays = {"normals": cloud.normals, "colours": cloud.colours, "labels": cloud.labels}
-    names = [name for name, values in {**arrays, **cloud.fields}.items() if values is not None]
-    return tuple(name for name in names if name not in WIDE_COLOURS)  # they repeat the colours
 
 
 def _extent(points: Floats) -> float:

@@ -12,7 +12,8 @@ from puckbench.report.reference_results import ReferenceResults
 
 Options = dict[str, Any]
 _NOT_KEPT = (
-    *("results", "codecs", "stand_in", "strict", "sensor_study", "train", "container", "report"),
+    *("results", "codecs", "stand_in", "strict", "sensor_study", "thesis"),
+    *("train", "container", "report"),
 )
 """Keys of the study's configuration that do not define clouds or metrics."""
 
@@ -69,6 +70,7 @@ def study_configuration(
         "scene_sets": {name: value for name, value in study["scene_sets"].items() if name in used},
         "datasets": selected,
         "drives": {},
+        "thesis": False,
         "codecs": user_codecs,
         "bd_rate": deltas,
         "figures": {**study["figures"], "examples": examples},

@@ -401,6 +401,7 @@ def _of_the_cloud() -> Iterator[Column]:
     yield of_cloud("dropped_points", "Points left out", counts=True)
     yield of_cloud("missing_returns", "Missing returns", counts=True)
     yield of_cloud("file_bytes", "Size of the file", "bytes")
+    yield of_cloud("file_attributes", "Attributes in the file")
     yield Column("scene", "Scene")
     yield Column(FRAME, "Coordinate frame", missing="the cloud is scaled")
     yield Column("digest", "Digest", bookkeeping=True)

@@ -8,12 +8,13 @@ from cloud_files.clouds import SUFFIXES, checked_cloud, read_unchecked_cloud, re
 from cloud_files.content import plain_suffix
 from cloud_files.ply import has_faces
 from pointkit.geometry.cloud import check_extent
+from puckbench.geometry.attributes import OF_FILE, attribute_names
 from puckbench.scene_sets.base import PointRemoval
 from puckbench.scene_sets.registry import LOADERS
 from puckbench.scene_sets.scene import Scene
 from puckbench.scene_sets.user_files import FileSet
 
-CODE = ("puckbench.scene_sets.user_files",)
+CODE = ("puckbench.scene_sets.user_files", "puckbench.geometry.attributes")
 
 
 @LOADERS.register("point_clouds")
@@ -44,6 +45,8 @@ class PointClouds(FileSet, PointRemoval):
             **removal_counts(unchecked.about),
         }
         cloud = checked_cloud(unchecked, path)
+        if names := attribute_names(cloud):
+            about[OF_FILE] = ", ".join(names)
         if unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * unit)
         check_extent(cloud.xyz, str(path))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from puckbench.core.interrupts import interrupt_with_run
+from puckbench.steps.child import run_in_child
 from puckbench.steps.fork_server import run_forked
 
 _SECONDS_TO_END = 10
@@ -14,11 +15,7 @@ _SECONDS_TO_END = 10
 def _run(words: list[str]) -> int:
     interrupt_with_run(_SECONDS_TO_END)
     status = run_forked(words)
-    if status is None:
-        from puckbench.steps.process import leave, main
-
-        leave(main(words))
-    return status
+    return run_in_child(words) if status is None else status
 
 
 if __name__ == "__main__":

@@ -79,9 +79,10 @@ def read_cost(log: Path) -> dict[str, Any] | None:
     If the job failed or has not finished, return None.
     """
     last = text_end(log, _TAIL_BYTES).rpartition("\n")[2]
-    if not last.startswith(BEGIN):
+    _, begin, rest = last.partition(BEGIN)  # a plug-in may print before it, without a line break
+    if not begin:
         return None
-    cost: dict[str, Any] = json_of(last.encode(), str(log))
+    cost: dict[str, Any] = json_of((begin + rest).encode(), str(log))
     parsed(_Cost, cost, str(log))
     return cost
 

@@ -38,7 +38,7 @@ _FEW_POINTS = 0.01
 """Ratio of decoded to encoded points below which a row of results gets a remark."""
 _KEPT = (
     *("name", "scene", "group", "scale", "diameter", "elongation"),
-    *("dropped_points", "missing_returns", "file_bytes"),
+    *("dropped_points", "missing_returns", "file_bytes", "file_attributes"),
 )
 """Entries of the original cloud's description that a row of results repeats."""
 

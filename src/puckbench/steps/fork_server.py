@@ -28,7 +28,9 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
 
+from puckbench.core.children import adopt_orphans, end_children
 from puckbench.core.interrupts import signal_end
+from puckbench.steps.child import INTERRUPTED, SECONDS_TO_END, exit_status
 
 if TYPE_CHECKING:
     import subprocess
@@ -46,11 +48,6 @@ MODULES = (
 LEARNED = ("torch", "constriction", "pcc_networks")
 """Names of what a server also imports if a run uses learned codecs."""
 _GPU = "/dev/nvidiactl"
-_SECONDS_TO_END = 5.0
-"""Time (s) between interrupting a job and killing it."""
-EXIT_STATUS = "exit status "
-"""Beginning of the last line in the log of a job that ended its process itself (`os._exit`)."""
-_INTERRUPTED = 130
 _FORK = get_context("fork")
 
 
@@ -141,17 +138,14 @@ def run_forked(words: Sequence[str]) -> int | None:
         connection.send((words, os.getcwd(), dict(os.environ)))  # noqa: PTH109 (a light start)
         job = connection.recv()
         status, has_returned = connection.recv()
-        if status >= 0 and not has_returned:
-            print(f"{EXIT_STATUS}{status}", file=sys.stderr)  # noqa: T201
-            return status or 1
         if status >= 0:
-            return int(status)
+            return exit_status(status, has_returned=has_returned)
     except KeyboardInterrupt:
         if job:
             os.kill(job, signal.SIGINT)
-            if not connection.poll(_SECONDS_TO_END):
+            if not connection.poll(SECONDS_TO_END):
                 os.kill(job, signal.SIGKILL)
-        return _INTERRUPTED
+        return INTERRUPTED
     except (OSError, EOFError):
         pass
     if job:
@@ -196,6 +190,7 @@ def _import(name: str, ours: Collection[str]) -> None:
 
 def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:
     listener.close()
+    adopt_orphans()
     connection = Connection(client.detach())
     with suppress(OSError, EOFError):  # the client may have ended
         has_returned, returned = _FORK.Pipe(duplex=False)
@@ -206,6 +201,7 @@ def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socke
             os.close(stream)
         connection.send(job.pid)
         job.join()
+        end_children()
         connection.send((job.exitcode, has_returned.poll()))
 
 
@@ -227,6 +223,6 @@ def _run(
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)
-    status = main(words)
+    status = main(words, is_alone=True)
     returned.send_bytes(b"returned")
     leave(status)

@@ -46,6 +46,7 @@ def test_bits_are_compared_where_another_codec_is_beside_the_octree(
 
 def test_scales_of_gpcc_are_drawn_where_it_codes_a_scaled_cloud() -> None:
     config: dict[str, Any] = {
+        "thesis": True,
         "scene_sets": {"rooms": {"loader": "embedded_rooms", "select": ["office_1"]}},
         "datasets": {
             "rooms": {"scene_set": "rooms", "make": "sample", "points": 9},

@@ -29,6 +29,7 @@ def test_errors_of_this_run_are_told_once_each_with_a_log(tmp_path: Path) -> Non
     _log(tmp_path / "coded" / "d" / "a" / "c.log", "rate 1 of 8", "puckbench: codec c: disk full")
     _log(tmp_path / "coded" / "d" / "b" / "c.log", "puckbench: codec c: disk full")
     _log(tmp_path / "scans" / "s.log", "puckbench: remark", DONE)
+    _log(tmp_path / "scans" / "t.log", f"50 %{DONE}")
     os.utime(tmp_path / "old.log", (held_since() - 0.01,) * 2)
     (line,) = failure_lines(failed_jobs(tmp_path, held_since()))
     log = tmp_path / "coded" / "d" / "a" / "c.log"
@@ -44,6 +45,9 @@ def test_errors_of_this_run_are_told_once_each_with_a_log(tmp_path: Path) -> Non
         (("Timeout (0:00:10)!", "Thread 0x1"), "longer than its limit of 0:00:10"),
         (("Timeout (0:00:10)!", "  File", "exit status 1"), "longer than its limit of 0:00:10"),
         (("loading", "exit status 3"), "the process ended itself with exit status 3"),
+        (("50 %exit status 3",), "the process ended itself with exit status 3"),
+        (("killed by signal 9 (SIGKILL)",), "killed by signal 9 (SIGKILL; out of memory?)"),
+        (("50 %puckbench: disk full",), "disk full"),
     ],
 )
 def test_a_log_without_a_message_tells_how_its_process_ended(

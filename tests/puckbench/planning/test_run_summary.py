@@ -103,3 +103,18 @@ def test_many_results_of_drives_are_in_a_file(tmp_path: Path) -> None:
     (folder / "drives.csv").write_text(f"dataset,cloud,codec,rate,bpp\n{rows}")
     first, _ = closing_lines(tmp_path, FigureStyle(), "draco", 0, TABLES)
     assert first == f"Tasks on drives at each rate: {folder / 'drives.csv'}"
+
+
+def test_the_ratio_to_the_files_is_followed_by_what_was_coded(tmp_path: Path) -> None:
+    write_tables(tmp_path)
+    (tmp_path / "tables" / "rates.csv").write_text(
+        "dataset,codec,rate,clouds,bpp,file_ratio,coded,not_coded\n"
+        'site,draco,r1,2,0.5,9,positions,"normals, colours"\n'
+        'site,draco,r2,2,4,3,positions,"normals, colours"\n'
+        'site,gpcc,r1,2,4,3,"positions, colours",normals\nrooms,gpcc,r1,2,4,,,\n'
+    )
+    lines = list(closing_lines(tmp_path, FigureStyle(), "gpcc", 0, TABLES))
+    assert [line for line in lines if line.startswith("file / stream")] == [
+        "file / stream, Site: streams of Draco contain positions; files also normals, colours.",
+        "file / stream, Site: streams of G-PCC contain positions, colours; files also normals.",
+    ]

@@ -17,7 +17,8 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
         write_bytes(tmp_path / name / "coded" / "r1.bin", b"abc")
         times = dict.fromkeys(("encode_s", "decode_s_max", "encode_ms_per_turn"), seconds)
         write_json(tmp_path / name / "metrics" / "r1.json", {"bpp": 1.5, **times})
-        write_bytes(tmp_path / name / "figures" / "fig_6_8.png", str(seconds).encode())
+        for figure in ("fig_6_8", "encoding_time"):
+            write_bytes(tmp_path / name / "figures" / f"{figure}.png", str(seconds).encode())
         table = f"rate,encode_s\nr1,{seconds}\n"
         write_bytes(tmp_path / name / "tables" / "metrics.csv", table.encode())
         write_bytes(tmp_path / name / "logs" / "r1.log", str(seconds).encode())

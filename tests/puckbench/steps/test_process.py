@@ -11,6 +11,7 @@ import pytest
 from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
+from puckbench.cli import main as command
 from puckbench.results.curves import read_curve
 from puckbench.steps.process import main
 
@@ -73,6 +74,21 @@ def test_files_are_where_they_were_asked_for_though_a_plug_in_changes_the_folder
 ) -> None:
     assert _status("r1") == 0
     assert read_curve(folder / "out.zip")["r1"].stream == b"coded"
+
+
+def test_a_command_writes_where_it_was_asked_to_though_a_codec_changes_the_folder(
+    folder: Path,
+) -> None:
+    words = [
+        "cloud.ply",
+        "out.bin",
+        "--codec",
+        f"{folder.parent}/plugins/own.py:Own",
+        "--rate",
+        "r1",
+    ]
+    assert command(["encode", *words]) == 0
+    assert (folder / "out.bin").read_bytes() == b"coded"
 
 
 @pytest.mark.parametrize(

@@ -52,3 +52,21 @@ def test_a_rate_that_was_not_timed_on_every_cloud_has_no_time() -> None:
     row = rates(rows).set_index(["dataset", "rate"]).loc["site", "r1"]
     assert np.isnan(row["encode_s"])
     assert row["decode_s"] == pytest.approx(250)
+
+
+def test_the_ratio_to_the_files_has_what_of_them_is_in_the_streams() -> None:
+    rows = _rows().assign(
+        file_attributes=["normals, colours", "intensity", None, None],
+        not_coded=["normals", "intensity", None, None],
+        dropped_points=[2, 1, np.nan, np.nan],
+    )
+    table = rates(rows).set_index(["dataset", "rate"])
+    of_files = table[["coded", "not_coded"]]
+    assert of_files.loc["site", "r1"].tolist() == [
+        "positions, colours",
+        "normals, intensity, 3 points",
+    ]
+    assert of_files.loc[("site", "r2"), "coded"] == "positions"
+    assert pd.isna(of_files.loc[("site", "r2"), "not_coded"])
+    assert of_files.loc["objects", "r1"].isna().all()  # made of no file
+    assert "not_coded" not in rates(_rows())

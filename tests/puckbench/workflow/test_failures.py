@@ -1,4 +1,7 @@
-"""Faults of a user's codec beside Draco: a line for each, and Draco's tables and report."""
+"""Faults of a user's codec beside Draco: a line for each, and Draco's tables and report.
+
+Jobs are forks of a server; other jobs are in tests/puckbench/steps/test_child.py.
+"""
 
 import os
 import subprocess
@@ -9,12 +12,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cloud_files.clouds import read_cloud
+from pointkit.files import remove_leftovers
+from puckbench.codecs.coding import encoded
+from puckbench.codecs.registry import open_codec
+from puckbench.results.curves import read_curve
 from tests.support.bench import ROOT
+from tests.support.running import processes_in
 
 CODECS = """
 import ctypes
+import multiprocessing
 import os
+import signal
+import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -88,10 +101,56 @@ class LeavesWell(Good):
         os._exit(0)
 
 
+class Killed(Good):
+    def encode(self, cloud, rate):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Mute(Good):
+    def encode(self, cloud, rate):
+        sys.stdout.close()
+        return super().encode(cloud, rate)
+
+
+class Deaf(Good):
+    def encode(self, cloud, rate):
+        os.closerange(1, 3)
+        return super().encode(cloud, rate)
+
+
 class Moves(Good):
     def encode(self, cloud, rate):
         os.chdir("/")
         return super().encode(cloud, rate)
+
+    def decode(self, stream):
+        os.chdir("/")
+        return super().decode(stream)
+
+
+class Starts(Good):
+    def encode(self, cloud, rate):
+        start_processes()
+        return super().encode(cloud, rate)
+
+    def decode(self, stream):
+        start_processes()
+        return super().decode(stream)
+
+
+class StartsAndDies(Good):
+    def encode(self, cloud, rate):
+        start_processes()
+        os._exit(7)
+
+
+def start_processes():
+    # The last process has no parent.
+    threading.Thread(target=time.sleep, args=(600,)).start()
+    multiprocessing.get_context("fork").Process(target=time.sleep, args=(600,)).start()
+    subprocess.Popen(["sleep", "600"])
+    chatter = "while true; do echo here; sleep 0.01; done"
+    subprocess.run(["sh", "-c", f"setsid sh -c '{chatter}' &"])
 
 
 class Hangs(Good):
@@ -118,15 +177,19 @@ class Loses(Good):
         return super().points(stream)[:10]
 """
 FAULTS = {
-    "raises": "rate r2: IndexError: list index out of range (faulty.py:27)",
+    "raises": "rate r2: IndexError: list index out of range (faulty.py:31)",
     "nothing": "rate r1: encode returned NoneType, not bytes",
     "flat": "rate r1: expected points of shape (n, 3), got (9000,)",
     "on_its_side": "expected points of shape (n, 3), got (3, 3000)",
     "not_finite": "rate r1: 3000 of 3000 points are not finite",
     "hungry": "MemoryError",
-    "crashes": "the process died: Segmentation fault",
+    "crashes": "the process died: Segmentation fault; killed by signal 11 (SIGSEGV)",
+    "killed": "the process was killed by signal 9 (SIGKILL; out of memory?)",
+    "mute": "cannot write to standard output, which a plug-in may have closed: ",
+    "deaf": "the process ended itself with exit status 1",
+    "starts_and_dies": "the process ended itself with exit status 7",
     "hangs": "took longer than its limit",
-    "exits": "rate r1: SystemExit: exit status 0 (faulty.py:65)",
+    "exits": "rate r1: SystemExit: exit status 0 (faulty.py:69)",
     "leaves": "the process ended itself with exit status 3",
     "leaves_well": "the process ended itself with exit status 0",
 }
@@ -137,15 +200,20 @@ REMARKS = {
 }
 
 
+NAMES = (
+    *("Raises", "Nothing", "Flat", "OnItsSide", "NotFinite", "Hungry", "Crashes", "Killed"),
+    *("Mute", "Deaf", "Hangs", "Exits", "Leaves", "LeavesWell", "StartsAndDies"),
+    *("Random", "Wavers", "Loses", "Moves", "Starts"),
+)
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str, int]:
     folder = tmp_path_factory.mktemp("faults")
     (folder / "faulty.py").write_text(CODECS)
     xy = np.random.default_rng(0).random((3000, 2)) * 1000
     np.savetxt(folder / "c.xyz", np.column_stack([xy, 200 + 50 * np.sin(xy[:, 0] / 90)]))
-    names = ("Raises", "Nothing", "Flat", "OnItsSide", "NotFinite", "Hungry", "Crashes", "Hangs")
-    ends = ("Exits", "Leaves", "LeavesWell")
-    own = [f"faulty.py:{name}" for name in (*names, *ends, "Random", "Wavers", "Loses", "Moves")]
+    own = [f"faulty.py:{name}" for name in NAMES]
     words = ["run", "c.xyz", "--codecs", "draco", *own, "--rates", "r1", "r2", "--timeout", "30"]
     process = subprocess.run(
         [sys.executable, "-m", "puckbench", *words, "--cores", "2"],
@@ -187,10 +255,25 @@ def test_an_odd_result_is_told(codec: str, finished: tuple[Path, str, str, int])
     assert f"codec {codec}, cloud clouds/c, r1: {REMARKS[codec]}" in output
 
 
+def test_no_process_and_no_incomplete_file_stays(finished: tuple[Path, str, str, int]) -> None:
+    folder = finished[0]
+    assert processes_in(folder) == []
+    assert remove_leftovers(folder / "out") == 0
+
+
+def test_the_streams_of_other_codecs_are_the_same(finished: tuple[Path, str, str, int]) -> None:
+    out, draco = finished[0] / "out", open_codec("draco")
+    cloud = read_cloud(out / "clouds/clouds/c.ply")
+    curve = read_curve(out / "coded/clouds/c/draco.zip")
+    assert {rate: coded.stream for rate, coded in curve.items()} == {
+        rate: encoded(draco, cloud, rate) for rate in ("r1", "r2")
+    }
+
+
 def test_tables_and_report_have_what_succeeded(finished: tuple[Path, str, str, int]) -> None:
     folder, output, _, _ = finished
     table = pd.read_csv(folder / "out/tables/metrics.csv")
-    assert set(table["codec"]) == {"draco", "random", "wavers", "loses", "moves"}
+    assert set(table["codec"]) == {"draco", "random", "wavers", "loses", "moves", "starts"}
     left_out = pd.read_csv(folder / "out/tables/left_out.csv")
     curves = {f"codec {codec}, cloud clouds/c" for codec in FAULTS}
     assert set(left_out["file"]) == {"unit of clouds", *curves}

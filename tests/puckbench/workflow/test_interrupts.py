@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from puckbench.steps import fork_server
+from tests.support.running import processes_in
 
 WAITS = """
 import os
@@ -46,18 +47,6 @@ CURVE = "out/coded/clouds/cloud/waits.zip"
 COMMAND = [sys.executable, "-m", "puckbench", "run", "--cores", "1", "small.yaml", "--", CURVE]
 
 
-def _processes(folder: Path) -> list[str]:
-    """The processes that run in a folder."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            if (process / "cwd").readlink() == folder:
-                found.append((process / "cmdline").read_text().replace("\0", " "))
-        except OSError:  # ended
-            pass
-    return found
-
-
 def _begun(folder: Path) -> subprocess.Popen[str]:
     """A run that codes a cloud, and waits."""
     np.save(folder / "cloud.npy", np.random.default_rng(0).random((50, 3)))
@@ -89,12 +78,12 @@ def test_an_interrupted_run_leaves_no_process_and_continues(
     process.send_signal(getattr(signal, f"SIG{sent}"))
     said = process.communicate()[1]
     if sent == "KILL":
-        while _processes(tmp_path):
+        while processes_in(tmp_path):
             time.sleep(0.05)
     else:
         assert process.returncode == 130
         assert said.endswith("\npuckbench: interrupted\n")
-    assert not _processes(tmp_path)
+    assert not processes_in(tmp_path)
     subprocess.run(COMMAND, cwd=tmp_path, check=True, capture_output=True)
     assert (tmp_path / CURVE).exists()
 
@@ -104,9 +93,9 @@ def test_the_server_of_a_killed_run_ends(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     (tmp_path / "temporary").mkdir()
     process = _begun(tmp_path)
-    assert any("fork_server" in words for words in _processes(tmp_path))
+    assert any("fork_server" in words for words in processes_in(tmp_path))
     process.kill()
     process.communicate()
-    while _processes(tmp_path):
+    while processes_in(tmp_path):
         time.sleep(0.05)
     assert not list((tmp_path / "temporary").glob("*"))
