@@ -33,13 +33,14 @@ def program_digests(codec: Codec, memory: Memory) -> list[str]:
     memory
         Stores the digests between runs.
     """
-    programs = tuple(map(str, codec.programs)) if isinstance(codec, ExternalCodec) else ()
+    if not isinstance(codec, ExternalCodec):
+        return []
     known = {name: str(digest) for name, digest in memory.read(_PROGRAMS).items()}
-    found = {name: Path(path).resolve() for name in programs if (path := shutil.which(name))}
+    found = {name: Path(path).resolve() for name in codec.programs if (path := shutil.which(name))}
     digests = {name: _digest({path}, memory) for name, path in found.items()}
     if not digests.items() <= known.items():
         memory.learn(_PROGRAMS, {**known, **digests})
-    return [{**known, **digests}.get(name, "") for name in programs]
+    return [{**known, **digests}.get(name, "") for name in codec.programs]
 
 
 def named_files_digest(entry: Entry, without: Set[Path], memory: Memory) -> str:

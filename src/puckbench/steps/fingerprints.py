@@ -128,7 +128,7 @@ def _files_of_user(file: Path) -> set[Path]:
 
 
 def _imported_by(file: Path) -> set[Path]:
-    return {each for each in imported_files([file]) if each.suffix == ".py"}
+    return {each for each in imported_files(file) if each.suffix == ".py"}
 
 
 def _short(file: Path) -> str:

@@ -12,13 +12,14 @@ import re
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from fnmatch import fnmatchcase
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from pointkit.sources import import_folder
 from puckbench.core.packages import ENGINES, package_folders
@@ -35,21 +36,22 @@ _DEEPEST = 8
 """Number of nested folders that are searched."""
 
 
-def imported_files(code: Iterable[Path]) -> set[Path]:
-    """Return the files of the user's modules that Python files import, directly or not.
+@cache
+def imported_files(plugin: Path) -> frozenset[Path]:
+    """Return the files of the user's modules that a Python file imports, directly or not.
 
     Left out are modules of Python, of this repository, and of installed packages that are not
     editable. Extension modules, which are shared libraries, are included.
     """
     found: set[Path] = set()
-    queue = [*code]
+    queue = [plugin]
     while queue:
         file = queue.pop()
-        for name in _imports(file):
+        for name in _read(file).imports:
             new = {*_files_of_module(name, import_folder(file))} - found
             found |= new
             queue += (each for each in new if each.suffix == ".py")
-    return found
+    return frozenset(found)
 
 
 def named_files(plugin: Path, options: Iterable[str], without: Set[Path]) -> set[Path]:
@@ -67,9 +69,9 @@ def named_files(plugin: Path, options: Iterable[str], without: Set[Path]) -> set
     without
         Absolute paths of files and folders that are left out.
     """
-    code = {plugin, *imported_files([plugin])}
+    code = {plugin, *imported_files(plugin)}
     found = {file for file in code if file.suffix != ".py"}
-    texts_by_file = {file: {*_texts(file)} for file in code - found}
+    texts_by_file = {file: {*_read(file).texts} for file in code - found}
     texts_by_file[plugin] |= {text for text in options if _may_be_path(text)}
     named: dict[tuple[Path, bool], set[str]] = {}
     for file, texts in texts_by_file.items():
@@ -109,17 +111,26 @@ def _is_library(name: str) -> bool:
     return _LIBRARY.fullmatch(name) is not None
 
 
-def _tree(file: Path) -> ast.Module:
-    with suppress(OSError, SyntaxError, ValueError):
-        return ast.parse(file.read_bytes())
-    return ast.Module([], [])
+class _Code(NamedTuple):
+    """What a Python file imports (dotted names of modules or of what is in them), and its texts."""
+
+    imports: frozenset[str]
+    texts: frozenset[str]
 
 
-def _imports(file: Path) -> set[str]:
-    """Return the dotted names that a file imports, which may be modules or what is in them."""
+@cache
+def _read(file: Path) -> _Code:
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return _Code(frozenset(), frozenset())
     package = file.relative_to(import_folder(file)).parts[:-1]
+    return _Code(frozenset(_imports(tree, package)), frozenset(filter(_may_be_path, _texts(tree))))
+
+
+def _imports(tree: ast.Module, package: Sequence[str]) -> set[str]:
     names: set[str] = set()
-    for node in ast.walk(_tree(file)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -165,20 +176,17 @@ def _folders_of_others() -> tuple[Path, ...]:
     return *ours, *(Path(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib"))
 
 
-def _texts(file: Path) -> Iterator[str]:
-    """Yield the texts in a file's code that may be paths, with ``*`` for what a run puts in."""
+def _texts(tree: ast.Module) -> Iterator[str]:
+    """Yield the texts in code, with ``*`` for parts that are replaced when it runs."""
     parts: set[int] = set()
-    for node in ast.walk(_tree(file)):
-        text = ""
+    for node in ast.walk(tree):
         if isinstance(node, ast.JoinedStr):
             parts |= {id(part) for part in node.values}
-            text = "".join(
+            yield "".join(
                 str(part.value) if isinstance(part, ast.Constant) else "*" for part in node.values
             )
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            text = "" if id(node) in parts else _PLACEHOLDER.sub("*", node.value)
-        if _may_be_path(text):
-            yield text
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
+            yield _PLACEHOLDER.sub("*", node.value)
 
 
 def _may_be_path(text: str) -> bool:
@@ -189,7 +197,7 @@ def _words(text: str) -> Iterator[str]:
     """Yield names of files and folders in a text, and patterns that end with a suffix."""
     for part in text.split("/"):
         word = f"*{part}" if re.fullmatch(r"\.\w+", part) else part
-        if not _is_pattern(word) or re.search(r"\.(?!py$)\w+\*?$", word):
+        if word and (not _is_pattern(word) or re.search(r"\.(?!py$)\w+\*?$", word)):
             yield word
 
 
@@ -208,10 +216,12 @@ class _Names:
         return name in self._words
 
     def has_file(self, name: str, with_patterns: bool) -> bool:
-        library = _LIBRARY.fullmatch(name)
-        stem = library["stem"] if library else name
+        if library := _LIBRARY.fullmatch(name):
+            stem = library["stem"]
+            if not self._words.isdisjoint((stem, stem.removeprefix("lib"))):
+                return True
         is_matched = with_patterns and any(fnmatchcase(name, each) for each in self._patterns)
-        return is_matched or not self._words.isdisjoint((name, stem, stem.removeprefix("lib")))
+        return is_matched or name in self._words
 
 
 def _search(

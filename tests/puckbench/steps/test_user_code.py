@@ -42,17 +42,17 @@ def test_imports_of_any_form_count(
     write(folder / "unused.py")
     monkeypatch.syspath_prepend(folder.parent)
     write(codec, f"import json, numpy, puckbench.codecs.base\n{statement}\n")
-    assert imported_files([codec]) == {package, steps, sizes}
+    assert imported_files(codec) == {package, steps, sizes}
 
 
 def test_modules_beside_in_folders_without_init_count(codec: Path) -> None:
     deep = write(codec.parent / "parts" / "deep" / "first.py")
     write(codec, "import parts.deep.first\n")
-    assert imported_files([codec]) == {deep}
+    assert imported_files(codec) == {deep}
 
 
 def test_files_with_syntax_errors_import_nothing(codec: Path) -> None:
-    assert imported_files([write(codec, "def encode(:\n")]) == set()
+    assert imported_files(write(codec, "def encode(:\n")) == set()
 
 
 def test_extension_modules_are_files_that_the_code_imports(codec: Path) -> None:
@@ -88,7 +88,7 @@ def test_files_that_the_code_names_count(
     for other in ("notes.txt", "codecs/notes.md", "codecs/other.json", "codecs/models/b.bin"):
         write(tmp_path / other)
     write(codec, f"def encode():\n    return {code}\n")
-    assert named_files(codec, [], set()) - {tmp_path / "codecs/notes.md"} == {named}
+    assert named_files(codec, [], set()) == {named}
 
 
 def test_files_that_no_text_names_do_not_count(codec: Path, tmp_path: Path) -> None:
