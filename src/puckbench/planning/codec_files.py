@@ -21,10 +21,10 @@ _PROGRAMS, _FILES = ".programs.json", ".codec_files.json"
 
 
 def program_digests(codec: Codec, memory: Memory) -> list[str]:
-    """Return digests of the programs that a codec runs, with the shared libraries beside them.
+    """Return digests of the programs that a codec runs, with the libraries beside them.
 
-    There are none for codecs that are not `ExternalCodec`. A missing program counts as unchanged, so
-    that its results are kept on machines without it; its digest is empty if it was never there.
+    A missing program counts as unchanged, so that results are kept on machines without it. If it
+    was never there, its digest is empty.
 
     Parameters
     ----------
@@ -33,25 +33,22 @@ def program_digests(codec: Codec, memory: Memory) -> list[str]:
     memory
         Stores the digests between runs.
     """
-    if not isinstance(codec, ExternalCodec):
-        return []
     known = {name: str(digest) for name, digest in memory.read(_PROGRAMS).items()}
-    found = {name: Path(path).resolve() for name in codec.programs if (path := shutil.which(name))}
-    digests = {name: _digest({path}, memory) for name, path in found.items()}
+    digests = {name: _digest({file.resolve()}, memory) for name, file in _programs(codec).items()}
     if not digests.items() <= known.items():
         memory.learn(_PROGRAMS, {**known, **digests})
-    return [{**known, **digests}.get(name, "") for name in codec.programs]
+    return [{**known, **digests}.get(name, "") for name in _names(codec)]
 
 
-def named_files_digest(entry: Entry, without: Set[Path], memory: Memory) -> str:
+def named_files_digest(codec: Codec, entry: Entry, without: Set[Path], memory: Memory) -> str:
     """Return a digest of the files that the code, options and rates of a user's codec name.
 
-    It is empty if there are none.
+    It is empty if there are none. The programs that the codec runs are not among them.
 
     Parameters
     ----------
-    entry
-        The codec's complete entry in the configuration.
+    codec, entry
+        The codec, and its complete entry in the configuration.
     without
         Absolute paths of files and folders that do not count, such as the results.
     memory
@@ -62,7 +59,18 @@ def named_files_digest(entry: Entry, without: Set[Path], memory: Memory) -> str:
         module = str(Path(module).absolute())
     file = Path(module if module.endswith(".py") else str(importlib.import_module(module).__file__))
     options = _texts({key: value for key, value in entry.items() if key != "class"})
-    return _digest(named_files(file, options, without) - covered(module), memory)
+    programs = {*_programs(codec).values()}
+    return _digest(named_files(file, options, without | programs) - covered(module), memory)
+
+
+def _names(codec: Codec) -> tuple[str, ...]:
+    return codec.programs if isinstance(codec, ExternalCodec) else ()
+
+
+def _programs(codec: Codec) -> dict[str, Path]:
+    """Return the absolute paths of a codec's programs that are on this machine, by name."""
+    found = {name: shutil.which(name) for name in _names(codec)}
+    return {name: Path(path).absolute() for name, path in found.items() if path}
 
 
 def _digest(files: Set[Path], memory: Memory) -> str:

@@ -672,10 +672,10 @@ class Plan:
         They are its weights, the programs that it runs and, if the codec is the user's own, the
         files that its code, options and rates name (`puckbench.planning.codec_files`).
         """
-        entry, named = self.codecs[codec], ""
+        entry, opened, named = self.codecs[codec], self.opened[codec], ""
         if not entry["class"].startswith("puckbench."):
-            named = named_files_digest(entry, self._no_codec_files, self.memory)
-        programs = program_digests(self.opened[codec], self.memory)
+            named = named_files_digest(opened, entry, self._no_codec_files, self.memory)
+        programs = program_digests(opened, self.memory)
         return " ".join(filter(None, (*map(sha256, self.weights[codec]), *programs, named)))
 
     @cached_property

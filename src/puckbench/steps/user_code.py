@@ -89,9 +89,9 @@ def named_files(plugin: Path, options: Iterable[str], without: Set[Path]) -> set
 
 
 def with_libraries(files: Iterable[Path]) -> set[Path]:
-    """Return files with the shared libraries beside programs and libraries that contain their names.
+    """Return files, with the shared libraries that they link or load from their folders.
 
-    These are the libraries that such a program or library links or loads.
+    The programs and libraries among the files contain the names of these libraries.
     """
     found: set[Path] = set()
     queue = [*files]
@@ -185,7 +185,9 @@ def _texts(tree: ast.Module) -> Iterator[str]:
             yield "".join(
                 str(part.value) if isinstance(part, ast.Constant) else "*" for part in node.values
             )
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
+        elif (
+            isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts
+        ):
             yield _PLACEHOLDER.sub("*", node.value)
 
 

@@ -81,9 +81,7 @@ def test_extension_modules_are_files_that_the_code_imports(codec: Path) -> None:
         ('run(["julia", HERE / "tool.jl"])', "codecs/tool.jl"),
     ],
 )
-def test_files_that_the_code_names_count(
-    codec: Path, tmp_path: Path, code: str, name: str
-) -> None:
+def test_files_that_the_code_names_count(codec: Path, tmp_path: Path, code: str, name: str) -> None:
     named = write(tmp_path / name)
     for other in ("notes.txt", "codecs/notes.md", "codecs/other.json", "codecs/models/b.bin"):
         write(tmp_path / other)
@@ -94,18 +92,21 @@ def test_files_that_the_code_names_count(
 def test_files_that_no_text_names_do_not_count(codec: Path, tmp_path: Path) -> None:
     for name in ("notes.txt", "config.yaml", "codecs/r1", "codecs/README.md", "codecs/a.b"):
         write(tmp_path / name)
-    write(codec, 'rates = {f"r{k}": k for k in "12"}\nprint(f"{1}.{2}", f"{1:.2f}", "{}", "/", "")\n')
+    write(
+        codec, 'rates = {f"r{k}": k for k in "12"}\nprint(f"{1}.{2}", f"{1:.2f}", "{}", "/", "")\n'
+    )
     assert named_files(codec, [], set()) == set()
 
 
 def test_absolute_paths_count(codec: Path, tmp_path: Path) -> None:
     weights, other = write(tmp_path / "far" / "w.npz"), write(tmp_path / "far" / "v.npz")
-    write(codec, f"np.load({str(weights)!r})\n")
-    assert named_files(codec, [], set()) == {weights}
-    write(codec, f'np.load(Path({str(weights.parent)!r}) / "w.npz")\n')
-    assert named_files(codec, [], set()) == {weights}
-    write(codec, f"glob({str(weights.parent / '*.npz')!r})\nopen('/proc/cpuinfo')\n")
-    assert named_files(codec, [], set()) == {weights, other}
+    of_file = write(codec.with_name("a.py"), f"np.load({str(weights)!r})\n")
+    assert named_files(of_file, [], set()) == {weights}
+    of_folder = write(codec.with_name("b.py"), f'Path({str(weights.parent)!r}) / "w.npz"\n')
+    assert named_files(of_folder, [], set()) == {weights}
+    pattern = str(weights.parent / "*.npz")
+    of_pattern = write(codec.with_name("c.py"), f"glob({pattern!r})\nopen('/proc/cpuinfo')\n")
+    assert named_files(of_pattern, [], set()) == {weights, other}
 
 
 def test_files_that_options_name_count(codec: Path, tmp_path: Path) -> None:
