@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from importlib.machinery import ModuleSpec
+from importlib.util import spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -43,6 +46,22 @@ def test_imports_of_any_form_count(
     monkeypatch.syspath_prepend(folder.parent)
     write(codec, f"import json, numpy, puckbench.codecs.base\n{statement}\n")
     assert imported_files(codec) == {package, steps, sizes}
+
+
+def test_editable_installs_count(
+    codec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some put a finder of their package on Python's list, not a folder on its path."""
+    file = write(tmp_path / "lib" / "far_library.py")
+
+    class Finder:
+        @staticmethod
+        def find_spec(name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+            return spec_from_file_location(name, file) if name == "far_library" else None
+
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, Finder])
+    write(codec, "import far_library\n")
+    assert imported_files(codec) == {file}
 
 
 def test_modules_beside_in_folders_without_init_count(codec: Path) -> None:
