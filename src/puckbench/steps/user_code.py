@@ -31,7 +31,7 @@ _LIBRARY = re.compile(r"(?P<stem>[^.]+).*\.(so|dylib|dll|pyd)(\.\d+)*")
 _PLACEHOLDER = re.compile(r"\{[^{}]*\}|%[-+ #.\d]*[A-Za-z]")
 """Part of a text that `str.format` or the operator ``%`` replaces."""
 _LONGEST = 255
-"""Number of characters of the longest text that is taken for a path."""
+"""Number of bytes of the longest text that is taken for a path."""
 _DEEPEST = 8
 """Number of nested folders that are searched."""
 
@@ -58,7 +58,8 @@ def named_files(plugin: Path, options: Iterable[str], without: Set[Path]) -> set
     """Return the files that the code of a user's plug-in names, and the libraries that it imports.
 
     A named file is in the folder of the code, in the folder above, in the working folder, or in a
-    folder in these that the code names too; or the code has its absolute path.
+    folder in these that the code names too; or the code has its absolute path. Patterns such as
+    ``*.npz`` are not applied to the folder above and to the working folder.
 
     Parameters
     ----------
@@ -75,14 +76,13 @@ def named_files(plugin: Path, options: Iterable[str], without: Set[Path]) -> set
     texts_by_file[plugin] |= {text for text in options if _may_be_path(text)}
     named: dict[tuple[Path, bool], set[str]] = {}
     for file, texts in texts_by_file.items():
-        paths = [Path(os.path.expanduser(t)) for t in texts if t.startswith(("/", "~/"))]  # noqa: PTH111 (Path raises without a home)
-        found |= {path for path in paths if path.is_file() and not _is_of_system(path)}
-        own = [file.parent, *(path for path in paths if len(path.parts) > 2 and path.is_dir())]
-        own += [path.parent for path in paths if _is_pattern(path.name) and path.parent.is_dir()]
-        others = file.parent.parent, Path.cwd()
         names = {word for text in texts for word in _words(text)}
-        for place in (*((folder, True) for folder in own), *((folder, False) for folder in others)):
-            named.setdefault(place, set()).update(names)
+        paths = [Path(os.path.expanduser(t)) for t in texts if t.startswith(("/", "~/"))]  # noqa: PTH111 (Path raises without a home)
+        found |= {path for path in paths if _is_file(path) and not _is_of_system(path)}
+        for folder in (file.parent, *_folders_of(paths)):
+            named.setdefault((folder, True), set()).update(names)
+        for folder in (file.parent.parent, Path.cwd()):
+            named.setdefault((folder, False), set()).update(names)
     for (folder, with_patterns), names in named.items():
         found |= {*_search(folder, _Names(names), with_patterns, without, _DEEPEST)}
     return found - without
@@ -192,7 +192,7 @@ def _texts(tree: ast.Module) -> Iterator[str]:
 
 
 def _may_be_path(text: str) -> bool:
-    return 0 < len(text) <= _LONGEST and not {"\n", "\0"} & {*text}
+    return 0 < len(text.encode(errors="replace")) <= _LONGEST and not {"\n", "\0"} & {*text}
 
 
 def _words(text: str) -> Iterator[str]:
@@ -240,6 +240,18 @@ def _search(
                     yield from _search(path, names, True, without, depth - 1)
             elif names.has_file(entry.name, with_patterns) and entry.is_file():
                 yield path
+
+
+def _is_file(path: Path) -> bool:
+    return os.path.isfile(path)  # noqa: PTH113 (Path raises if the user may not look)
+
+
+def _folders_of(paths: Iterable[Path]) -> Iterator[Path]:
+    """Yield the folders among absolute paths, and those of the paths that are patterns."""
+    for path in paths:
+        folder = path.parent if _is_pattern(path.name) else path
+        if len(folder.parts) > 2 and os.path.isdir(folder):  # noqa: PTH112 (as above)
+            yield folder
 
 
 def _is_of_system(file: Path) -> bool:

@@ -128,6 +128,11 @@ def test_absolute_paths_count(codec: Path, tmp_path: Path) -> None:
     assert named_files(of_pattern, [], set()) == {weights, other}
 
 
+def test_paths_that_cannot_exist_are_no_files(codec: Path) -> None:
+    write(codec, f'open("/{"ä" * 200}"), open("/\\ud800"), open("a\\0b"), open("~/none.npz")\n')
+    assert named_files(codec, [], set()) == set()
+
+
 def test_files_that_options_name_count(codec: Path, tmp_path: Path) -> None:
     model = write(tmp_path / "models" / "a.onnx")
     assert named_files(codec, ["models/a.onnx", "fast"], set()) == {model}
