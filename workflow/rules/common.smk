@@ -19,7 +19,7 @@ from puckbench.figures.registry import figure_entry
 from puckbench.tables.registry import table_entry
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
-from puckbench.planning.launch import CALLER_GOES_ON, command_for_the_rest
+from puckbench.planning.launch import AGAIN, CALLER_GOES_ON, command_for_the_rest
 from puckbench.planning.provenance import Provenance
 from puckbench.planning.rules import Rules, or_stop
 from puckbench.planning.run_summary import closing_lines
@@ -84,7 +84,14 @@ if workflow.is_main_process and workflow.storage_settings.default_storage_provid
     if provenance.is_lost:
         line = f"puckbench: {RESULTS}: no log says how results were made: all are made again"
         print(line, file=sys.stderr, flush=True)
-rules_of = Rules(flow, provenance, ancient, local, has_begun=not workflow.is_main_process)
+rules_of = Rules(
+    flow,
+    provenance,
+    ancient,
+    local,
+    has_begun=not workflow.is_main_process,
+    again=os.environ.get(AGAIN, "").split() if workflow.is_main_process else (),
+)
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     bar.expect(
         job_s=job_seconds(flow),

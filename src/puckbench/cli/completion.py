@@ -50,6 +50,7 @@ _FILES = {"files", "start", "weights"}
 _CODECS, _ERROR_MODELS = "puckbench.codecs.registry:codecs", "virtual_lidar.errors:ERROR_MODELS"
 _LOADERS = "puckbench.scene_sets.registry:LOADERS"
 _NAMES = {
+    "again": _CODECS,
     "check": _LOADERS,
     "codec": _CODECS,
     "codecs": _CODECS,

@@ -6,16 +6,16 @@ import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pointkit.errors import InputError
+from pointkit.errors import InputError, among
 from puckbench.cli.types import integer, selected
 from puckbench.cli.units import add_cloud_options, metres_per_unit
 from puckbench.core.interrupts import run_environment
 from puckbench.planning.config import read_config, trusted
-from puckbench.planning.launch import CALLER_GOES_ON, snakemake_command
+from puckbench.planning.launch import AGAIN, CALLER_GOES_ON, snakemake_command
 from puckbench.planning.outputs import Outputs
 from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
 from puckbench.planning.running import left_out_lines
@@ -29,6 +29,7 @@ from puckbench.planning.user_files import (
 from puckbench.planning.workflow import Workflow
 
 _OUT = "out"
+_GOES_ON = {CALLER_GOES_ON: "yes"}
 _CONFIGS = (".yaml", ".yml")
 _LOADER_OPTIONS = (
     *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "topic"),
@@ -89,6 +90,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "stop if a file cannot be used, instead of leaving it out"
     add("--strict", action="store_true", help=text)
     add("--timeout", type=float, metavar="SECONDS", help="time after which a job fails")
+    text = "code and measure all clouds with this codec again; may be given several times"
+    add("--again", action="append", metavar="CODEC", default=[], help=text)
     add("--cores", type=integer(1), help="number of cores (default: all)")
 
 
@@ -112,12 +115,13 @@ def _run_all(path: Path, options: argparse.Namespace, words: list[str]) -> tuple
     """
     failed = trusted(read_config(path)).failures_file
     command, written, rest = snakemake_command(path, options.cores, *words), _time_of(failed), None
-    status = last = _run_workflow(command, options.json, goes_on=not words)
+    variables = {AGAIN: " ".join(options.again), **(_GOES_ON if not words else {})}
+    status = last = _run_workflow(command, options.json, variables)
     while last == 1 and not words and _time_of(failed) not in (None, written):
         written, rest = _time_of(failed), failed
         print("puckbench: now tables and report of the others", file=sys.stderr)  # noqa: T201
         command = snakemake_command(path, options.cores, over=rest)
-        last = _run_workflow(command, options.json, goes_on=True)
+        last = _run_workflow(command, options.json, _GOES_ON)
     if last:  # the workflow has printed the reason
         raise SystemExit(status)
     return status, rest
@@ -127,12 +131,11 @@ def _time_of(path: Path) -> int | None:
     return path.stat().st_mtime_ns if path.exists() else None
 
 
-def _run_workflow(command: Sequence[str], as_json: bool, goes_on: bool) -> int:
+def _run_workflow(command: Sequence[str], as_json: bool, variables: Mapping[str, str]) -> int:
     # With --json, standard output has only the answer.
     output = sys.stderr if as_json else None
     stdin, held = os.pipe()
-    environment = run_environment(stdin)
-    environment |= {CALLER_GOES_ON: "yes"} if goes_on else {}
+    environment = {**run_environment(stdin), **variables}
     with subprocess.Popen(command, stdin=stdin, stdout=output, env=environment) as workflow:
         os.close(stdin)
         try:
@@ -186,9 +189,17 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
         _refuse(options, _CONFIG_OPTIONS, f"the configuration has a key for this: edit {first}")
         if not Path(first).exists():
             raise InputError(f"{first}: no such file")
-        read_config(Path(first))  # for one-line errors, which Snakemake does not have
+        config = read_config(Path(first))  # for one-line errors, which Snakemake does not have
+        if options.again:
+            _check_again(options, trusted(config).codecs)
         return Path(first), others
     return _files_configuration(options), []
+
+
+def _check_again(options: argparse.Namespace, codecs: Collection[str]) -> None:
+    for name in options.again:
+        if name not in codecs:
+            raise InputError(f"--again: no codec '{name}'{among(name, codecs)}")
 
 
 def _refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
@@ -217,7 +228,7 @@ def _study_configuration(options: argparse.Namespace) -> Path:
     study = read_reference(options.study)
     out = options.out or Path(_OUT)
     config = study_configuration(study, options.codecs, out.as_posix(), options.datasets or ())
-    return _written(out, config)
+    return _written(options, out, config)
 
 
 def _files_configuration(options: argparse.Namespace) -> Path:
@@ -236,7 +247,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
         options=_set_options(options, *_LOADER_OPTIONS[1:]) | _units(options),
         **settings,
     )
-    return _written(out, user_run.configuration())
+    return _written(options, out, user_run.configuration())
 
 
 def _units(options: argparse.Namespace) -> dict[str, Any]:
@@ -244,6 +255,7 @@ def _units(options: argparse.Namespace) -> dict[str, Any]:
     return {} if words is None else {"metres_per_unit": metres_per_unit(words)}
 
 
-def _written(out: Path, config: dict[str, Any]) -> Path:
+def _written(options: argparse.Namespace, out: Path, config: dict[str, Any]) -> Path:
+    _check_again(options, config["codecs"])
     write_configuration(out / CONFIG, config, shlex.join(["puckbench", *sys.argv[1:]]))
     return out / CONFIG

@@ -17,7 +17,7 @@ _MOST_READ = 1 << 30
 """Size up to which a file is read whole, bytes; this takes 0.8 s (1.3 GB/s)."""
 _PARTS, _PART = 64, 1 << 16
 """Number and size (bytes) of the parts of a larger file that are read."""
-_NAME = ".digests.json"
+_INPUTS = ".digests.json"
 _State = tuple[int, ...]
 
 
@@ -26,7 +26,7 @@ class _Remembered(Model):
     digest: str
 
 
-def file_digests(paths: Iterable[Path], memory: Memory) -> dict[Path, str]:
+def file_digests(paths: Iterable[Path], memory: Memory, name: str = _INPUTS) -> dict[Path, str]:
     """Return a digest of the content of each file or folder, as text by path.
 
     For a file over 1 GiB, the digest covers only the size, the time of modification and 64 evenly
@@ -38,10 +38,12 @@ def file_digests(paths: Iterable[Path], memory: Memory) -> dict[Path, str]:
         Files, and folders of which all files count.
     memory
         Stores the digests between runs. A file is read again if its size, times or inode changed.
+    name
+        Name of the file in which they are stored.
     """
     files = {path: list(_files(path)) for path in dict.fromkeys(paths)}
     states = {file: _state(file) for inner in files.values() for file in inner}
-    known = _read(memory) if states else {}
+    known = _read(memory, name) if states else {}
     new = [file for file, state in states.items() if _is_new(known.get(str(file)), state)]
     progress, done = Progress("MiB of input files read:"), 0
     total = sum(_size(states[file]) for file in new) >> 20
@@ -51,7 +53,7 @@ def file_digests(paths: Iterable[Path], memory: Memory) -> dict[Path, str]:
         if total > _MOST_READ >> 20:
             progress(done >> 20, total)
     if new:
-        memory.learn(_NAME, {name: entry.model_dump() for name, entry in known.items()})
+        memory.learn(name, {file: entry.model_dump() for file, entry in known.items()})
     return {path: _joined(path, inner, known) for path, inner in files.items()}
 
 
@@ -72,10 +74,10 @@ def _size(state: _State) -> int:
     return min(state[0], _MOST_READ) if state else 0
 
 
-def _read(memory: Memory) -> dict[str, _Remembered]:
+def _read(memory: Memory, name: str) -> dict[str, _Remembered]:
     with suppress(InputError):  # of another version
-        entries = memory.read(_NAME)
-        return {name: parsed(_Remembered, entry, name) for name, entry in entries.items()}
+        entries = memory.read(name)
+        return {file: parsed(_Remembered, entry, file) for file, entry in entries.items()}
     return {}
 
 

@@ -17,6 +17,8 @@ CALLER_GOES_ON = "PUCKBENCH_CALLER_GOES_ON"
 This process then prints the summary and, after failures, starts Snakemake again for what can still
 be made.
 """
+AGAIN = "PUCKBENCH_AGAIN"
+"""Environment variable with the names of codecs whose curves are made again in any case."""
 
 
 def snakefile() -> Path:

@@ -21,6 +21,7 @@ from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.task_registry import TASKS
+from puckbench.planning.codec_files import named_files_digest, program_digests
 from puckbench.planning.config import (
     Config,
     DataSetConfig,
@@ -665,9 +666,22 @@ class Plan:
         return {**entry, "rates": rates}
 
     @cache  # noqa: B019 (one plan lives as long as the process)
-    def weights_digest(self, codec: str) -> str:
-        """Return SHA-256 digests of a codec's weights files; empty for a codec without weights."""
-        return " ".join(map(sha256, self.weights[codec]))
+    def files_digest(self, codec: str) -> str:
+        """Return a text that changes with the files that a codec uses; empty if it uses none.
+
+        They are its weights, the programs that it runs and, if the codec is the user's own, the
+        files that its code, options and rates name (`puckbench.planning.codec_files`).
+        """
+        entry, opened, named = self.codecs[codec], self.opened[codec], ""
+        if not entry["class"].startswith("puckbench."):
+            named = named_files_digest(opened, entry, self._no_codec_files, self.memory)
+        programs = program_digests(opened, self.memory)
+        return " ".join(filter(None, (*map(sha256, self.weights[codec]), *programs, named)))
+
+    @cached_property
+    def _no_codec_files(self) -> frozenset[Path]:
+        """Absolute paths of the results folder and of the inputs of the run."""
+        return frozenset(path.absolute() for path in (self.results, *self._input_files()))
 
     def checked_scenes(self, where: str, value: Sensing) -> SceneSetPlan:
         """Return the scene set from which a data set or drive is made, after checking the entry.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -47,6 +47,8 @@ class Rules:
         second says that they are not in remote storage.
     has_begun
         Whether the run has begun, so that files may be written; false while it is planned.
+    again
+        Names of codecs whose curves are coded and measured again in any case.
     """
 
     def __init__(
@@ -56,10 +58,11 @@ class Rules:
         ancient: Callable[[Any], Any],
         local: Callable[[Any], Any],
         has_begun: bool,
+        again: Collection[str] = (),
     ) -> None:
         self.flow, self.provenance = flow, provenance
         self.ancient, self.local = ancient, local
-        self._has_begun = has_begun
+        self.again, self._has_begun = again, has_begun
         self._long: dict[Path, str] = {}
 
     def __call__(self, name: str, place: str) -> RuleStep:
@@ -129,10 +132,11 @@ class RuleStep:
 
         It is Snakemake's folder, whose time is that of the planning (`mark_planning`), so that it
         is newer than all results. The time counts only if the job's present results were made with
-        other settings or code.
+        other settings or code, or if its codec is one of `Rules.again`.
         """
         rules, job = self._rules, self._place.format(**wildcards)
-        if rules.provenance is not None and rules.provenance.is_made_otherwise(job, step.key):
+        is_old = rules.provenance is not None and rules.provenance.is_made_otherwise(job, step.key)
+        if is_old or getattr(wildcards, "codec", None) in rules.again:
             return rules.local(str(SNAKEMAKE_FOLDER))
         return rules.local(rules.ancient(str(SNAKEMAKE_FOLDER)))
 

@@ -146,7 +146,7 @@ def planned_codec_step(
     memory_mb: int | None = None,
     minutes: int | None = None,
 ) -> PlannedStep:
-    """Return a planned step that runs again if the code or the weights of its codec change.
+    """Return a planned step that runs again if the code or the files of its codec change.
 
     Parameters
     ----------
@@ -159,14 +159,14 @@ def planned_codec_step(
         rates.
     """
     plan, codec = flow.plan, step.codec
-    module, weights = module_of(plan.codecs[codec]["class"]), plan.weights_digest(codec)
+    module, files = module_of(plan.codecs[codec]["class"]), plan.files_digest(codec)
     threads = plan.config.timing.threads if isinstance(step, TimedStep) else ""
     return planned(
         step,
         inputs,
         module,
         *code,
-        also=f"{weights} {also} {threads}",
+        also=f"{files} {also} {threads}",
         memory_mb=flow.costs.memory_mb(codec) if memory_mb is None else memory_mb,
         minutes=flow.costs.minutes(codec) if minutes is None else minutes,
     )

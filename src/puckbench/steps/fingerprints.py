@@ -7,9 +7,9 @@ with the package in whose folder it lies.
 
 The code of a user's file is the Python files of its package or, outside a package, of its folder
 and the folders directly in it, but for files of other plug-ins that it does not mention. The
-modules that the file has imported count too, except those of installed packages. The code of a
-module of another installed package is that whole package. In both cases, all packages of this
-repository that puckbench builds on (`ENGINES`) count as well.
+user's modules that the file imports count too (`puckbench.steps.user_code`). The code of a module
+of another installed package is that whole package. In both cases, all packages of this repository
+that puckbench builds on (`ENGINES`) count as well.
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ import ast
 import hashlib
 import importlib
 import re
-import sys
-import sysconfig
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from cloud_files.meshes import reading as meshes
@@ -31,6 +29,7 @@ from pointkit.registry import Registry, trusted_files
 from pointkit.sources import import_folder, package_files, package_folder
 from puckbench.core.packages import ENGINES, package_folders
 from puckbench.figures.registry import FIGURES
+from puckbench.steps.user_code import imported_files
 from puckbench.tables.registry import TABLES
 from virtual_lidar.errors import ERROR_MODELS
 
@@ -85,7 +84,7 @@ def _files_and_names(name: str) -> tuple[set[Path], tuple[str, ...]]:
     folder = _ours().get(top)
     if folder is None:
         file = Path(str(importlib.import_module(name).__file__))
-        return set(package_files(package_folder(file))), engines
+        return {*package_files(package_folder(file)), *_imported_by(file)}, engines
     place = folder.joinpath(*filter(None, inner.split(".")))
     if name.endswith(".*"):
         return {*place.rglob("*.py"), *_data_below(place)}, ()
@@ -97,7 +96,7 @@ def _files_and_names(name: str) -> tuple[set[Path], tuple[str, ...]]:
     data = {file.with_suffix(".yaml")} if file.with_suffix(".yaml").is_file() else set()
     code = getattr(importlib.import_module(name), "CODE", None)
     if code is None and top not in ("puckbench", *ENGINES):
-        return {*folder.rglob("*.py"), *_data_below(folder)}, engines
+        return {*folder.rglob("*.py"), *_data_below(folder), *_imported_by(file)}, engines
     return {file, *data}, code or ()
 
 
@@ -125,32 +124,11 @@ def _files_of_user(file: Path) -> set[Path]:
     text = file.read_text(encoding="utf-8", errors="replace")
     others = (other for other in trusted_files() if other != file.absolute())
     beside -= {other for other in others if not re.search(rf"\b{other.stem}\b", text)}
-    queue, modules = [_imported(file)], dict[str, ModuleType]()
-    while queue:
-        for value in vars(queue.pop()).values():
-            is_module = isinstance(value, ModuleType)
-            name = value.__name__ if is_module else getattr(value, "__module__", "")
-            module = sys.modules.get(str(name))
-            if module and name not in modules and _is_of_user(getattr(module, "__file__", None)):
-                modules[name] = module
-                queue.append(module)
-    return {file, *beside, *(Path(str(module.__file__)) for module in modules.values())}
+    return {file, *beside, *_imported_by(file)}
 
 
-def _imported(file: Path) -> ModuleType:
-    """Return the module that was imported from a user's file, or an empty module."""
-    found = (module for module in [*sys.modules.values()] if _file_of(module) == file)
-    return next(found, ModuleType(file.stem))
-
-
-def _file_of(module: ModuleType) -> Path | None:
-    file = getattr(module, "__file__", None)
-    return Path(file) if file else None
-
-
-def _is_of_user(file: str | None) -> bool:
-    installed = {*map(Path, sysconfig.get_paths().values()), *_ours().values()}
-    return file is not None and not any(Path(file).is_relative_to(each) for each in installed)
+def _imported_by(file: Path) -> set[Path]:
+    return {each for each in imported_files(file) if each.suffix == ".py"}
 
 
 def _short(file: Path) -> str:
@@ -162,9 +140,10 @@ def _short(file: Path) -> str:
 def _code_digest(file: Path) -> str:
     content = file.read_bytes()
     if file.suffix == ".py":
-        words: list[str] = []
-        _add_words(ast.parse(content), words)
-        content = " ".join(words).encode()
+        with suppress(SyntaxError, ValueError):  # of a file that no codec imports
+            words: list[str] = []
+            _add_words(ast.parse(content), words)
+            content = " ".join(words).encode()
     return hashlib.sha256(content).hexdigest()
 
 

@@ -5,13 +5,15 @@ from pathlib import Path
 import pytest
 
 from pointkit.registry import load, trust
-from puckbench.steps import fingerprints
+from puckbench.steps import fingerprints, user_code
 from puckbench.steps.fingerprints import covered
+from puckbench.steps.user_code import imported_files
 
 
 def code_version(*names: str | Path) -> str:
     """As a new process sees it, for files that have been edited."""
-    for remembered in (fingerprints.code_version, covered, fingerprints._code_digest):
+    remembered_by = (fingerprints.code_version, covered, fingerprints._code_digest, imported_files)
+    for remembered in (*remembered_by, user_code._read):
         remembered.cache_clear()
     return fingerprints.code_version(*map(str, names))
 
