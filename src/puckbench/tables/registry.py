@@ -16,12 +16,13 @@ modules of tables.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
 from puckbench.results.columns import Columns, declare, declared_by
+from puckbench.results.sameness import Timed
 
 SENSOR = "Sensor, tables"
 """Category of tables of the sensor study."""
@@ -69,6 +70,9 @@ class TableEntry:
         Whether the workflow collects the table from files of many jobs.
     error_models
         Names of error models whose parameters the function reads.
+    timed
+        What depends on the speed of the machine besides columns of times
+        (`puckbench.results.sameness.Timed`).
     """
 
     name: str
@@ -79,6 +83,7 @@ class TableEntry:
     needs: tuple[str, ...] = ()
     gathered: bool = False
     error_models: tuple[str, ...] = ()
+    timed: Timed = field(default_factory=dict)
 
     @property
     def inputs(self) -> tuple[str, ...]:
