@@ -4,6 +4,7 @@ import argparse
 import getpass
 import platform
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,10 +81,8 @@ def _to_look_at(bundle: Published) -> Iterator[tuple[str, str]]:
 def _private_words() -> list[str]:
     """Return names that may tell who made a bundle and where: of user, machine and folders."""
     words = [str(Path.home()), str(Path.cwd()), platform.node()]
-    try:
+    with suppress(KeyError, OSError):  # a user without a name, as in some containers
         words.append(getpass.getuser())
-    except (KeyError, OSError):  # a user without a name, as in some containers
-        pass
     return [word for word in dict.fromkeys(words) if len(word) > 2 and word not in _TOO_COMMON]
 
 

@@ -105,7 +105,9 @@ class PublishedPaths:
         if path.is_relative_to(self._folder):
             return [path.relative_to(self._folder).as_posix()]
         roots = [each.root for each in self._named if path.is_relative_to(each.path)]
-        roots += [r for r in self._aliases if path.is_relative_to(r) and str(r) != r.anchor]
+        if not roots:  # a file that a named one needs, such as the calibration beside poses
+            outer = [r for r in self._aliases if path.is_relative_to(r) and str(r) != r.anchor]
+            roots = sorted(outer, key=lambda root: len(root.parts))[-1:]
         if not roots:
             raise InputError(f"{file}: not in the folder of the run, and not named as an input")
         return [self._name(path, root) for root in dict.fromkeys(roots)]

@@ -58,8 +58,8 @@ Name = Annotated[str, AfterValidator(_safe)]
 Text = Annotated[str, AfterValidator(_printable)]
 Digest = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 """SHA-256 in hexadecimal."""
-Digests = Mapping[Name, Mapping[Name, Digest]]
-"""For each archive of streams or clouds, by its path in the results folder, its members' digests."""
+Digests = Mapping[str, Mapping[str, str]]
+"""Digests of archives' members, by the archive's path in the results folder without suffix."""
 
 
 class FileDigest(Model):
@@ -108,8 +108,8 @@ class Manifest(Model, extra="ignore"):
     files: Mapping[Name, Digest]
     inputs: Mapping[Name, FileDigest] = {}
     programs: Mapping[Name, FileDigest] = {}
-    streams: Digests = {}
-    decoded: Digests = {}
+    streams: Mapping[Name, Mapping[Name, Digest]] = {}
+    decoded: Mapping[Name, Mapping[Name, Digest]] = {}
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def read_bundle(path: Path) -> Bundle:
         manifest = _manifest(members.pop(MANIFEST))
         _check_files(members, manifest.files)
         for name, digests in manifest.streams.items():
-            data = members.get(RESULTS + name)
+            data = members.get(f"{RESULTS}{name}{SUFFIX}")
             if data is not None and stream_digests(data) != digests:
                 raise InputError(f"the streams of {name} are not those of the manifest")
     return Bundle(path, manifest, members)

@@ -28,9 +28,7 @@ def timeless(rows: list[list[str]], timed: Timed) -> list[list[str]]:
     """Return the rows of a table, of which the first has the names, without what is timed."""
     names, *others = rows or [[]]
     kept = [
-        place
-        for place, name in enumerate(names)
-        if not is_timed(name) and timed.get(name, ("",))
+        place for place, name in enumerate(names) if not is_timed(name) and timed.get(name, ("",))
     ]
     marks = [(names.index(name), texts) for name, texts in timed.items() if name in names]
     rest = [row for row in others if not any(row[at] in texts for at, texts in marks)]
@@ -87,7 +85,11 @@ def _at_most(pairs: Collection[tuple[str, str]]) -> str:
     except ValueError:
         return ""
     ratios = [abs(a - b) / max(abs(a), abs(b)) for a, b in numbers if a != b]
-    return f" (by at most {max(ratios, default=0.0):.1g} of the value)" if all(map(isfinite, ratios)) else ""
+    return (
+        f" (by at most {max(ratios, default=0.0):.1g} of the value)"
+        if all(map(isfinite, ratios))
+        else ""
+    )
 
 
 def _listed(texts: Collection[str]) -> str:
