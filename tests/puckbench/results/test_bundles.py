@@ -195,3 +195,14 @@ def test_streams_that_are_not_those_of_the_manifest_are_refused(tmp_path: Path) 
     write_bundle(tmp_path / "a.zip", manifest(streams=other), members)
     with pytest.raises(InputError, match=f"the streams of {name} are not those"):
         read_bundle(tmp_path / "a.zip")
+
+
+def test_a_bundle_is_checked_without_running_its_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = b"from pathlib import Path\nPath('ran').touch()\n"
+    write_bundle(tmp_path / "a.zip", manifest(), {**MEMBERS, "codecs/grid.py": code})
+    monkeypatch.chdir(tmp_path)
+    assert main(["verify", "a.zip"]) == 0
+    assert "codecs/grid.py" in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["a.zip"]
