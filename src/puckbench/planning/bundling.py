@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import puckbench
 from pointkit.errors import InputError
-from pointkit.files import open_file, read_bytes
+from pointkit.files import read_bytes, refuse_special, unreadable
 from pointkit.registry import plugin_packages
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.external import ExternalCodec
@@ -97,7 +97,7 @@ def published(results: Path, config: Path, with_streams: bool) -> Published:
         commit=source_commit(),
         versions={**versions(), **_installed_plugins(flow)},
         machine=machine(),
-        record=RunRecord.of(read_costs(results / "logs")).facts(),
+        record=_record(results / "logs"),
         results=paths.in_text(flow.config.results),
         plugins=tuple(code),
         files={},
@@ -107,6 +107,11 @@ def published(results: Path, config: Path, with_streams: bool) -> Published:
         decoded=digests_in(results, _decoded(flow)),
     )
     return Published(manifest, members)
+
+
+def _record(logs: Path) -> dict[str, str]:
+    facts = RunRecord.of(read_costs(logs)).facts()
+    return {name: facts[name] for name in ("Date", "Duration") if name in facts}
 
 
 def versions() -> dict[str, str]:
@@ -128,9 +133,13 @@ def machine() -> dict[str, str]:
 
 def digest_of(file: Path) -> FileDigest:
     """Return the SHA-256 and the size of a file; raise InputError if it cannot be read."""
-    with open_file(file) as stream:
-        digest = hashlib.file_digest(stream, "sha256").hexdigest()
-        return FileDigest(sha256=digest, bytes=stream.tell())
+    refuse_special(file)
+    try:
+        with file.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            return FileDigest(sha256=digest, bytes=stream.tell())
+    except OSError as error:
+        raise unreadable(file, error) from error
 
 
 # ---- files of a run

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
+from puckbench.planning.study_run import study_configuration
+from puckbench.report.reference_results import read_reference
 from puckbench.results.bundles import CONFIGURATION, read_bundle, write_bundle
 from tests.support.bench import RAW_CODEC, ROOT, Bench
 
@@ -184,3 +186,6 @@ def test_a_run_is_compared_with_a_bundle_and_two_bundles_with_each_other(
     out = capsys.readouterr().out
     assert "* timed in another run" in out
     assert (bench.folder / "comparison" / "results.png").exists()
+    study = study_configuration(read_reference("a.zip"), ["gpcc"], "out")
+    assert study["scene_sets"]["files"]["options"] == {"path": "clouds"}
+    assert list(study["codecs"]) == ["gpcc"]
