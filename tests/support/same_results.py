@@ -15,11 +15,9 @@ from typing import Any
 
 from puckbench.core.archives import SUFFIX as ARCHIVE
 from puckbench.core.archives import read_archive
-from puckbench.results.columns import column_named
+from puckbench.results.sameness import is_timed, timeless
+from puckbench.tables.registry import table_entries
 
-_MEMORY = re.compile(r"(en|de)code_peak_mib(_\w+)?")
-_CLAIM_ABOUT_TIMES = "Times grow with the rate"
-"""Words of the claim about times in `claims.csv`."""
 _TABLE_FOLDERS = {"tables", "first_look", "metrics", "recovery"}
 _LEFT_OUT = re.compile(
     r"^(logs/.*|report\.html|tables/.*\.tex|\.lock|\.digests\.json|reference\.parquet"
@@ -62,7 +60,8 @@ def same(first: Path, second: Path) -> bool:
 
 def _content(path: Path) -> Any:
     if path.suffix in {".csv", ".parquet"} and _TABLE_FOLDERS.intersection(path.parts):
-        return _without_times(_table(path))
+        entry = table_entries().get(path.stem) if path.parent.name == "tables" else None
+        return timeless(_table(path), entry.timed if entry else {})
     if path.suffix == ARCHIVE:
         return {name: _member(name, data) for name, data in read_archive(path).items()}
     return _member(path.name, path.read_bytes())
@@ -79,20 +78,15 @@ def _table(path: Path) -> list[list[str]]:
     import pandas as pd
 
     table = pd.read_parquet(path)
-    return [[*map(str, table)], *([repr(cell) for cell in row] for row in table.to_numpy(object))]
+    rows = table.to_numpy(object)
+    return [[*map(str, table)], *([_text(cell) for cell in row] for row in rows)]
 
 
-def _varies(column: str) -> bool:
-    return column_named(column).timed or _MEMORY.fullmatch(column) is not None
-
-
-def _without_times(rows: list[list[str]]) -> list[list[str]]:
-    kept = [at for at, name in enumerate(rows[0]) if not _varies(name)]
-    kept_rows = [row for row in rows if not any(_CLAIM_ABOUT_TIMES in cell for cell in row)]
-    return [[row[at] for at in kept] for row in kept_rows]
+def _text(cell: Any) -> str:
+    return cell if isinstance(cell, str) else repr(cell)
 
 
 def _timeless(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _timeless(item) for key, item in value.items() if not _varies(key)}
+        return {key: _timeless(item) for key, item in value.items() if not is_timed(key)}
     return value

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from jenco2022.claims.catalogue import CLAIMS, Claim
 from jenco2022.claims.evidence import Evidence, thesis_evidence
+from jenco2022.claims.rate_distortion import time_grows
 from jenco2022.claims.verdicts import UNTESTED, needs_text, results_text, verdict
 from jenco2022.published import GPCC, GPCC_AS_RUN, ROOMS, SAMPLED, medians_of_thesis
 from puckbench.tables.registry import TABLES
@@ -34,6 +35,7 @@ _COLUMNS = {
     title="The thesis's claims, one by one",
     category="Claims",
     needs=("claims",),
+    timed={"claim": [claim.words for claim in CLAIMS if claim.test is time_grows]},
     columns=_COLUMNS,
 )
 def claims(

@@ -1,10 +1,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pointkit.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,21 +24,24 @@ _DELTA_COLUMNS = (
     *("bd_quality_db", "bd_quality_db_low", "bd_quality_db_high", "verdict", "scenes"),
     *("no_common_range", "little_overlap", "too_few_points", "lossless", "anchor_lossless"),
 )
+_OTHER = "*"
+"""Mark of times that were not measured in the run, and perhaps on another machine."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     from puckbench.report.reference_results import shipped_studies
 
     add = parser.add_argument
-    add("results", type=Path, help="folder of results of a run")
+    add("results", type=Path, help="folder of results of a run, or its bundle (.zip)")
     names = ", ".join(shipped_studies())
-    text = f"study with reference results ({names}), or a .parquet file of reference results"
+    text = f"study ({names}), bundle (.zip), or .parquet file of reference results"
     add("--with", dest="study", required=True, metavar="STUDY", help=text)
     text = "codecs of the run (default: those that STUDY lacks)"
     add("--codecs", nargs="+", default=[], help=text)
     add("--metrics", nargs="+", default=[], help="columns of the results (default: those of STUDY)")
     add("--common", action="store_true", help="leave out clouds that STUDY lacks")
-    add("--out", type=Path, help="folder of the figure and table (default: RESULTS/comparison)")
+    text = "folder of the figure and table (default: RESULTS/comparison; of a bundle: comparison)"
+    add("--out", type=Path, help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
@@ -48,10 +55,9 @@ def run(options: argparse.Namespace) -> dict[str, Any] | str:
 
 def _compared(options: argparse.Namespace) -> dict[str, Any]:
     from pointkit.errors import naming
-    from pointkit.tables import read_table, write_table
+    from pointkit.tables import write_table
     from puckbench.figures.comparison import draw_comparison
     from puckbench.figures.drawing import lay_out, save_figure
-    from puckbench.figures.plot_styles import read_looks
     from puckbench.figures.style import FigureStyle
     from puckbench.metrics.peaks import peak_phrase
     from puckbench.report.comparison import compare_with_reference
@@ -59,16 +65,14 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.report.reference_results import read_reference
 
     reference = read_reference(options.study)
-    looks = read_looks(options.results / "tables")
+    metrics, clouds, looks = _own_results(options.results)
     style = FigureStyle.from_config(*reference.about["style"], looks)
-    metrics, clouds = (
-        read_table(options.results / "tables" / f"{name}.parquet") for name in ("metrics", "clouds")
-    )
     selection = {"codecs": options.codecs, "qualities": options.metrics, "common": options.common}
     with naming(options.results):
         comparison = compare_with_reference(metrics, clouds, reference, **selection)
     qualities = list(dict.fromkeys(comparison.deltas["metric"]))
-    place = (options.out or options.results / "comparison") / reference.name
+    folder = options.results if options.results.is_dir() else Path()
+    place = (options.out or folder / "comparison") / reference.name
     figures = [place.with_suffix(suffix) for suffix in (".png", ".pdf", ".svg")]
     with style.context():
         tables = (comparison.run_rows, comparison.reference)
@@ -81,6 +85,10 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
         "study": reference.name,
         "codecs": list(dict.fromkeys(comparison.run_rows["codec"])),
         "curves": list(_curves(comparison, style)),
+        "processors": {
+            "run": _processors(comparison.run_rows),
+            "study": _processors(comparison.reference),
+        },
         **({"not_timed": reference.not_timed} if reference.not_timed else {}),
         "deltas": [
             _plain(row) for row in comparison.deltas[list(_DELTA_COLUMNS)].to_dict("records")
@@ -91,6 +99,31 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
         "same_streams": {name: list(counts) for name, counts in comparison.same_streams.items()},
         "files": [str(path) for path in (*figures, table)],
     }
+
+
+def _own_results(path: Path) -> tuple[pd.DataFrame, pd.DataFrame, dict[str, dict[str, str]]]:
+    """Return the tables of results and clouds of a run or bundle, and the style of its codecs."""
+    from pointkit.tables import read_table
+    from puckbench.core.archives import SUFFIX
+    from puckbench.figures.plot_styles import looks_layer, read_looks
+    from puckbench.report.reference_results import read_reference
+    from puckbench.results.bundles import read_bundle
+
+    if path.suffix.lower() != SUFFIX:
+        tables = (path / "tables" / f"{name}.parquet" for name in ("metrics", "clouds"))
+        metrics, clouds = map(read_table, tables)
+        return metrics, clouds, read_looks(path / "tables")
+    own = read_reference(str(path))
+    if (of_bundle := own.table("clouds")) is None:
+        raise InputError(f"{path}: a bundle without clouds")
+    codecs = read_bundle(path).tables.get("codecs", b"").decode()
+    return own.metrics, of_bundle, looks_layer(csv.DictReader(io.StringIO(codecs)))
+
+
+def _processors(rows: pd.DataFrame) -> list[str]:
+    """Return the processors on which results were coded, by name; none if they are unknown."""
+    names = [name for name in ("cpu", "encode_cpu") if name in rows]
+    return sorted({str(cpu) for name in names for cpu in rows[name].dropna()})
 
 
 def _plain(row: Mapping[Any, Any]) -> dict[str, Any]:
@@ -159,6 +192,13 @@ def text(answer: Mapping[str, Any]) -> str:
     return "\n".join([*lines, *_closing(answer)])
 
 
+def _on_times(run: Sequence[str], study: Sequence[str]) -> str:
+    here, there = (", ".join(names) or "an unknown processor" for names in (run, study))
+    if run == study and run:
+        return f"{_OTHER} timed in another run, also on {here}: compare with care."
+    return f"{_OTHER} timed on {there}, and the run on {here}: not comparable."
+
+
 def _short(metric: str) -> str:
     name = metric.removesuffix("_psnr")
     return name.upper() if name in ("d1", "d2") else metric
@@ -167,7 +207,8 @@ def _short(metric: str) -> str:
 def _cells(row: Mapping[str, Any], title: str) -> list[str]:
     slowest = sum(row[name][1] for name in ("encode_s", "decode_s") if name in row)
     cells = [_range(row, "bpp", ".3g"), _range(row, "d1_psnr", ".1f")]
-    return [title, *cells, f"{slowest:.2g}" if slowest else "not timed"]
+    mark = "" if row["own"] else _OTHER
+    return [title, *cells, f"{slowest:.2g}{mark}" if slowest else "not timed"]
 
 
 def _range(row: Mapping[str, Any], name: str, form: str) -> str:
@@ -176,7 +217,8 @@ def _range(row: Mapping[str, Any], name: str, form: str) -> str:
 
 def _closing(answer: Mapping[str, Any]) -> Iterator[str]:
     yield "A against B: by how much A needs more (+) or fewer (−) bits than B for equal quality;"
-    yield "from six scenes on with the 95 % interval and a verdict. Times may be of two machines."
+    yield "from six scenes on with the 95 % interval and a verdict."
+    yield _on_times(**answer["processors"])
     if answer["peak"]:
         yield f"PSNRs D1 and D2: {answer['peak']}."
     if answer["lossless"]:

@@ -39,6 +39,8 @@ _HELP = {
     "table": "make a table from other tables of a run",
     "figure": "draw a figure from the tables of a run",
     "compare": "compare codecs of a run with reference results on the same clouds",
+    "bundle": "write a run as one file to publish, which others can check and repeat",
+    "verify": "check a published bundle, and repeat its run",
     "report": "write one HTML file with a run's figures, tables, curves and clouds",
     "codecs": "list the codecs: what each is for, and whether it can run here",
     "conformance": "test a G-PCC decoder on stored streams of the reference software",

@@ -2,20 +2,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shlex
-import subprocess
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 from pointkit.errors import InputError, among
 from puckbench.cli.types import integer, selected
 from puckbench.cli.units import add_cloud_options, metres_per_unit
-from puckbench.core.interrupts import run_environment
 from puckbench.planning.config import read_config, trusted
-from puckbench.planning.launch import AGAIN, CALLER_GOES_ON, snakemake_command
+from puckbench.planning.launch import run_workflow, snakemake_command
 from puckbench.planning.outputs import Outputs
 from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
 from puckbench.planning.running import left_out_lines
@@ -29,7 +26,6 @@ from puckbench.planning.user_files import (
 from puckbench.planning.workflow import Workflow
 
 _OUT = "out"
-_GOES_ON = {CALLER_GOES_ON: "yes"}
 _CONFIGS = (".yaml", ".yml")
 _LOADER_OPTIONS = (
     *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "topic"),
@@ -115,13 +111,14 @@ def _run_all(path: Path, options: argparse.Namespace, words: list[str]) -> tuple
     """
     failed = trusted(read_config(path)).failures_file
     command, written, rest = snakemake_command(path, options.cores, *words), _time_of(failed), None
-    variables = {AGAIN: " ".join(options.again), **(_GOES_ON if not words else {})}
-    status = last = _run_workflow(command, options.json, variables)
+    status = last = run_workflow(
+        command, quiet=options.json, goes_on=not words, again=options.again
+    )
     while last == 1 and not words and _time_of(failed) not in (None, written):
         written, rest = _time_of(failed), failed
         print("puckbench: now tables and report of the others", file=sys.stderr)  # noqa: T201
         command = snakemake_command(path, options.cores, over=rest)
-        last = _run_workflow(command, options.json, _GOES_ON)
+        last = run_workflow(command, quiet=options.json, goes_on=True)
     if last:  # the workflow has printed the reason
         raise SystemExit(status)
     return status, rest
@@ -129,21 +126,6 @@ def _run_all(path: Path, options: argparse.Namespace, words: list[str]) -> tuple
 
 def _time_of(path: Path) -> int | None:
     return path.stat().st_mtime_ns if path.exists() else None
-
-
-def _run_workflow(command: Sequence[str], as_json: bool, variables: Mapping[str, str]) -> int:
-    # With --json, standard output has only the answer.
-    output = sys.stderr if as_json else None
-    stdin, held = os.pipe()
-    environment = {**run_environment(stdin), **variables}
-    with subprocess.Popen(command, stdin=stdin, stdout=output, env=environment) as workflow:
-        os.close(stdin)
-        try:
-            return workflow.wait()
-        except KeyboardInterrupt:
-            os.close(held)  # which interrupts the workflow and its jobs
-            workflow.wait()
-            raise
 
 
 def _answer(path: Path, rest: Path | None) -> dict[str, Any]:

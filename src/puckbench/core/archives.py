@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 import struct
 import zipfile
 from collections.abc import Mapping
@@ -44,13 +45,25 @@ def read_archive(path: Path) -> dict[str, bytes]:
     Raises
     ------
     InputError
-        The file is damaged, or contains compressed members, which `write_archive` does not write.
+        The file is damaged, repeats a name, or contains links or compressed members, none of which
+        `write_archive` writes.
     """
     data = read_bytes(path)
-    with naming(path), reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:
+    with naming(path):
+        return members_of(data)
+
+
+def members_of(data: bytes) -> dict[str, bytes]:
+    """Return the content of each member of an archive that is in memory, as `read_archive` does."""
+    with reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:
         members = archive.infolist()
         if any(member.compress_type != zipfile.ZIP_STORED for member in members):
             raise InputError("an archive with compressed members, not one of results")
         if sum(member.file_size for member in members) > len(data):
             raise InputError("a damaged archive: its members are larger than the file")
-        return {member.filename: archive.read(member) for member in members}
+        if any(stat.S_ISLNK(member.external_attr >> 16) for member in members):
+            raise InputError("an archive with links, not one of results")
+        contents = {member.filename: archive.read(member) for member in members}
+        if len(contents) < len(members):
+            raise InputError("a damaged archive: two members have the same name")
+        return contents

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
@@ -18,8 +19,10 @@ from pydantic import Field
 from pointkit.errors import InputError, among, naming
 from pointkit.files import json_of, written_whole
 from pointkit.models import Model, parsed
+from puckbench.core.archives import SUFFIX
 from puckbench.core.renamed_keys import with_new_keys
 from puckbench.report.run_record import RunRecord
+from puckbench.results.bundles import REFERENCE, read_bundle
 from puckbench.results.columns import column_named, name_in_words
 from puckbench.tables.rate_deltas import MARGIN_PERCENT
 
@@ -153,7 +156,8 @@ def read_reference(name: str) -> ReferenceResults:
     Parameters
     ----------
     name
-        Name of a study that comes with puckbench, or path of a ``.parquet`` file.
+        Name of a study that comes with puckbench, or path of a ``.parquet`` file or of a bundle
+        (``.zip``).
 
     Raises
     ------
@@ -162,12 +166,24 @@ def read_reference(name: str) -> ReferenceResults:
     """
     if name.endswith(".parquet"):
         return _read(Path(name))
+    if name.endswith(SUFFIX):
+        return _of_bundle(Path(name))
     if name not in shipped_studies():
         suggestion = (
             among(name, shipped_studies()) if shipped_studies() else " (this version has none)"
         )
         raise InputError(f"no reference results '{name}'{suggestion}")
     return _read(FOLDER / f"{name}.parquet")
+
+
+def _of_bundle(path: Path) -> ReferenceResults:
+    bundle = read_bundle(path)
+    if REFERENCE not in bundle.members:
+        raise InputError(f"{path}: a bundle without results of codecs on clouds")
+    with TemporaryDirectory() as folder, naming(path):
+        file = Path(folder, path.with_suffix(".parquet").name)
+        file.write_bytes(bundle.members[REFERENCE])
+        return _read(file)
 
 
 def _read(path: Path) -> ReferenceResults:

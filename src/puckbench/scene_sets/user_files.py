@@ -66,7 +66,7 @@ class FileSet(SceneSet):
         return look_up(self._table, name, self.what)
 
     def _group(self, path: Path) -> str:
-        return safe_name(path.resolve().parent.name)
+        return safe_name(path.parent.name.strip(".") or "files")  # not of the working folder
 
     def _unit(self, path: Path) -> float:
         return _unit_of(path, self.metres_per_unit)
@@ -216,7 +216,7 @@ def scene_names(paths: Iterable[Path]) -> list[str]:
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)
     alike = [path for path in listed if stems[safe_name(plain[path].stem).lower()] > 1]
-    folders = [str(path.resolve().parent) for path in alike]
+    folders = [os.path.abspath(path.parent) for path in alike]  # noqa: PTH100 (links are kept)
     common = os.path.commonpath(folders) if alike else ""
     names = {path: plain[path].stem for path in listed}
     for path, folder in zip(alike, folders, strict=True):

@@ -16,13 +16,14 @@ modules of tables.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import puckbench.metrics.metric_registry  # noqa: F401 (declares the columns of further metrics)
 from pointkit.registry import Registry
 from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
 from puckbench.results.columns import Columns, declare, declared_by
+from puckbench.results.sameness import Timed
 
 SENSOR = "Sensor, tables"
 """Category of tables of the sensor study."""
@@ -72,6 +73,9 @@ class TableEntry:
         Names of error models whose parameters the function reads.
     shown
         Columns that LaTeX shows of a wide table (`usual` in `puckbench.tables.latex`).
+    timed
+        What depends on the speed of the machine besides columns of times
+        (`puckbench.results.sameness.Timed`).
     """
 
     name: str
@@ -83,6 +87,7 @@ class TableEntry:
     gathered: bool = False
     error_models: tuple[str, ...] = ()
     shown: tuple[str, ...] = ()
+    timed: Timed = field(default_factory=dict)
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -163,6 +163,7 @@ FEWEST, NEAREST = "fewest bits", "nearest"
     "uses",
     title="Which codec for what",
     needs=(SEVERAL_CODECS,),
+    timed={"seconds": (), "use": [name for name, use in USES.items() if use.in_time]},
     columns=[
         Column("use", "Use"),
         Column("error_mm", "Error", "mm", LOWER),
