@@ -33,6 +33,7 @@ def attributes(subject: Subject) -> str:
         if name == RETURNS:
             if cloud.returns is not None and decoded.returns is None:
                 raise Fault("no returns come back: decode a PointCloud with `returns`")
+            checked.append(RETURNS)
         elif name in expected:
             if name not in found:
                 where = "`colours`" if name == COLOUR else "`fields`"
@@ -43,8 +44,7 @@ def attributes(subject: Subject) -> str:
                     f"{name} is off by {error:.0f} of 255 on average: keep values in the order of "
                     "the decoded points"
                 )
-            name = f"{name} off by {error:.2g} on average"
-        checked.append(name)
+            checked.append(f"{name} off by {error:.2g} on average")
     return ", ".join(checked)
 
 

@@ -98,4 +98,3 @@ def room_returns(packets: int = 12) -> Returns:
         (20 + 10 * np.sin(3 * angle))[None, :, None].repeat(len(ranges[0]), 2).astype(np.uint8),
     )
     return kind.returns([turn])
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -76,9 +77,7 @@ def _check_step(subject: Subject, rate: str) -> None:
         )
 
 
-@CHECKS.register(
-    "order_of_rates", rank=20, advice="name rates so that r1 needs the fewest bits"
-)
+@CHECKS.register("order_of_rates", rank=20, advice="name rates so that r1 needs the fewest bits")
 def order_of_rates(subject: Subject) -> str:
     """Compare bytes and errors of successive rates."""
     from puckbench.metrics.geometry import ReferenceCloud
@@ -86,7 +85,7 @@ def order_of_rates(subject: Subject) -> str:
     if len(subject.rates) < 2:
         raise LeftOut("one rate has no order")
     reference = ReferenceCloud(subject.cloud)
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "rate": rate,
             "bytes": len(subject.streams[rate]),
@@ -97,7 +96,7 @@ def order_of_rates(subject: Subject) -> str:
     for row, remark in zip(rows, order_remarks(rows), strict=True):
         if remark:
             raise Fault(f"{row['rate']}: {remark}: {_ORDER}")
-    sizes = [int(row["bytes"]) for row in rows]
+    sizes = [row["bytes"] for row in rows]
     if sizes[-1] <= sizes[0]:
         raise Fault(f"all rates need {sizes[0]:,} bytes: use the parameters of the rate")
     return f"{sizes[0]:,} to {sizes[-1]:,} bytes"
@@ -113,13 +112,12 @@ def any_length(subject: Subject) -> str:
         raise LeftOut("its rates are not lengths that users may choose")
     try:
         stream = subject.encode(subject.cloud, _LENGTH)
-    except KeyError as error:
+    except KeyError as missing:
         raise Fault(
-            f"{_LENGTH}: KeyError {error}: users may name any length, since `step_m` is the only "
+            f"{_LENGTH}: KeyError {missing}: users may name any length, since `step_m` is the only "
             "parameter: look it up with `parameters_of(self, rate)`"
-        ) from error
+        ) from missing
     error = farthest_of_both(subject.cloud.xyz, subject.decode(stream).xyz)
     if not subject.estimates and error > sqrt(3) * 0.015:
         raise Fault(f"{_LENGTH}: points are off by up to {error:.2g} m: use `step_m`")
     return f"{_LENGTH}: {len(stream):,} bytes"
-

@@ -45,7 +45,7 @@ def damage(subject: Subject) -> str:
                 refused += 1
             except MemoryError as error:
                 raise Fault(f"{name}: takes more than 2 GiB: {_BOUND}") from error
-            except Exception as error:  # noqa: BLE001 (of a codec of the user)
+            except Exception as error:
                 raise Fault(f"{name}: {error_text(error)}: {_RAISE}") from error
             if (seconds := time.perf_counter() - start) > _MOST_SECONDS * fewer:
                 raise Fault(f"{name}: takes {seconds:.0f} s: {_BOUND}")

@@ -61,7 +61,8 @@ def side_information(subject: Subject) -> str:
         raise LeftOut("the streams do not decode in a new process")
     if shared := sorted(subject.written & elsewhere.read):
         raise Fault(f"decode reads {shared[0]}, which encode has written: {_ALONE}")
-    line = "no files" if subject.random_stream is None else _enough_bits(subject)
+    stream = subject.random_stream
+    line = "no files" if stream is None else _enough_bits(subject, stream)
     if left := sorted(filter(Path.is_file, subject.written)):
         raise Advice(
             f"encode leaves {left[0]}: write into a folder of puckbench.codecs.external.folder()"
@@ -69,14 +70,13 @@ def side_information(subject: Subject) -> str:
     return line
 
 
-def _enough_bits(subject: Subject) -> str:
+def _enough_bits(subject: Subject, stream: bytes) -> str:
     from pykdtree.kdtree import KDTree
 
-    assert subject.random_stream is not None
     original = subject.random.xyz / subject.unit
     decoded = np.unique(subject.elsewhere.points[RANDOM] / subject.unit, axis=0)
     errors = KDTree(decoded).query(original)[0]
-    bits = 8 * len(subject.random_stream)
+    bits = 8 * len(stream)
     least = least_bits(len(original), len(decoded), errors)
     if bits < least:
         raise Fault(
@@ -84,7 +84,8 @@ def _enough_bits(subject: Subject) -> str:
             f"{errors.max():.2g} grid steps need {least:.0f}: the decoder gets points from "
             f"elsewhere than the stream: {_ALONE}"
         )
-    return f"random points: {bits / len(original):.3g} bits each, at least {max(0, least) / len(original):.3g}"
+    each, needed = bits / len(original), max(0.0, least) / len(original)
+    return f"random points: {each:.3g} bits each, at least {needed:.3g} are needed"
 
 
 @CHECKS.register("shared_work", rank=95, advice="encode must give the same with and without work")

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 Outcome = Literal["passed", "failed", "advice", "left out"]
 
 
-class Fault(Exception):
+class Fault(Exception):  # noqa: N818 (it ends a check)
     """Raised by a check if the codec is wrong; the message says what is wrong and what to do."""
 
 
-class Advice(Exception):
+class Advice(Exception):  # noqa: N818 (it ends a check)
     """Raised by a check if the codec works but should be changed; the message says how."""
 
 
-class LeftOut(Exception):
+class LeftOut(Exception):  # noqa: N818 (it ends a check)
     """Raised by a check that does not apply to the codec; the message says why."""
 
 

@@ -60,7 +60,8 @@ def _comes_back(subject: Subject, cloud: PointCloud) -> str:
     if not len(decoded):
         raise Fault(f"{rate}: no point comes back: code every point")
     if len(decoded) > len(cloud) and not subject.estimates:
-        raise Fault(f"{rate}: {len(decoded)} points for {len(cloud)}: decode no more than were coded")
+        more = f"{len(decoded)} points for {len(cloud)}"
+        raise Fault(f"{rate}: {more}: decode no more than were coded")
     error = farthest_of_both(cloud.xyz, decoded)
     if not subject.estimates and error > subject.tolerance():
         raise Fault(

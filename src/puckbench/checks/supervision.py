@@ -118,7 +118,9 @@ class _Worker:
         seconds = time.perf_counter() - start
         if isinstance(answer, str):
             return _ended(check, kind, answer)
-        return Finding(check.title, kind, cast("Outcome", answer["outcome"]), answer["line"], seconds)
+        return Finding(
+            check.title, kind, cast("Outcome", answer["outcome"]), answer["line"], seconds
+        )
 
     def _answer(self, seconds: float) -> dict[str, Any] | str:
         """Return the process's answer, or how it ended; if it is late, it is ended here."""
