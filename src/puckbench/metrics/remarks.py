@@ -28,7 +28,7 @@ At the lowest rates of the benchmark's codecs, it is at most 0.034.
 _FAR = 5.0
 """An original point is lost if no decoded point is nearer than this many times the typical error of
 decoded points, or the spacing of the original if decoded points are points of the original."""
-_LOST = 0.05
+_LOST = 0.1
 """Share of lost points that calls for a remark."""
 _SAME = 0.2
 """Decoded points are points of the original if their typical error is less than this part of the
@@ -44,9 +44,8 @@ def remark_on(
 ) -> str | None:
     """Return a line on a decoded cloud that looks wrong, or None.
 
-    It looks wrong if it is far from the original, more than a tenth of the diameter, or if 5 % of
-    the original's points are lost: no decoded point is near them, although each decoded point is
-    near the original. A grid with as many points may be as far.
+    It looks wrong if it is off by more than a tenth of the diameter, or if a tenth of the original's
+    points are lost: no decoded point is near them, although decoded points are near the original. A grid with as many points may be as far.
 
     Parameters
     ----------
