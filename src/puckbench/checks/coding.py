@@ -10,7 +10,7 @@ import numpy as np
 from pointkit.geometry.cloud import check_points
 from puckbench.checks.registry import CHECKS, Fault, LeftOut
 from puckbench.checks.subject import Subject, farthest_of_both
-from puckbench.codecs.rates import find_rate, is_length, parameters_of
+from puckbench.codecs.rates import find_rate, parameters_of
 from puckbench.metrics.cloud_metrics import geometry_metrics
 from puckbench.metrics.remarks import order_remarks, remark_on
 
@@ -61,19 +61,15 @@ def distances(subject: Subject) -> str:
 
 
 def _check_step(subject: Subject, rate: str) -> None:
-    """Raise Fault if a length is the rate, and a point is farther than a cell's diagonal."""
-    codec = subject.codec
-    if subject.estimates or not is_length(codec, rate):
+    """Raise Fault if a step is the rate's only parameter, and a point is beyond a cell's diagonal."""
+    parameters = parameters_of(subject.codec, rate)
+    if subject.estimates or {*parameters} != {"step_m"}:
         return
-    parameters = parameters_of(codec, rate)
-    if "step_m" not in parameters:
-        return
-    step_m = float(parameters["step_m"])
     error = farthest_of_both(subject.cloud.xyz, subject.decoded[rate].xyz)
-    if error > sqrt(3) * step_m:
+    if error > sqrt(3) * float(parameters["step_m"]):
         raise Fault(
             f"{rate}: points are off by up to {error:.2g} m, more than the diagonal of a cell of "
-            f"the rate's step: quantise with `step_m` in metres"
+            "the rate's step: quantise with `step_m` in metres"
         )
 
 

@@ -44,8 +44,9 @@ def remark_on(
 ) -> str | None:
     """Return a line on a decoded cloud that looks wrong, or None.
 
-    It looks wrong if it is off by more than a tenth of the diameter, or if a tenth of the original's
-    points are lost: no decoded point is near them, although decoded points are near the original. A grid with as many points may be as far.
+    It looks wrong if it is off by more than a tenth of the diameter, or if a tenth of the points of
+    the original are lost: no decoded point is near them, although decoded points are near the
+    original. A grid with as many points may be as far.
 
     Parameters
     ----------
