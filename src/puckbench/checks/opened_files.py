@@ -15,6 +15,7 @@ from typing import Any
 _WRITING = os.O_WRONLY | os.O_RDWR
 _CACHES = (".pyc", ".nbi", ".nbc")
 """Suffixes of files in which Python and numba keep compiled code."""
+_OF_THE_SYSTEM = ("/dev/", "/proc/", "/sys/")
 _opened: dict[Path, bool] = {}
 """Opened files, and whether they were opened for writing."""
 _state = {"hooked": False, "recording": False}
@@ -44,7 +45,9 @@ def _record(event: str, arguments: tuple[Any, ...]) -> None:
     if event != "open" or not _state["recording"]:
         return
     path, _, flags = arguments
-    if isinstance(path, str | bytes) and not os.fsdecode(path).endswith(_CACHES):
-        file = Path(os.path.abspath(os.fsdecode(path)))  # noqa: PTH100 (Path.absolute keeps ..)
+    if not isinstance(path, str | bytes):  # a file descriptor
+        return
+    file = os.path.abspath(os.fsdecode(path))  # noqa: PTH100 (Path.absolute keeps ..)
+    if not file.endswith(_CACHES) and not file.startswith(_OF_THE_SYSTEM):
         is_written = isinstance(flags, int) and bool(flags & _WRITING)
-        _opened[file] = _opened.get(file, False) or is_written
+        _opened[Path(file)] = _opened.get(Path(file), False) or is_written

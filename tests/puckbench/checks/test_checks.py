@@ -115,7 +115,7 @@ def test_a_codec_that_ends_its_process_is_told(
     assert failed.startswith(f"failed    {line}")
     assert lines[-3:-1] == ["failed    1", "advice    0"]
     if name == "ExitsOnOnePoint":
-        assert lines[-4] == "passed    12"
+        assert lines[-4] == "passed    13"
 
 
 def test_a_codec_that_changes_the_folder_passes(
