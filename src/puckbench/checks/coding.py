@@ -61,7 +61,7 @@ def distances(subject: Subject) -> str:
 
 
 def _check_step(subject: Subject, rate: str) -> None:
-    """Raise Fault if a step is the only parameter, and a point is farther than a cell's diagonal."""
+    """Raise Fault if a step is all of a rate, and a point is beyond a cell's diagonal."""
     parameters = parameters_of(subject.codec, rate)
     if subject.estimates or {*parameters} != {"step_m"}:
         return

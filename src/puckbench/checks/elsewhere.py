@@ -42,7 +42,7 @@ class Elsewhere(NamedTuple):
     errors
         Errors by name of a stream that was not decoded.
     same_bytes
-        Whether the cloud was coded to the same bytes, by rate.
+        Whether the cloud was coded to the same bytes, at the first and the last rate.
     read
         Files that the process opened while it decoded.
     ended
@@ -150,11 +150,11 @@ def serve(request: str) -> None:
                 np.save(folder / f"{number}.npy", subject.decode(stream).xyz)
             except Exception as error:  # noqa: BLE001 (of a codec of the user)
                 errors[name] = error_text(error).replace(f"codec {asked['name']}: ", "")
-    coded = {
-        rate: stream == (folder / f"{asked['names'].index(rate)}.bin").read_bytes()
-        for rate, stream in ({} if errors else subject.streams).items()
-    }
-    answer = {"errors": errors, "same_bytes": coded, "read": list(map(str, read))}
+    same = {}
+    for rate in () if errors else dict.fromkeys((subject.rates[0], subject.finest)):
+        stream = (folder / f"{asked['names'].index(rate)}.bin").read_bytes()
+        same[rate] = subject.encode(subject.cloud, rate) == stream
+    answer = {"errors": errors, "same_bytes": same, "read": list(map(str, read))}
     (folder / "answer.json").write_text(json.dumps(answer))
 
 
