@@ -43,6 +43,7 @@ _HELP = {
     "verify": "check a published bundle, and repeat its run",
     "report": "write one HTML file with a run's figures, tables, curves and clouds",
     "codecs": "list the codecs: what each is for, and whether it can run here",
+    "check": "check a codec of your own on small clouds: what is wrong, and what to do",
     "conformance": "test a G-PCC decoder on stored streams of the reference software",
     "datasets": "list the loaders of scene sets and their options",
     "data": "download the free published data sets",

@@ -22,6 +22,12 @@ NOT_CODED = "not_coded"
 """Name of the column, in rows of results, that lists the attributes that are not coded."""
 
 
+def with_remarks(row: Mapping[str, Any], *remarks: str | None) -> dict[str, Any]:
+    """Return a row of results to whose remark further remarks are added; None adds nothing."""
+    lines = [*filter(None, (row.get(REMARK), *remarks))]
+    return {**row, **({REMARK: "; ".join(lines)} if lines else {})}
+
+
 class Coded(NamedTuple):
     """A cloud's stream at one rate.
 

@@ -17,7 +17,7 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.coding import cost_of, decoded, why_not_here
 from puckbench.codecs.registry import module_of, open_codec
 from puckbench.core.environment import run_environment
-from puckbench.results.curves import REMARK, Coded
+from puckbench.results.curves import Coded, with_remarks
 from puckbench.steps.step import Inputs, PlannedStep, Step, planned
 
 if TYPE_CHECKING:
@@ -124,10 +124,8 @@ def decoded_cloud(
         check_points(timed.result.xyz, f"codec {codec.name}: decoded points")
         twice = twice and is_checked_twice(codec, timing.repeats)
         differ = twice and not np.array_equal(decoded(codec, coded.stream).xyz, timed.result.xyz)
-    remarks = [coded.record.get(REMARK), "repeated decodings differ" if differ else None]
     record = {
-        **coded.record,
-        **({REMARK: "; ".join(filter(None, remarks))} if any(remarks) else {}),
+        **with_remarks(coded.record, "repeated decodings differ" if differ else None),
         "codec": codec.name,
         "bytes": len(coded.stream),
         "points_out": len(timed.result),

@@ -19,7 +19,7 @@ from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics,
 from puckbench.metrics.metric_registry import METRICS, further_metrics
 from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_metrics
 from puckbench.results.columns import FRAME
-from puckbench.results.curves import REMARK, read_curve
+from puckbench.results.curves import read_curve, with_remarks
 from puckbench.results.row_files import write_rows
 from puckbench.steps.coding import Decoded, TimedStep, decoded_cloud, planned_codec_step, ready
 from puckbench.steps.step import STEPS, PlannedStep
@@ -31,11 +31,10 @@ if TYPE_CHECKING:
 
 CODE = (
     *(*MESH_FILES, *CODEC, "puckbench.geometry.surfaces"),
-    *("puckbench.metrics.cloud_metrics", "puckbench.metrics.truth", "puckbench.geometry.sampling"),
+    *("puckbench.metrics.cloud_metrics", "puckbench.metrics.remarks", "puckbench.metrics.truth"),
+    "puckbench.geometry.sampling",
 )
 
-_FEW_POINTS = 0.01
-"""Ratio of decoded to encoded points below which a row of results gets a remark."""
 _KEPT = (
     *("name", "scene", "group", "scale", "diameter", "elongation"),
     *("dropped_points", "missing_returns", "file_bytes", "file_attributes"),
@@ -131,6 +130,7 @@ class Measuring(MeasuringSettings):
     def row(self, originals: Originals, decoded: Decoded) -> dict[str, Any]:
         """Return the row of results of one decoded cloud: values by name of the column."""
         from puckbench.metrics.geometry import DistinctPoints
+        from puckbench.metrics.remarks import remark_on
 
         reference = originals.reference.cloud
         points, record = decoded
@@ -141,11 +141,12 @@ class Measuring(MeasuringSettings):
         errors = geometry_metrics(originals.reference, ready, self.peak)
         if returns and errors["lossless"] and points.returns is None:
             returns |= {"range_rms_mm": 0.0, "range_max_mm": 0.0}
+        remark = remark_on(originals.reference, ready, errors)
         result = {
             **({"dataset": self.dataset} if self.dataset else {}),
             **({FRAME: reference.frame} if reference.frame == "metric" else {}),
             **{key: reference.about[key] for key in _KEPT if key in reference.about},
-            **record,
+            **with_remarks(record, remark),
             "puckbench_version": __version__,
             **errors,
             **picture_metrics(reference, points, self.views),
@@ -155,9 +156,6 @@ class Measuring(MeasuringSettings):
             **real_time_metrics(reference.about, record),
         }
         result |= further_metrics(self.metrics, reference, points, result)
-        if len(points) < _FEW_POINTS * len(reference):
-            lost = f"{len(points):,} of {len(reference):,} points came back"
-            result[REMARK] = "; ".join(filter(None, [result.get(REMARK), lost]))
         result["cloud"] = result.pop("name", originals.name)
         return result
 
@@ -206,6 +204,8 @@ class Evaluate(Measuring, TimedStep):
 
         `truth`, `visible` and `clean` are the files of `Originals`.
         """
+        from puckbench.metrics.remarks import order_remarks
+
         originals = Originals(cloud, truth, visible, clean)
         codec, coded = ready(self.opened()), read_curve(curve)
         progress, results = Progress("rate"), []
@@ -214,5 +214,6 @@ class Evaluate(Measuring, TimedStep):
                 result = decoded_cloud(codec, stream, self, twice=done == 1)
                 results.append(self.row(originals, result))
                 progress(done, len(coded))
-        write_rows(rows, results)
+        remarks = order_remarks(results)
+        write_rows(rows, [with_remarks(*each) for each in zip(results, remarks, strict=True)])
         return {"rates": len(coded)}

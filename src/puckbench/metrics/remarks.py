@@ -1,0 +1,139 @@
+"""Remarks on results that look wrong: lost points, a wrong step, rates that are out of order.
+
+They judge by distances. A cloud on a coarse grid has few points, and yet a point near each point of
+the original.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pointkit.geometry.cloud import Floats, bounds
+from puckbench.geometry.matching import share_beyond
+
+if TYPE_CHECKING:
+    from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud
+
+CODE = ("puckbench.geometry.matching",)
+
+_OFF = 0.1
+"""Root mean square error of a decoded cloud, as a share of the diameter, that calls for a remark.
+
+At the lowest rates of the benchmark's codecs, it is at most 0.034.
+"""
+_FAR = 5.0
+"""An original point is lost if no decoded point is nearer than this many times the typical error of
+decoded points, or the spacing of the original if decoded points are points of the original."""
+_LOST = 0.1
+"""Share of lost points that calls for a remark."""
+_SAME = 0.2
+"""Decoded points are points of the original if their typical error is less than this part of the
+original's spacing. Centres of a grid's cells lie farther from the nearest point."""
+_RISE, _FALL = 1.5, 0.95
+"""Increase of the error, and decrease of the bytes, from one rate to the next that call for a
+remark. With scales between powers of two, the error of a correct octree increases by up to 1.3."""
+_LEVELS = 20
+
+
+def remark_on(
+    reference: ReferenceCloud, decoded: DistinctPoints, errors: Mapping[str, float]
+) -> str | None:
+    """Return a line on a decoded cloud that looks wrong, or None.
+
+    It looks wrong if it is off by more than a tenth of the diameter, or if a tenth of the points of
+    the original are lost: no decoded point is near them, although decoded points are near the
+    original. A grid with as many points may be as far.
+
+    Parameters
+    ----------
+    reference, decoded
+        The original and the decoded cloud, in one coordinate frame.
+    errors
+        Result of `puckbench.metrics.cloud_metrics.geometry_metrics` for the two clouds.
+    """
+    points, own = reference.points.xyz, errors["acd_ba_point"] ** 0.5
+    if len(points) == 1:
+        return None
+    off = errors["d1_mse"] ** 0.5
+    if off > _OFF * reference.diameter and off > _cell_of(points, len(decoded.xyz)):
+        wide = _width(decoded.xyz) / _width(points)
+        return (
+            f"the decoded cloud is off by {off / reference.diameter:.0%} of the diameter, and "
+            f"{wide:.2g} times as wide: its step or origin is wrong, or points are lost"
+        )
+    if errors["q99_point"] <= _FAR * own:
+        return None
+    reach = _reach(points, decoded.xyz, own)
+    lost = share_beyond(points, decoded.xyz, reach)
+    if lost <= _LOST:
+        return None
+    unit = " m" if reference.cloud.frame == "metric" else ""
+    return f"{lost:.0%} of the points are lost: no decoded point is within {reach:.3g}{unit}"
+
+
+def _reach(points: Floats, decoded: Floats, own: float) -> float:
+    """Return how far an original point may be from the nearest decoded one, whose error is `own`.
+
+    If decoded points are points of the original, it is a multiple of the original's spacing.
+    Otherwise it is a multiple of their error, or two cells of a grid with as many points.
+    """
+    spacing = _spacing(points)
+    if own < _SAME * spacing:
+        return _FAR * spacing
+    return max(_FAR * own, 2 * _cell_of(points, len(decoded)))
+
+
+def _spacing(points: Floats) -> float:
+    """Return the mean distance of distinct points (n, 3) from the nearest other one."""
+    from pykdtree.kdtree import KDTree
+
+    near = points - points[0]
+    return float(KDTree(near).query(near, k=2)[0][:, 1].mean())
+
+
+def _cell_of(points: Floats, count: int) -> float:
+    """Return the side of cells of which the points (n, 3) occupy less than `count`.
+
+    The largest such cells are no more than twice as wide, since sides are halved in turn.
+    """
+    low, _ = bounds(points)
+    width = _width(points)
+    for level in range(_LEVELS):
+        cells = ((points - low) * ((1 << level) / width * (1 - 1e-12))).astype(np.int64)
+        keys = cells @ np.array([1, 1 << _LEVELS, 1 << 2 * _LEVELS])
+        if len(np.unique(keys)) >= count:
+            return 2 * width / (1 << level)
+    return 0.0
+
+
+def _width(points: Floats) -> float:
+    low, high = bounds(points)
+    return float((high - low).max())
+
+
+def order_remarks(rows: Sequence[Mapping[str, Any]]) -> list[str | None]:
+    """Return a line for each row of a curve that is out of order with the row before, or None.
+
+    Bytes must grow from rate to rate, and errors must not.
+
+    Parameters
+    ----------
+    rows
+        Rows of results of one cloud and codec, the smallest bitrate first, with the columns
+        ``rate``, ``bytes`` and ``d1_mse``.
+    """
+    return [None, *(_out_of_order(*pair) for pair in pairwise(rows))][: len(rows)]
+
+
+def _out_of_order(before: Mapping[str, Any], row: Mapping[str, Any]) -> str | None:
+    other = before.get("rate", "the rate before")
+    if row["bytes"] < _FALL * before["bytes"]:
+        return f"fewer bytes than {other}: {row['bytes']:,} of {before['bytes']:,}"
+    errors = [each["d1_mse"] ** 0.5 for each in (before, row)]
+    if errors[1] <= _RISE * errors[0]:
+        return None
+    return f"a larger error than {other}: {errors[1]:.3g} after {errors[0]:.3g}"
