@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -54,10 +55,8 @@ def trained(folder: Path, settings: ModuleTraining, steps: int | None = None) ->
             if step == steps:
                 raise KeyboardInterrupt
 
-        try:
+        with suppress(KeyboardInterrupt):
             train(trainer, examples.batch, folder / "a.pt", every=5, report=report)
-        except KeyboardInterrupt:
-            pass
         return trainer
 
 

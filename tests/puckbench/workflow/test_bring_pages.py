@@ -23,7 +23,7 @@ from puckbench.scene_sets.user_files import FileSet
 from tests.support.bench import Bench
 from tests.support.pages import blocks, commands, page, write_files
 from virtual_lidar import ErrorModel, ScanJob, open_error_model, open_sweep
-from virtual_lidar.scenes.rooms import make_room
+from virtual_lidar.scenes.rooms import make_room, room_origin
 
 SCENES, ERRORS = "docs/how-to/bring_scenes.md", "docs/how-to/bring_an_error_model.md"
 RUN = {"figures": {}, "sensor_study": False, "timing": {"repeats": 1}}
@@ -59,8 +59,7 @@ def members(*classes: type) -> Iterator[str]:
 def test_every_member_is_on_its_page(name: str, classes: tuple[type, ...]) -> None:
     public = {member for member in members(*classes) if not member.startswith(("_", "model_"))}
     named = set(re.findall(r"`(\w+)(?:\([^`]*\))?`", page(name)))
-    # `described` reports what scans store, and `options_of` is of the readers of users' files
-    assert public - named == ({"described"} if classes == (ErrorModel,) else {"metres_per_unit"})
+    assert public - named == set()
 
 
 def test_rooms_of_text_files_run_and_are_made_again_if_a_file_changes(
@@ -99,7 +98,8 @@ def test_the_commands_show_a_scene(folder: Path, capsys: pytest.CaptureFixture[s
         words = ["scene", "example_rooms.py:Rooms", "r", "r.ply", "--options"]
         assert main([*words, f'{{"path": "{name}"}}']) == 2
     errors = capsys.readouterr().err
-    assert "empty: no rooms (<kind>/<room>.txt) (expected rooms, with office/r101.txt, ...)" in errors
+    expected = "expected rooms, with office/r101.txt, ..."
+    assert f"empty: no rooms (<kind>/<room>.txt) ({expected})" in errors
     assert "broken/x/r.txt: not three numbers" in errors
 
 
@@ -120,7 +120,10 @@ def test_clouds_and_turns_run(fresh: Bench, folder: Path) -> None:
             kind: {"scene_set": kind, "make": "cloud", "size": "metric"}
             for kind in ("clouds", "turns")
         },
-        "codecs": {"gpcc": {"rates": ["100mm"], "options": {"attributes": True}}, "puck": {"rates": ["20mm"]}},
+        "codecs": {
+            "gpcc": {"rates": ["100mm"], "options": {"attributes": True}},
+            "puck": {"rates": ["20mm"]},
+        },
         **RUN,
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
@@ -159,7 +162,7 @@ def test_the_error_model_has_the_statistics_that_it_states(
     scaled = (every.distance_noisy - every.distance - 0.02) * np.cos(every.incidence)
     steep = every.incidence < np.arccos(0.1)  # where the noise is not limited
     count = steep.sum()
-    assert count > 20_000
+    assert count > 5_000
     assert abs(scaled[steep].mean()) < 5 * 0.004 / np.sqrt(count)
     assert scaled[steep].std() == pytest.approx(0.004, rel=5 / np.sqrt(2 * count))
     share = 1 - len(kept) / len(every)
@@ -181,9 +184,10 @@ def test_the_error_model_has_the_statistics_that_it_states(
 
 def test_the_error_model_does_not_depend_on_the_frames_of_a_call(folder: Path) -> None:
     trust([place := "example_warm_up.py:WarmUp"])
-    room, sensor = make_room("copy_room_1", seed=1), load_sensor("vlp16")
-    sweep = open_sweep({"duration_s": 0.05, "azimuth_step_deg": 4})
-    job = ScanJob(room, sensor, sweep, open_error_model(place), (0.0, 0.0, 1.3))
+    copy_room = ("copy_room_1", 1)
+    room, sensor = make_room(*copy_room), load_sensor("vlp16")
+    sweep = open_sweep({"duration_s": 0.05, "azimuth_step_deg": 0.5})
+    job = ScanJob(room, sensor, sweep, open_error_model(place), room_origin(*copy_room))
     tables = [job.table(np.random.default_rng(1), rays_at_a_time=rays) for rays in (1, 10**6)]
     assert len(tables[0]) == len(tables[1]) > 1000
     assert np.array_equal(tables[0]["distance_noisy"], tables[1]["distance_noisy"])
