@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from pcc_networks.training.loop import CubeExamples as CubeExamples
     from pcc_networks.training.loop import OtherTrainingError as OtherTrainingError
     from pcc_networks.training.loop import train as train
+    from pcc_networks.training.module import ModuleTraining as ModuleTraining
+    from pcc_networks.training.module import TrainedModule as TrainedModule
     from pcc_networks.training.settings import BaseTraining as BaseTraining
     from pcc_networks.training.settings import MultiRateTraining as MultiRateTraining
     from pcc_networks.training.settings import OctreeNetTraining as OctreeNetTraining
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     loop=("BaseTrainer", "CubeExamples", "OtherTrainingError", "train"),
+    module=("ModuleTraining", "TrainedModule"),
     settings=(
         "BaseTraining",
         "MultiRateTraining",

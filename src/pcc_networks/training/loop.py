@@ -16,9 +16,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pcc_networks.sparse.voxels import Keys, morton_keys
+from pcc_networks.sparse.voxels import Keys, morton_keys, morton_voxels
 from pcc_networks.training.settings import BaseTraining
-from pcc_networks.weights_file import placed, read_checkpoint
+from pcc_networks.weights_file import DeviceName, placed, read_checkpoint
 from pointkit.errors import InputError
 from pointkit.files import write_bytes
 from pointkit.seeding import generator
@@ -273,9 +273,23 @@ def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
     return converted
 
 
-def on_device(model: M) -> M:
-    """Move a model to CUDA if PyTorch finds a device, else to the CPU."""
-    return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
+class ModuleTrainer(BaseTrainer[Any, float]):
+    """Trains a module that computes its loss itself (`ModuleTraining.module`)."""
+
+    def step(self, clouds: Sequence[Keys]) -> float:
+        """Do one step of the optimiser on a batch, and return the loss."""
+        loss = self.model.loss([morton_voxels(keys) for keys in clouds])
+        self.optimiser_step(loss)
+        return float(loss.detach())
+
+    def row(self, loss: float) -> dict[str, float]:
+        """Return the loss of a step as a row of the training curve."""
+        return {"loss": loss}
+
+
+def on_device(model: M, device: DeviceName | None = None) -> M:
+    """Move a model to a device: by default CUDA if PyTorch finds a device, else the CPU."""
+    return placed(model, device or ("cuda" if torch.cuda.is_available() else "cpu"))
 
 
 def _ignore(_step: int, _loss: object) -> None:

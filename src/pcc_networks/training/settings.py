@@ -57,6 +57,9 @@ class BaseTraining(Model, ABC):
     seed
         Seed of the initial weights, of the choice of cubes, and of the noise that replaces
         rounding.
+    device
+        Device of the training; by default CUDA if PyTorch finds a device, else the CPU. Another
+        device can continue the training.
     """
 
     steps: PositiveInt = 2000
@@ -65,10 +68,16 @@ class BaseTraining(Model, ABC):
     learning_rate: PositiveFloat = 1e-3
     final_learning_rate: PositiveFloat = 2e-5
     seed: Annotated[int, Field(ge=0)] = 1
+    device: Annotated[Literal["cpu", "cuda"] | None, Field(exclude=True)] = None
+
+    @property
+    def min_voxels(self) -> int:
+        """Minimum number of occupied voxels in a cube."""
+        return max(1, _MIN_VOXELS * min(self.cube_size, _SIZE) ** 2 // _SIZE**2)
 
     @abstractmethod
     def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
-        """Open a trainer of a new model, on CUDA if PyTorch finds a device, else on the CPU."""
+        """Open a trainer of a new model, which is on the training's device."""
 
     @abstractmethod
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
@@ -155,7 +164,7 @@ class MultiRateTraining(BaseTraining):
             voxels,
             self.cube_size,
             self.batch_size,
-            max(1, _MIN_VOXELS * min(self.cube_size, _SIZE) ** 2 // _SIZE**2),
+            self.min_voxels,
             self.min_kept_fraction,
             self.seed,
         )
@@ -214,7 +223,7 @@ class Pcgcv1Training(MultiRateTraining):
         model = PCGCv1(Pcgcv1Shape(channels=self.channels, rates=rates, occupied_blocks=True))
         initialise(model, self.cube_size)
         initialise_gains(model, self.lmbdas)
-        yield Pcgcv1Trainer(on_device(model), self)
+        yield Pcgcv1Trainer(on_device(model, self.device), self)
 
 
 class Pcgcv2Training(MultiRateTraining):
@@ -240,7 +249,7 @@ class Pcgcv2Training(MultiRateTraining):
         model = PCGCv2(Pcgcv2Shape(channels=self.channels, rates=len(self.lmbdas)))
         initialise_gains(model, self.lmbdas)
         with thread_pool() as pool:
-            yield Pcgcv2Trainer(on_device(model), self, pool)
+            yield Pcgcv2Trainer(on_device(model, self.device), self, pool)
 
 
 class OctreeNetTraining(BaseTraining):
@@ -280,7 +289,7 @@ class OctreeNetTraining(BaseTraining):
         torch.manual_seed(self.seed)
         model = OctreeNet(OctreeNetShape(channels=self.channels, convolutions=self.convolutions))
         with thread_pool() as pool:
-            yield OctreeNetTrainer(on_device(model), self, pool)
+            yield OctreeNetTrainer(on_device(model, self.device), self, pool)
 
     def examples(self, clouds: Sequence[Floats]) -> OctreeExamples:
         """Return training examples: random cubes of clouds on grids of random scales."""

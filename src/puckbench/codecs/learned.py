@@ -80,21 +80,22 @@ class GridArguments(TypedDict, total=False):
 
 
 class LearnedOptions(Model):
-    weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
+    weights: str = Field("", description="a shipped set's name, a file, or a folder of weights")
 
 
 class Learned(Codec, Generic[W]):
     """Base class of codecs with a neural network.
 
-    By default, all rates use the same weights. A subclass defines `network`, and methods that read
-    weights, encode and decode. If the option `weights` selects several files, the encoder uses the
-    first in alphabetical order.
+    By default, all rates use the same weights. A subclass defines `network`, `read_weights`,
+    `encode_points` and `decode`; and `training`, if `puckbench train` shall train it. If the option
+    `weights` selects several files, the encoder uses the first in alphabetical order.
     """
 
     training: ClassVar[str] = ""
-    """Class of the training settings (``module:Class``), or empty."""
+    """Class of the training settings: ``module:Class``, or the name of a class in the codec's file;
+    empty if there is no training."""
     network: ClassVar[str]
-    """Name of the network in the files of its weights (`pcc_networks.catalogue.NETWORKS`)."""
+    """Name of the network in the files of its weights."""
     published_weights: ClassVar[str] = ""
     """Folder to which `puckbench data` writes the weights of the codec's authors, or empty."""
     Options: type[LearnedOptions] = LearnedOptions
@@ -123,23 +124,25 @@ class Learned(Codec, Generic[W]):
         return self._path(parameters_of(self, rate))
 
     def encode(self, cloud: PointCloud, rate: str, work: object = None) -> bytes:
-        return self._encoded(cloud.xyz, parameters_of(self, rate))
+        return self.encode_points(cloud.xyz, parameters_of(self, rate))
 
     @abstractmethod
-    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
-        """Encode points (n, 3) with the parameters of a rate."""
+    def encode_points(self, points: Floats, parameters: Parameters) -> bytes:
+        """Encode points (n, 3) with the parameters of a rate, as `encode` does."""
 
     def _files(self) -> list[Path]:
         return self._network().files(self._where())
 
     def _network(self) -> NetworkType:
         require_networks()
-        from pcc_networks.catalogue import NETWORKS
+        from pcc_networks.catalogue import NETWORKS, NetworkType
 
-        return NETWORKS[self.network]
+        return NETWORKS.get(self.network) or NetworkType(self.network)
 
     def _where(self) -> str:
         where = self.options.weights
+        if not where:
+            raise InputError("no weights: set the option weights")
         if where == self.published_weights and not Path(where).is_dir():
             source = Path(where).name
             raise InputError(f"no weights in {where}: fetch them (puckbench data {source})")
@@ -152,22 +155,28 @@ class Learned(Codec, Generic[W]):
 
     def load(self) -> None:
         for parameters in self.rates.values():
-            self._weights(parameters)
+            self.weights_of(parameters)
         self._try(list(self.rates.values())[:1])
 
     def _try(self, rates: Iterable[Parameters]) -> None:
         points = _trial_cloud()
         for parameters in rates:
-            self.decode(self._encoded(points, parameters))
+            self.decode(self.encode_points(points, parameters))
 
-    def _weights(self, parameters: Parameters) -> W:
+    def weights_of(self, parameters: Parameters) -> W:
+        """Return the weights that the parameters of a rate select; raise InputError without any."""
         path = self._path(parameters)
         if path is None:
             rate = ", ".join(f"{name} {value}" for name, value in parameters.items())
             raise InputError(f"{self.options.weights} has no weights for {rate}")
         return self._set(path)
 
-    def _made_with(self, digest: bytes) -> W:
+    def weights_with(self, digest: bytes) -> W:
+        """Return the weights that a digest in a stream names.
+
+        They are searched among the files of the option `weights`, and those that are shipped.
+        Raises InputError if there are none.
+        """
         for path in self._known_files():
             weights = self._set(path)
             if weights.digest == digest:
@@ -177,14 +186,15 @@ class Learned(Codec, Generic[W]):
 
     def _set(self, path: Path) -> W:
         if path not in self._sets:
-            self._sets[path] = self._read(path)
+            self._sets[path] = self.read_weights(path)
         return self._sets[path]
 
     def _path(self, parameters: Parameters) -> Path | None:
         return next(iter(self._files()), None)
 
     @abstractmethod
-    def _read(self, path: Path) -> W: ...
+    def read_weights(self, path: Path) -> W:
+        """Read a file of weights, which is called once; raise InputError if it is damaged."""
 
 
 class PublishedOptions(LearnedOptions):
@@ -226,12 +236,12 @@ class LearnedByLambda(Learned[R]):
         return self._network().by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
-        weights = self._weights(parameters)
+        weights = self.weights_of(parameters)
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
         """Return the weights with a digest; raise InputError if they lack rate number `rate`."""
-        weights = self._made_with(digest)
+        weights = self.weights_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
         return weights
@@ -266,9 +276,9 @@ class Improved(LearnedByLambda[R]):
         self.context_mixing = self.options.context_mixing
         self.point_reconstruction = self.options.point_reconstruction
 
-    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
+    def encode_points(self, points: Floats, parameters: Parameters) -> bytes:
         unit = self.options.unit
-        stream = super()._encoded(points / (unit or 1), parameters)  # type: ignore[safe-super]
+        stream = super().encode_points(points / (unit or 1), parameters)  # type: ignore[safe-super]
         return stream if unit is None else with_unit(stream, unit)
 
     def decode(self, stream: bytes) -> PointCloud:

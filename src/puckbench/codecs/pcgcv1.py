@@ -68,7 +68,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
         return grid_fault(self, cloud.frame, rate) or super().skip(cloud, rate)
 
-    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
+    def encode_points(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.pcgcv1.codec import encode
 
         weights, rate = self._numbered(parameters)
@@ -92,7 +92,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
         coded = read_stream(stream)
         return PointCloud(decode(stream, self._of_rate(coded.digest, coded.rate)))
 
-    def _read(self, path: Path) -> Pcgcv1Weights:
+    def read_weights(self, path: Path) -> Pcgcv1Weights:
         from pcc_networks.pcgcv1.weights import load_weights
 
         return load_weights(path, self.options.device)

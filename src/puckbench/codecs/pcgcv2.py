@@ -67,7 +67,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
 
         return CodingTools(0)
 
-    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
+    def encode_points(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.pcgcv2.codec import encode
 
         weights, rate = self._numbered(parameters)
@@ -90,7 +90,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
             return PointCloud(coded)
         return PointCloud(decode(stream, self._of_rate(coded.digest, coded.rate)))
 
-    def _read(self, path: Path) -> Pcgcv2Weights:
+    def read_weights(self, path: Path) -> Pcgcv2Weights:
         from pcc_networks.pcgcv2.weights import load_weights
 
         return load_weights(path, self.options.device)

@@ -373,7 +373,11 @@ def has_weights(name: str, changes: Entry | None = None) -> bool:
 
 def _training(name: str, changes: Entry | None) -> str:
     defined = getattr(codec_class(name, changes), "training", "")
-    return str((changes or {}).get("training", defined))
+    place = str((changes or {}).get("training", defined))
+    if place and not is_place(place):  # in the codec's file
+        place = f"{module_of(place_of(name, changes))}:{place}"
+        trust([place])
+    return place
 
 
 def codec_of(stream: bytes) -> str:

@@ -64,7 +64,7 @@ class Reno(Learned["RenoWeights"]):
 
     def load(self) -> None:
         corner = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
-        self.decode(self._encoded(corner, {"posq": 1024}))
+        self.decode(self.encode_points(corner, {"posq": 1024}))
 
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
         most_mm = _MOST_STEPS * _posq(parameters_of(self, rate)) - 2 * _OFFSET
@@ -75,18 +75,18 @@ class Reno(Learned["RenoWeights"]):
         is_file = Path(self.options.weights).is_file()
         return next((path for path in files if is_file or path.stem == name), None)
 
-    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
+    def encode_points(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.reno.codec import encode
 
-        return encode(points / _MM, self._weights(parameters), _posq(parameters))
+        return encode(points / _MM, self.weights_of(parameters), _posq(parameters))
 
     def decode(self, stream: bytes) -> PointCloud:
         from pcc_networks.reno.codec import decode
         from pcc_networks.reno.stream import read_stream
 
-        return PointCloud(decode(stream, self._made_with(read_stream(stream).digest)) * _MM)
+        return PointCloud(decode(stream, self.weights_with(read_stream(stream).digest)) * _MM)
 
-    def _read(self, path: Path) -> RenoWeights:
+    def read_weights(self, path: Path) -> RenoWeights:
         from pcc_networks.reno.weights import load_weights
 
         return load_weights(path)

@@ -70,20 +70,20 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
     def load(self) -> None:
         self._try([{"scale": 1}])
 
-    def _encoded(self, points: Floats, parameters: Parameters) -> bytes:
+    def encode_points(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.octree_net.codec import encode
 
         scale = float(parameters.get("scale", 1.0))
         grid = input_grid(points, float(parameters.get("step_m", self.options.step)), scale)
-        return encode(points, self._weights(parameters), scale, grid)
+        return encode(points, self.weights_of(parameters), scale, grid)
 
     def decode(self, stream: bytes) -> PointCloud:
         from pcc_networks.octree_net.codec import decode
         from pcc_networks.octree_net.stream import read_stream
 
-        return PointCloud(decode(stream, self._made_with(read_stream(stream).digest)))
+        return PointCloud(decode(stream, self.weights_with(read_stream(stream).digest)))
 
-    def _read(self, path: Path) -> OctreeNetWeights:
+    def read_weights(self, path: Path) -> OctreeNetWeights:
         from pcc_networks.octree_net.weights import load_weights
 
         return load_weights(path)

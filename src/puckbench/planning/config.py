@@ -499,6 +499,7 @@ class Config(Model):
             yield from (drive.errors, *drive.tasks)
         for codec in filter(None, self.codecs.values()):
             yield from (codec.class_, codec.training)
+        yield from (training.codec for training in self.train.values())
         yield from (*self.tables, *self.metrics, *self.figures.own)
         if self.sensor_study:
             yield from (model.errors for model in self.sensor_study.models.values() if model)

@@ -7,9 +7,9 @@ To add a scene set, register its loader, which is a class in a file here or else
     class Mine(MeshFolderSet):
         licence, credit, expected = "CC-BY 4.0", "me", "expected my meshes (.obj)"
 
-        def _listed(self, folder: Path) -> Mapping[str, Path]:
+        def listed(self, folder: Path) -> Mapping[str, Path]:
             return {path.stem: path for path in sorted(folder.glob("*.obj"))}
 
-        def _group(self, path: Path) -> str:
+        def group_of(self, path: Path) -> str:
             return "object"
 """

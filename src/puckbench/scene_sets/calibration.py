@@ -24,4 +24,4 @@ class CalibrationScenes(GeneratedSet):
 
     def load(self, name: str) -> Scene:
         mesh, origin = make_calibration(name), calibration_origin(name)
-        return Scene(name, "calibration", mesh=mesh, origin=origin, about=self._about())
+        return Scene(name, "calibration", mesh=mesh, origin=origin, about=self.about())

@@ -33,7 +33,7 @@ class Capod(MeshFolderSet):
     """Names of classes to keep (Human, ..., Car); all by default."""
 
     def files(self, name: str) -> list[Path]:
-        return [self._file(name), self._classes_file]
+        return [self.file_of(name), self._classes_file]
 
     @property
     def _classes_file(self) -> Path:
@@ -43,7 +43,7 @@ class Capod(MeshFolderSet):
     def _objects_of(self) -> dict[str, list[int]]:
         return _read_classes(self._classes_file)
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         kept = select_names("classes", self.classes, list(self._objects_of))
         table = {
             f"m{number:03d}": folder / f"class{index}" / f"m{number}.obj"
@@ -61,11 +61,11 @@ class Capod(MeshFolderSet):
             Count("objects", sum(map(len, numbers)), _OBJECTS),
         ]
 
-    def _group(self, path: Path) -> str:
+    def group_of(self, path: Path) -> str:
         index = int(path.parent.name.removeprefix("class"))
         return safe_name(list(self._objects_of)[index - 1])
 
-    def _source(self, path: Path) -> str:
+    def source_of(self, path: Path) -> str:
         return f"CAPOD {path.name}"
 
 

@@ -44,12 +44,12 @@ class CapturedRooms(FolderSet):
     expected = "expected captured rooms (.json)"
 
     def load(self, name: str) -> Scene:
-        return read_capture(self._file(name), name)
+        return read_capture(self.file_of(name), name)
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         paths = sorted(path for path in folder.glob("*.json") if is_captured_room(path))
         if not paths:
-            raise self._missing("captured rooms (.json with spatialEntities)")
+            raise self.missing("captured rooms (.json with spatialEntities)")
         return dict(sorted(zip(unique_names(path.stem for path in paths), paths, strict=True)))
 
 

@@ -36,7 +36,7 @@ class EmbeddedAreas(GeneratedSet):
 
         kind = look_up(room_types(), name, "the generated building")
         mesh = make_room(name, self.seed, self.detail)
-        about = self._about(seed=self.seed, detail=self.detail)
+        about = self.about(seed=self.seed, detail=self.detail)
         place, box = room_origin(name, self.seed), room_box(name, self.seed)
         return Scene(name, kind, mesh=mesh, origin=place, box=box, about=about)
 

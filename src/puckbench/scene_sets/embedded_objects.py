@@ -37,5 +37,5 @@ class EmbeddedObjects(GeneratedSet):
 
     def load(self, name: str) -> Scene:
         mesh = make_object(name, self.seed, self.detail)
-        about = self._about(seed=self.seed, detail=self.detail)
+        about = self.about(seed=self.seed, detail=self.detail)
         return Scene(name, name.rpartition("_")[0], mesh=mesh, about=about)

@@ -32,5 +32,5 @@ class EmbeddedRooms(GeneratedSet):
 
         mesh = make_room(name, self.seed, self.detail)
         place, box = room_origin(name, self.seed), room_box(name, self.seed)
-        about = self._about(seed=self.seed, detail=self.detail)
+        about = self.about(seed=self.seed, detail=self.detail)
         return Scene(name, room_spec(name).kind, mesh=mesh, origin=place, box=box, about=about)

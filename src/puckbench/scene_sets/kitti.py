@@ -81,11 +81,11 @@ class Kitti(FrameSet):
     """Names of parts to keep (training, 00, 2011_09_26_drive_0001_sync); all by default."""
 
     def files(self, name: str) -> list[Path]:
-        frame = self._file(name)
+        frame = self.file_of(name)
         return [frame, *filter(Path.is_file, _motion_files(frame.parent.parent))]
 
     def load(self, name: str) -> Scene:
-        path = self._file(name)
+        path = self.file_of(name)
         data = read_bytes(path)
         check_column_count(path, data, _COLUMNS)
         points = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
@@ -94,7 +94,7 @@ class Kitti(FrameSet):
             cloud = without_missing(cloud, missing_returns(cloud.xyz), path)
         xyz, part = cloud.xyz, _part_of(name)
         check_points(xyz, str(path))
-        about = self._about(f"KITTI {part}/{path.name}", **cloud.about)
+        about = self.about(f"KITTI {part}/{path.name}", **cloud.about)
         pose, time_s = self._motion(path)
         if self.returns:
             with naming(path):
@@ -128,7 +128,7 @@ class Kitti(FrameSet):
         parts = [part for part in sorted(set(scene_parts)) if part in _PUBLISHED]
         return [Count(part, scene_parts.count(part), _PUBLISHED[part]) for part in parts]
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         places = (path for layout in _LAYOUTS for path in sorted(folder.glob(layout)))
         folders = {_part(path): path for path in places}
         table = {
@@ -137,7 +137,7 @@ class Kitti(FrameSet):
             for frame in _frames(folders[part])[:: self.every]
         }
         if not table:
-            raise self._missing("frames (.bin)")
+            raise self.missing("frames (.bin)")
         return table
 
 

@@ -45,10 +45,10 @@ class Matterport3D(MeshFolderSet):
             for path in sorted(root.glob(f"{layout}/region_segmentations/region*.ply")):
                 regions.setdefault(self._building(path), {}).setdefault(path.stem, path)
         if not regions:
-            raise self._missing("region_segmentations/region<k>.ply")
+            raise self.missing("region_segmentations/region<k>.ply")
         return dict(sorted(regions.items()))
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         table = {
             safe_name(f"{building}_{region}"): path
             for building in select_names("buildings", self.buildings, list(self._regions))
@@ -59,8 +59,8 @@ class Matterport3D(MeshFolderSet):
     def _building(self, path: Path) -> str:
         return path.relative_to(self.path).parts[0]
 
-    def _group(self, path: Path) -> str:
+    def group_of(self, path: Path) -> str:
         return safe_name(self._building(path))
 
-    def _source(self, path: Path) -> str:
+    def source_of(self, path: Path) -> str:
         return f"Matterport3D {self._building(path)}/{path.name}"

@@ -26,16 +26,16 @@ class MeshFiles(FileSet):
     """Up axis, if the file format does not define it."""
 
     def load(self, name: str) -> Scene:
-        path = self._file(name)
+        path = self.file_of(name)
         if path.suffix.lower() == ".json":
             return read_capture(path, name)
         mesh, report = read_mesh_report(path, self.up)
         warn_of_skipped(path, report["skipped"])
-        about = {**self._about(path), **report}
-        scaled = scaled_mesh(mesh, self._unit(path))
-        return Scene(name, self._group(path), mesh=scaled, about=about)
+        about = {**self.about(path), **report}
+        scaled = scaled_mesh(mesh, self.unit_of(path))
+        return Scene(name, self.group_of(path), mesh=scaled, about=about)
 
-    def _takes(self, path: Path) -> bool:
+    def takes(self, path: Path) -> bool:
         suffix = plain_suffix(path)
         if suffix == ".ply":
             return has_faces(path)

@@ -41,11 +41,11 @@ class ModelNet40(MeshFolderSet):
         models = [Count(name, splits.count(name), number) for name, number in _PUBLISHED.items()]
         return [classes, *models]
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         parents = (path.parent for split in _PUBLISHED for path in folder.glob(f"*/{split}"))
         classes = sorted({path.name for path in parents})
         if not classes:
-            raise self._missing("<class>/train or <class>/test")
+            raise self.missing("<class>/train or <class>/test")
         splits = list(_PUBLISHED) if self.split is None else [self.split]
         models = [
             path
@@ -58,8 +58,8 @@ class ModelNet40(MeshFolderSet):
             raise InputError(f"{self.path}: no models (.off) in {', '.join(splits)}")
         return dict(sorted(zip(unique_names(path.stem for path in models), models, strict=True)))
 
-    def _group(self, path: Path) -> str:
+    def group_of(self, path: Path) -> str:
         return safe_name(path.parent.parent.name)
 
-    def _source(self, path: Path) -> str:
+    def source_of(self, path: Path) -> str:
         return f"ModelNet40 {path.parent.name}/{path.name}"

@@ -57,12 +57,12 @@ class NuScenes(FrameSet):
     """Key frames (samples), or the sweeps between them."""
 
     def load(self, name: str) -> Scene:
-        path = self._file(name)
+        path = self.file_of(name)
         data = read_bytes(path)
         check_column_count(path, data, _NUMBERS)
         table = float32_rows(data, _NUMBERS, path).astype(np.float64)
         log = name.removeprefix(f"{self.part}_").rpartition("_")[0]
-        about = self._about(f"nuScenes {self.part}/{path.name}")
+        about = self.about(f"nuScenes {self.part}/{path.name}")
         if self.returns:
             with naming(path):
                 recovered = _recovered(table)
@@ -75,11 +75,11 @@ class NuScenes(FrameSet):
         check_points(cloud.xyz, str(path))
         return Scene(name, log, cloud=cloud.checked(), origin=(0.0, 0.0, 0.0), about=cloud.about)
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         paths = sorted((folder / self.part / "LIDAR_TOP").glob(f"*{_SUFFIX}"))
         files = [path for path in paths if not path.name.startswith(".")][:: self.every]
         if not files:
-            raise self._missing(f"sweeps ({self.part}/LIDAR_TOP/*{_SUFFIX})")
+            raise self.missing(f"sweeps ({self.part}/LIDAR_TOP/*{_SUFFIX})")
         return {f"{self.part}_{_name(path)}": path for path in files}
 
 

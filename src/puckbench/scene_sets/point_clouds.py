@@ -35,12 +35,12 @@ class PointClouds(FileSet, PointRemoval):
     default inferred from the values."""
 
     def load(self, name: str) -> Scene:
-        path = self._file(name)
-        unit = self._unit(path)  # one that is named counts more than that of the file
+        path = self.file_of(name)
+        unit = self.unit_of(path)  # one that is named counts more than that of the file
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)
         unchecked = read_unchecked_cloud(path, *options, convert=unit == 1)
         about = {
-            **self._about(path),
+            **self.about(path),
             "file_bytes": path.stat().st_size,
             **removal_counts(unchecked.about),
         }
@@ -50,7 +50,7 @@ class PointClouds(FileSet, PointRemoval):
         if unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * unit)
         check_extent(cloud.xyz, str(path))
-        return Scene(name, self._group(path), cloud=replace(cloud, about=about), about=about)
+        return Scene(name, self.group_of(path), cloud=replace(cloud, about=about), about=about)
 
-    def _takes(self, path: Path) -> bool:
+    def takes(self, path: Path) -> bool:
         return plain_suffix(path) != ".ply" or not has_faces(path)

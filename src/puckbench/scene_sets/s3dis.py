@@ -38,13 +38,13 @@ class S3DIS(FolderSet):
     """Names of areas to keep (Area_1, ...); all by default."""
 
     def files(self, name: str) -> list[Path]:
-        return [_room_file(self._file(name))]
+        return [_room_file(self.file_of(name))]
 
     def load(self, name: str) -> Scene:
-        folder = self._file(name)
+        folder = self.file_of(name)
         path, area = _room_file(folder), folder.parent.name
         text = read_xyzrgb(path)
-        about = self._about(
+        about = self.about(
             f"S3DIS {area}/{folder.name}",
             aligned=(folder.parent / f"{area}_alignmentAngle.txt").exists(),
             repaired_lines={path.name: text.repaired} if text.repaired else {},
@@ -60,10 +60,10 @@ class S3DIS(FolderSet):
         areas = [room.parent.name for room in self._whole()._table.values()]
         return [Count(area, areas.count(area), rooms) for area, rooms in _ROOMS.items()]
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         areas = {path.name: path for path in sorted(folder.glob("Area_*")) if path.is_dir()}
         if not areas:
-            raise self._missing("Area_<n> folders")
+            raise self.missing("Area_<n> folders")
         kept = sorted(select_names("areas", self.areas, list(areas)))
         rooms = [room for area in kept for room in areas[area].iterdir() if _is_room(room)]
         if not rooms:

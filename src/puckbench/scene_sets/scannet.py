@@ -45,31 +45,31 @@ class ScanNet(MeshFolderSet):
     """Whether to rotate walls to the axes, by ``axisAlignment`` in the room's ``.txt``."""
 
     def files(self, name: str) -> list[Path]:
-        mesh = self._file(name)
+        mesh = self.file_of(name)
         description = _description_file(mesh)
         return [mesh, description] if description.is_file() else [mesh]
 
     def counts(self) -> list[Count]:
         return [Count("scans", len(self.names()), _PUBLISHED)]
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         root = folder / "scans" if (folder / "scans").is_dir() else folder
         scans = sorted(path.name for path in root.iterdir() if _SCAN.fullmatch(path.name))
         end = "_vh_clean.ply" if self.full else "_vh_clean_2.ply"
         meshes = {name: root / name / f"{name}{end}" for name in scans}
         table = {name: path for name, path in meshes.items() if path.is_file()}
         if not table:
-            raise self._missing(f"scene<n>_<k>/...{end}")
+            raise self.missing(f"scene<n>_<k>/...{end}")
         return table
 
-    def _group(self, path: Path) -> str:
+    def group_of(self, path: Path) -> str:
         return safe_name(_description(path).get("sceneType", "unknown")).lower()
 
-    def _source(self, path: Path) -> str:
+    def source_of(self, path: Path) -> str:
         return f"ScanNet {path.name}"
 
-    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        mesh, report = super()._read(path)
+    def read_mesh(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
+        mesh, report = super().read_mesh(path)
         pose = _alignment(path) if self.aligned else None
         if pose is not None:
             mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.triangles)

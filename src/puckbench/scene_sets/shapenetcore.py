@@ -42,13 +42,13 @@ class ShapeNetCore(MeshFolderSet):
     """Names of classes to keep (airplane, ..., washer); all by default."""
 
     def counts(self) -> list[Count]:
-        groups = {self._group(path) for path in self._whole()._table.values()}
+        groups = {self.group_of(path) for path in self._whole()._table.values()}
         return [Count("classes", len(groups), _CLASSES)]
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         synsets = {_class_of(path): path for path in sorted(folder.iterdir()) if _is_synset(path)}
         if not synsets:
-            raise self._missing("synsets such as 02691156")
+            raise self.missing("synsets such as 02691156")
         table = {
             f"{group}_{model.name}": path
             for group in select_names("classes", self.classes, list(synsets))
@@ -56,17 +56,17 @@ class ShapeNetCore(MeshFolderSet):
             if (path := _model_file(model)) is not None
         }
         if not table:
-            raise self._missing("model.obj and no model_normalized.obj")
+            raise self.missing("model.obj and no model_normalized.obj")
         return dict(sorted(table.items()))
 
-    def _group(self, path: Path) -> str:
+    def group_of(self, path: Path) -> str:
         return _class_of(Path(path.relative_to(self.path).parts[0]))
 
-    def _source(self, path: Path) -> str:
+    def source_of(self, path: Path) -> str:
         version = 2 if path.name == "model_normalized.obj" else 1
         return f"ShapeNetCore.v{version} {path.relative_to(self.path)}"
 
-    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
+    def read_mesh(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
         return read_mesh_report(path, up="y")
 
 

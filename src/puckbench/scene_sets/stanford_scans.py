@@ -58,21 +58,21 @@ class StanfordScans(MeshFolderSet):
     models: tuple[str, ...] | None = None
     """Names of models to keep (bunny, dragon, ...); all by default."""
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         paths_by_file = {path.name: path for path in sorted(folder.rglob("*.ply"), reverse=True)}
         present = [name for name, model in _MODELS.items() if model.file in paths_by_file]
         if not present:
-            raise self._missing("known models")
+            raise self.missing("known models")
         kept = sorted(select_names("models", self.models, present))
         return {name: paths_by_file[_MODELS[name].file] for name in kept}
 
-    def _group(self, path: Path) -> str:
+    def group_of(self, path: Path) -> str:
         return "scan"
 
-    def _source(self, path: Path) -> str:
+    def source_of(self, path: Path) -> str:
         return f"Stanford 3D Scanning Repository {path.name}"
 
-    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
+    def read_mesh(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
         model = _BY_FILE[path.name]
         mesh, report = read_mesh_report(path, up=model.up)
         credit = _CREDIT_XYZRGB if path.name.startswith("xyzrgb") else _CREDIT

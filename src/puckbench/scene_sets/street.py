@@ -35,6 +35,6 @@ class Street(GeneratedSet):
     def load(self, name: str) -> Scene:
         name = look_up({street: street for street in self.names()}, name, "the generated streets")
         way = list(free_way(self.length_m))
-        about = self._about(seed=self.seed, length_m=self.length_m, free_way_m=way)
+        about = self.about(seed=self.seed, length_m=self.length_m, free_way_m=way)
         mesh = make_street(name, self.seed, self.length_m)
         return Scene(name, "street", mesh=mesh, origin=street_origin(), about=about)

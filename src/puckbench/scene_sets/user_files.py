@@ -3,7 +3,6 @@ from __future__ import annotations
 import glob
 import logging
 import os
-from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
@@ -49,30 +48,34 @@ class FileSet(SceneSet):
         return list(self._table)
 
     def files(self, name: str) -> list[Path]:
-        return [self._file(name)]
+        return [self.file_of(name)]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        path = self._file(name)
+        path = self.file_of(name)
         options = self.model_dump(exclude_defaults=True) | {"path": {name: str(path)}}
         if "metres_per_unit" in options:
-            options["metres_per_unit"] = self._unit(path)
+            options["metres_per_unit"] = self.unit_of(path)
         return options
 
-    @abstractmethod
-    def _takes(self, path: Path) -> bool:
-        """Return whether a file contains a scene, according to its first bytes."""
+    def takes(self, path: Path) -> bool:
+        """Return whether a file contains a scene, by its first bytes; by default it does."""
+        return True
 
-    def _file(self, name: str) -> Path:
+    def file_of(self, name: str) -> Path:
+        """Return the path of a scene; raise InputError for unknown names."""
         return look_up(self._table, name, self.what)
 
-    def _group(self, path: Path) -> str:
+    def group_of(self, path: Path) -> str:
+        """Return the group of a file's scene: by default, the name of its folder."""
         return safe_name(path.parent.name.strip(".") or "files")  # not of the working folder
 
-    def _unit(self, path: Path) -> float:
+    def unit_of(self, path: Path) -> float:
+        """Return the length of a file's unit, m."""
         return _unit_of(path, self.metres_per_unit)
 
-    def _about(self, path: Path) -> dict[str, object]:
-        unit = self._unit(path)
+    def about(self, path: Path) -> dict[str, object]:
+        """Return a description of a file's scene: its source, format, unit, licence and credit."""
+        unit = self.unit_of(path)
         about: dict[str, object] = {"source": path.name, "format": plain_suffix(path)[1:]}
         about |= {} if unit == 1 else {"metres_per_unit": unit}
         return {**about, "licence": self.licence, "credit": self.credit}
@@ -111,7 +114,7 @@ class FileSet(SceneSet):
 
     def _is_of_set(self, path: Path) -> bool:
         has_suffix = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
-        return has_suffix and is_file_or_lost(path) and self._takes(path)
+        return has_suffix and is_file_or_lost(path) and self.takes(path)
 
 
 def is_named(path: Path, name: str) -> bool:

@@ -56,7 +56,7 @@ class Voxelised8i(FolderSet):
     number of voxels per side."""
 
     def load(self, name: str) -> Scene:
-        path = self._file(name)
+        path = self.file_of(name)
         frame = _FRAME.match(name)
         bits = int(frame["bits"]) if frame else 0
         cloud = read_cloud(path, keep_missing=True)
@@ -64,7 +64,7 @@ class Voxelised8i(FolderSet):
         _, first = np.unique(cloud.xyz, axis=0, return_index=True)
         voxels = cloud.select(np.sort(first))
         step = self._metres_per_voxel(path, bits)
-        about = self._about(
+        about = self.about(
             f"8i {path.name}",
             bits=bits,
             metres_per_voxel=step,
@@ -87,10 +87,10 @@ class Voxelised8i(FolderSet):
             return float(scale[1]) / 100
         return (self.height_m or _HEIGHT_M) / float(2**bits)
 
-    def _listed(self, folder: Path) -> Mapping[str, Path]:
+    def listed(self, folder: Path) -> Mapping[str, Path]:
         paths = sorted(p for p in folder.rglob("*_vox*.ply") if _FRAME.fullmatch(p.stem))
         if not paths:
-            raise self._missing("frames *_vox<bits>_<frame>.ply")
+            raise self.missing("frames *_vox<bits>_<frame>.ply")
         names = unique_names(path.stem for path in paths)
         frames = dict(sorted(zip(names, paths, strict=True)))
         available = sorted(set(map(_sequence, frames)))

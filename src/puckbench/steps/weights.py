@@ -148,6 +148,7 @@ class Train(CodecStep, ValidationSettings):
         card = {
             "codec": self.codec,
             **training.model_dump(),
+            "device": next(trainer.model.parameters()).device.type,
             "data": _names(clouds),
             **({"start": Path(self.start).stem} if self.start else {}),
             "seconds": curve.seconds,
