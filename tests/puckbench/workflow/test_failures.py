@@ -133,7 +133,7 @@ FAULTS = {
 REMARKS = {
     "random": "repeated encodings differ",
     "wavers": "repeated decodings differ",
-    "loses": "10 of 3,000 points came back",
+    "loses": "of the points are lost: no decoded point is within",
 }
 
 
