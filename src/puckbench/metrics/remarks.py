@@ -26,17 +26,15 @@ _OFF = 0.1
 At the lowest rates of the benchmark's codecs, it is at most 0.034.
 """
 _FAR = 5.0
-"""An original point is lost if no decoded point is nearer than this many times the typical error of
-decoded points, or the spacing of the original if decoded points are points of the original."""
+"""A point is lost if it is farther from every decoded point than this many times the error of the
+decoded points, and the spacing of the original, ..."""
+_SPARSE = 3.0
+"""... and this many times the spacing of the decoded points, which on a grid is its step."""
 _LOST = 0.1
 """Share of lost points that calls for a remark."""
-_SAME = 0.2
-"""Decoded points are points of the original if their typical error is less than this part of the
-original's spacing. Centres of a grid's cells lie farther from the nearest point."""
 _RISE, _FALL = 1.5, 0.95
 """Increase of the error, and decrease of the bytes, from one rate to the next that call for a
 remark. With scales between powers of two, the error of a correct octree increases by up to 1.3."""
-_LEVELS = 20
 
 
 def remark_on(
@@ -46,7 +44,7 @@ def remark_on(
 
     It looks wrong if it is off by more than a tenth of the diameter, or if a tenth of the points of
     the original are lost: no decoded point is near them, although decoded points are near the
-    original. A grid with as many points may be as far.
+    original. A coarse grid has a point within its step of each.
 
     Parameters
     ----------
@@ -56,18 +54,18 @@ def remark_on(
         Result of `puckbench.metrics.cloud_metrics.geometry_metrics` for the two clouds.
     """
     points, own = reference.points.xyz, errors["acd_ba_point"] ** 0.5
-    if len(points) == 1:
-        return None
     off = errors["d1_mse"] ** 0.5
-    if off > _OFF * reference.diameter and off > _cell_of(points, len(decoded.xyz)):
+    is_off = off > _OFF * reference.diameter
+    if len(points) == 1 or not (is_off or errors["q99_point"] > _FAR * own):
+        return None
+    step = float(np.quantile(_to_nearest(decoded.xyz), 0.05, method="lower"))
+    if is_off and off > step:
         wide = _width(decoded.xyz) / _width(points)
         return (
             f"the decoded cloud is off by {off / reference.diameter:.0%} of the diameter, and "
             f"{wide:.2g} times as wide: its step or origin is wrong, or points are lost"
         )
-    if errors["q99_point"] <= _FAR * own:
-        return None
-    reach = _reach(points, decoded.xyz, own)
+    reach = max(_FAR * own, _FAR * float(_to_nearest(points).mean()), _SPARSE * step)
     lost = share_beyond(points, decoded.xyz, reach)
     if lost <= _LOST:
         return None
@@ -75,39 +73,15 @@ def remark_on(
     return f"{lost:.0%} of the points are lost: no decoded point is within {reach:.3g}{unit}"
 
 
-def _reach(points: Floats, decoded: Floats, own: float) -> float:
-    """Return how far an original point may be from the nearest decoded one, whose error is `own`.
-
-    If decoded points are points of the original, it is a multiple of the original's spacing.
-    Otherwise it is a multiple of their error, or two cells of a grid with as many points.
-    """
-    spacing = _spacing(points)
-    if own < _SAME * spacing:
-        return _FAR * spacing
-    return max(_FAR * own, 2 * _cell_of(points, len(decoded)))
-
-
-def _spacing(points: Floats) -> float:
-    """Return the mean distance of distinct points (n, 3) from the nearest other one."""
+def _to_nearest(points: Floats) -> Floats:
+    """Return the distance of each of distinct points (n, 3) from the nearest other one, (n,)."""
     from pykdtree.kdtree import KDTree
 
+    if len(points) < 2:
+        return np.full(len(points), np.inf)
     near = points - points[0]
-    return float(KDTree(near).query(near, k=2)[0][:, 1].mean())
-
-
-def _cell_of(points: Floats, count: int) -> float:
-    """Return the side of cells of which the points (n, 3) occupy less than `count`.
-
-    The largest such cells are no more than twice as wide, since sides are halved in turn.
-    """
-    low, _ = bounds(points)
-    width = _width(points)
-    for level in range(_LEVELS):
-        cells = ((points - low) * ((1 << level) / width * (1 - 1e-12))).astype(np.int64)
-        keys = cells @ np.array([1, 1 << _LEVELS, 1 << 2 * _LEVELS])
-        if len(np.unique(keys)) >= count:
-            return 2 * width / (1 << level)
-    return 0.0
+    distances: Floats = KDTree(near).query(near, k=2)[0][:, 1]
+    return distances
 
 
 def _width(points: Floats) -> float:
