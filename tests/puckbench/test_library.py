@@ -19,6 +19,8 @@ from tests.support.codecs import decode_cloud, encode, encode_cloud
 from tests.support.pages import blocks
 from tests.support.spinning import VLP16, pcap, spin
 
+PAGE = "docs/how-to/use_as_a_library.md"
+
 
 @pytest.fixture
 def capture(tmp_path: Path) -> Path:
@@ -45,8 +47,7 @@ def test_the_loop_of_the_page_prints_bits_and_errors(
 ) -> None:
     monkeypatch.chdir(capture.parent)
     capture.rename("recording.pcap")
-    page = "docs/how-to/use_as_a_library.md"
-    (code,) = (block for block in blocks(page, "python") if "puckbench.turns" in block)
+    (code,) = (block for block in blocks(PAGE, "python") if "puckbench.turns" in block)
     exec(code, {})  # noqa: S102 (our own page)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) >= 2
@@ -326,3 +327,14 @@ def test_the_library_refuses_as_the_command_line_does(
     said, shown = (_BEGINS.sub("", line) for line in (str(refusal.value), printed))
     assert said == shown
     assert [path.name for path in tmp_path.iterdir()] == ["in.npy"]
+
+
+def test_the_bd_rate_of_the_page_is_that_of_its_codecs() -> None:
+    code = next(block for block in blocks(PAGE, "python") if "puckbench.bd_rate" in block)
+    table = pd.concat(
+        [CURVE.assign(codec="draco"), CURVE.assign(codec="grid", bpp=CURVE["bpp"] / 4)]
+    )
+    first, second = code.strip().splitlines()
+    names = {"table": table, "puckbench": puckbench}
+    exec(first, names)  # noqa: S102 (our own page)
+    assert eval(second, names) == pytest.approx(-75)  # noqa: S307
