@@ -16,6 +16,7 @@ from typing import NamedTuple
 import puckbench
 from pointkit.errors import InputError
 from pointkit.files import read_bytes, refuse_special, unreadable
+from pointkit.models import parsed
 from pointkit.registry import plugin_packages
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.external import ExternalCodec
@@ -82,6 +83,9 @@ def published(results: Path, config: Path, with_streams: bool) -> Published:
     paths = PublishedPaths(values, Path.cwd())
     code = {name: file for file in sorted(_code_of(flow)) for name in paths.names_of(file)}
     settings = {name: file for file in _settings_of(flow) for name in paths.names_of(file)}
+    for name in code | settings:
+        if name in (CONFIGURATION, MANIFEST) or name.startswith(RESULTS):
+            raise InputError(f"{name}: a bundle has its own file or folder there: rename this one")
     members = {
         CONFIGURATION: yaml_text(paths.in_values(values)).encode(),
         **{name: read_bytes(file) for name, file in (code | settings).items()},
@@ -92,21 +96,23 @@ def published(results: Path, config: Path, with_streams: bool) -> Published:
     if with_streams:
         members |= {f"{RESULTS}{n}{SUFFIX}": read_bytes(results / f"{n}{SUFFIX}") for n in curves}
     inputs = {name: file for file in _inputs_of(flow) for name in paths.names_of(file)}
-    manifest = Manifest(
-        format=FORMAT,
-        commit=source_commit(),
-        versions={**versions(), **_installed_plugins(flow)},
-        machine=machine(),
-        record=_record(results / "logs"),
-        results=paths.in_text(flow.config.results),
-        plugins=tuple(code),
-        files={},
-        inputs={name: digest_of(inputs[name]) for name in sorted(inputs.keys() - members.keys())},
-        programs=dict(_programs_of(flow)),
-        streams=digests_in(results, curves),
-        decoded=digests_in(results, _decoded(flow)),
-    )
-    return Published(manifest, members)
+    manifest = {
+        "format": FORMAT,
+        "commit": source_commit(),
+        "versions": {**versions(), **_installed_plugins(flow)},
+        "machine": machine(),
+        "record": _record(results / "logs"),
+        "results": paths.in_text(flow.config.results),
+        "plugins": tuple(code),
+        "files": {},
+        "inputs": {
+            name: digest_of(inputs[name]) for name in sorted(inputs.keys() - members.keys())
+        },
+        "programs": dict(_programs_of(flow)),
+        "streams": digests_in(results, curves),
+        "decoded": digests_in(results, _decoded(flow)),
+    }
+    return Published(parsed(Manifest, manifest, f"a bundle of {results}"), members)
 
 
 def _record(logs: Path) -> dict[str, str]:

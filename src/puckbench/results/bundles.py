@@ -151,9 +151,15 @@ def write_bundle(path: Path, manifest: Manifest, members: Mapping[str, bytes]) -
         The manifest; the digests of the members are added.
     members
         Content of each member but the manifest, by name.
+
+    Raises
+    ------
+    InputError
+        A member has a name that is not the path of a file inside a folder.
     """
     ordered = dict(sorted(members.items()))
-    complete = manifest.replaced(files={name: sha256_of(data) for name, data in ordered.items()})
+    files = {name: sha256_of(data) for name, data in ordered.items()}
+    complete = parsed(Manifest, {**dict(manifest), "files": files}, str(path))
     about = json_bytes(complete.model_dump(mode="json"))
     write_archive(path, {MANIFEST: about, **ordered})
 

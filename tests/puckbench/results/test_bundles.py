@@ -206,3 +206,9 @@ def test_a_bundle_is_checked_without_running_its_code(
     assert main(["verify", "a.zip"]) == 0
     assert "codecs/grid.py" in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["a.zip"]
+
+
+def test_a_name_that_others_could_not_read_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'a\\\\nb' is not a path inside a folder"):
+        write_bundle(tmp_path / "a.zip", manifest(), {**MEMBERS, "a\nb": b""})
+    assert not list(tmp_path.iterdir())
