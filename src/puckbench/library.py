@@ -123,7 +123,10 @@ def turns(
 
 
 def measures(
-    original: PointCloud | Floats, decoded: PointCloud | Floats, peak: float | None = None
+    original: PointCloud | Floats,
+    decoded: PointCloud | Floats,
+    peak: float | None = None,
+    metrics: Iterable[str] = (),
 ) -> dict[str, float]:
     """Measure how far a decoded cloud differs from the original cloud.
 
@@ -135,6 +138,8 @@ def measures(
     peak
         Peak of MPEG's PSNRs, in the unit of the coordinates. By default, it is the original's
         ``size - 1``; without a size and a peak, these PSNRs are omitted.
+    metrics
+        Names of further metrics, as in a configuration, such as "pcqm" for coloured clouds.
 
     Returns
     -------
@@ -142,15 +147,16 @@ def measures(
         Values by name of the metric. It contains metrics of the geometry; metrics of the attributes
         that both clouds have; and, if both clouds have ``returns``, errors of the ranges.
     """
+    from puckbench.metrics.metric_registry import further_metrics
     from puckbench.metrics.sensor_metrics import decoded_range_errors
 
     original, decoded = _cloud(original), _cloud(decoded)
     _check_peak(peak, "measures")
-    metrics = geometry_metrics(original, decoded.xyz, peak)
-    metrics |= attribute_metrics(original, decoded, metrics)
-    if original.returns is None or decoded.returns is None:
-        return metrics
-    return metrics | decoded_range_errors(original.xyz, original.returns, decoded)
+    values = geometry_metrics(original, decoded.xyz, peak)
+    values |= attribute_metrics(original, decoded, values)
+    if not (original.returns is None or decoded.returns is None):
+        values |= decoded_range_errors(original.xyz, original.returns, decoded)
+    return values | further_metrics(metrics, original, decoded, values)
 
 
 def prepare(cloud: PointCloud | Floats, size: int | str = 1024, neighbours: int = 30) -> PointCloud:

@@ -13,6 +13,7 @@ import pytest
 
 import puckbench
 from puckbench.cli import main
+from puckbench.metrics.pcqm import pcqm
 from puckbench.tables.rate_deltas import bd_rate_clouds
 from tests.support.cloud_bags import cloud_bag
 from tests.support.codecs import decode_cloud, encode, encode_cloud
@@ -125,6 +126,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "compare_peak": (lambda: ANY.compare(CLOUD, [_draco()], 1, "a"), "peak is 'a', but must"),
     "measures_peak": (lambda: puckbench.measures(CLOUD, CLOUD, -1), "peak is -1.0, but must"),
     "measures_nan": (lambda: puckbench.measures(CLOUD, CLOUD, np.nan), "peak is nan, but must"),
+    "measures_name": (
+        lambda: puckbench.measures(CLOUD, CLOUD, metrics=["pcqn"]),
+        "unknown metric 'pcqn' .*did you mean 'pcqm'",
+    ),
     "measures_bytes": (lambda: ANY.measures(CLOUD, b"stream"), "not bytes"),
     "codec_none": (lambda: ANY.open_codec(None), "a codec's name is a string, not NoneType"),
     "codec_path": (lambda: ANY.open_codec(Path("a.py")), "a codec's name is a string, not"),
@@ -338,3 +343,11 @@ def test_the_bd_rate_of_the_page_is_that_of_its_codecs() -> None:
     names = {"table": table, "puckbench": puckbench}
     exec(first, names)  # noqa: S102 (our own page)
     assert eval(second, names) == pytest.approx(-75)  # noqa: S307
+
+
+def test_further_metrics_are_measured_by_name() -> None:
+    colours = np.random.default_rng(2).integers(0, 256, POINTS.shape).astype(np.uint8)
+    grey = np.full_like(colours, 127)
+    clouds = [puckbench.PointCloud(POINTS, colours=each) for each in (colours, grey)]
+    assert puckbench.measures(*clouds, metrics=["pcqm"])["pcqm"] == pcqm(*clouds) > 0
+    assert "pcqm" not in puckbench.measures(*clouds)

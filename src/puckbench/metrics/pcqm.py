@@ -26,13 +26,13 @@ _STATISTICS = 2.0
 """Radius of the local statistics, relative to that of the curvatures."""
 _CURVATURE, _LIGHTNESS, _PATTERN = 0.0057, 0.9771, 0.0172
 """Weights of the differences in the structure of curvatures, and in lightness and its structure."""
-_QUERIES = 20_000
+_QUERIES = 2_000
 """Number of points whose neighbours are held at once."""
 _SMALLEST = float(np.finfo(np.float64).eps)
 
 
 def pcqm(reference: PointCloud, decoded: PointCloud) -> float:
-    """Return the PCQM of a decoded cloud: 0 for a cloud that looks the same, and at most 1.
+    """Return the PCQM of a decoded cloud, which is 0 for equal clouds, and higher for worse ones.
 
     Each point of the original is compared with the decoded surface near it: the structure of the
     curvatures, the lightness, and the structure of the lightness. Duplicate points are merged.

@@ -29,6 +29,8 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "bpp": 2.0**number * factor * (1 + cloud / 100 * (codec == "b")),
             "d1_psnr": quality,
             "d2_psnr": quality + 1,
+            "points_in": 100,
+            "bytes": 10,
         }
         for cloud in range(6)
         for codec, factor in (("a", 1.0), ("b", 0.5))
