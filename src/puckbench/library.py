@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,17 +11,16 @@ import numpy as np
 from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud, check_points
-from pointkit.measurement import measured
 from pointkit.models import parsed
 from pointkit.registry import trust
 from puckbench.codecs import registry
 from puckbench.codecs.base import CloudKind, Codec, SharedWork
-from puckbench.codecs.coding import check_codes, cost_of, decoded, encoded
+from puckbench.codecs.coding import check_codes, decoded, encoded
 from puckbench.codecs.rates import rates_of, scaled_rates
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics
 from puckbench.results.curves import read_curve
-from puckbench.steps.coding import codec_plugins, ready
-from puckbench.steps.encode import measured_encoding
+from puckbench.steps.coding import TimingSettings, codec_plugins, decoded_cloud, ready
+from puckbench.steps.encode import coded_cloud
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -225,7 +223,8 @@ def compare(
     -------
     pandas.DataFrame
         A row for each codec and rate, with the columns of a run's ``metrics.csv``: size of the
-        stream, bits per point, times, and errors of the decoded cloud.
+        stream, bits per point, times and the machine that took them, and errors of the decoded
+        cloud.
 
     Raises
     ------
@@ -266,17 +265,8 @@ def _row(
     repeats: int,
     peak: float | None,
 ) -> dict[str, object]:
-    cloud = reference.cloud
-    coded = measured_encoding(codec, cloud, rate, repeats, shared)
-    timed = measured(lambda: decoded(codec, coded.result), repeats, partial(cost_of, codec))
-    errors = geometry_metrics(reference, timed.result.xyz, peak)
-    return {
-        "codec": codec.name,
-        "rate": rate,
-        "bytes": len(coded.result),
-        "bpp": 8 * len(coded.result) / len(cloud),
-        **coded.costs("encode"),
-        **timed.costs("decode"),
-        **errors,
-        **attribute_metrics(cloud, timed.result, errors),
-    }
+    timing = TimingSettings(repeats=repeats)
+    coded = coded_cloud(codec, reference.cloud, rate, timing, shared)
+    cloud, record = decoded_cloud(codec, coded, timing)
+    errors = geometry_metrics(reference, cloud.xyz, peak)
+    return {**record, **errors, **attribute_metrics(reference.cloud, cloud, errors)}

@@ -110,7 +110,7 @@ def test_captures_are_the_model_real(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("study", "message"),
     [
-        ({"model": {}}, "sensor_study: unknown key 'model' .known: seed, models, captures"),
+        ({"model": {}}, "sensor_study: unknown key 'model' .known: runs, rows, refit, seed"),
         ({"models": {"vlp61": {}}}, "sensor_study.models.vlp61: unknown error model 'vlp61'"),
         (
             {"models": {"a": {"errors": "vlp16", "error_options": {"bias": 1}}}},

@@ -101,6 +101,10 @@ onstart:
         # The run that failed has printed them already.
         for line in left_out_lines(flow.outputs.left_out_rows):
             print(f"puckbench: {line}", file=sys.stderr, flush=True)
+    if workflow.local_exec:
+        # Cores are the limit here. With a limit of jobs a second, each job that ends adds a timer
+        # that considers all ready jobs again, each second, until the run ends (Snakemake 9.27).
+        workflow.scheduler.job_rate_limiter = None
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:
         # For jobs that run on this machine and in this environment.
         learned = LEARNED if any(plan.weights.values()) else ()

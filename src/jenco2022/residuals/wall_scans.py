@@ -27,15 +27,12 @@ class WallScans(Step):
         Distances of the sensor from the wall, in m.
     seed
         Seed of all random numbers.
-    rows
-        Largest number of rows of a scan, chosen at random; None keeps all rows.
     """
 
     errors: str = "vlp16"
     error_options: dict[str, Any] = Field({})
     distances_m: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0, 5.0)
     seed: int = Field(0, ge=0)
-    rows: int | None = Field(None, ge=1)
 
     def plugins(self) -> Iterable[str | None]:
         return (self.errors,)

@@ -3,10 +3,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import Field
-
 from jenco2022.residuals.wall_scans import WallScans
 from puckbench.core.code import SENSOR
+from puckbench.steps.sensing import ResidualSettings
 from puckbench.steps.step import STEPS, PlannedStep
 
 if TYPE_CHECKING:
@@ -16,24 +15,13 @@ CODE = (*SENSOR, "jenco2022.residuals", "virtual_lidar.scenes.*")
 
 
 @STEPS.register("residuals")
-class Residuals(WallScans):
-    """Measure how far the points of virtual scans lie from fitted planes.
-
-    Parameters
-    ----------
-    runs
-        Number of scans from each distance.
-    refit
-        Whether planes are fitted by least squares to the inliers of RANSAC.
-    """
-
-    runs: int = Field(3, ge=1)
-    refit: bool = False
+class Residuals(WallScans, ResidualSettings):
+    """Measure how far the points of virtual scans lie from fitted planes."""
 
     @classmethod
     def of_plan(cls, flow: Workflow, /, model: str) -> PlannedStep:
         study = flow.sensor_study.study
-        settings = {name: getattr(study.settings, name) for name in ("runs", "rows", "refit")}
+        settings = {name: getattr(study.settings, name) for name in ResidualSettings.model_fields}
         distances = study.all_distances_m
         return cls.planned_for(flow, model, minutes=20, distances_m=distances, **settings)
 

@@ -25,14 +25,14 @@ class WallPoints(WallScans):
     @classmethod
     def of_plan(cls, flow: Workflow, /, model: str) -> PlannedStep:
         shown = flow.sensor_study.study.shown_m
-        return cls.planned_for(flow, model, minutes=10, distances_m=shown, rows=POINTS)
+        return cls.planned_for(flow, model, minutes=10, distances_m=shown)
 
     def run(self, table: Path) -> dict[str, Any]:
         """Write the points to the file `table`, and return their number."""
         from jenco2022.residuals.virtual import Procedure, wall_points
         from pointkit.tables import write_table
 
-        procedure = Procedure(self.errors, self.error_options, keep=self.rows)
+        procedure = Procedure(self.errors, self.error_options, keep=POINTS)
         points = wall_points(procedure, list(self.distances_m), self.seed)
         write_table(points, table)
         return {"model": self.errors, "points": len(points)}

@@ -11,7 +11,7 @@ from pathlib import Path
 from cloud_files.clouds import read_unchecked_cloud
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud, UncheckedCloud
-from pointkit.geometry.mesh import Mesh
+from pointkit.geometry.mesh import Mesh, scaled_mesh
 from puckbench.cli.types import number_or_nan, positive, refuse
 from puckbench.geometry.surfaces import read_surface
 
@@ -82,7 +82,7 @@ def refuse_cloud_options(options: argparse.Namespace, why: str) -> None:
 
 def surface_of(options: argparse.Namespace, path: Path) -> Mesh:
     """Return the mesh in a file, in m, as the options of `add_unit` say."""
-    return read_surface(path, options.metres_per_unit)
+    return scaled_mesh(read_surface(path), options.metres_per_unit)
 
 
 def cloud_of(options: argparse.Namespace, path: Path) -> UncheckedCloud:

@@ -8,27 +8,19 @@ from cloud_files.meshes import read_mesh
 from cloud_files.ply import has_faces
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
-from pointkit.geometry.mesh import Mesh, scaled_mesh
+from pointkit.geometry.mesh import Mesh
 from pointkit.lazy import imported
 
 _CAPTURES = "puckbench.scene_sets.captured_rooms:read_capture"
 
 
-def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:
-    """Return the mesh in a mesh file or in a captured room (``.json``), in metres.
-
-    Parameters
-    ----------
-    path
-        The file.
-    metres_per_unit
-        Factor by which the coordinates of the file are multiplied.
-    """
+def read_surface(path: Path) -> Mesh:
+    """Return the mesh in a mesh file or in a captured room (``.json``), in the file's unit."""
     is_capture = path.suffix == ".json"
     mesh: Mesh | None = imported(_CAPTURES)(path).mesh if is_capture else read_mesh(path)
     if mesh is None:
         raise InputError(f"{path}: has no mesh")
-    return scaled_mesh(mesh, metres_per_unit)
+    return mesh
 
 
 def read_truth(path: Path) -> Mesh | PointCloud:

@@ -26,6 +26,7 @@ from puckbench.steps.prepare import PreparationSettings
 from puckbench.steps.sample import SamplingSettings
 from puckbench.steps.scan import SensorSettings
 from puckbench.steps.scene import LoaderSettings
+from puckbench.steps.sensing import ResidualSettings
 from puckbench.steps.weights import ValidationSettings
 
 Options = dict[str, Any]
@@ -261,7 +262,7 @@ class CaptureConfig(Model):
 _MODELS = ("none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence")
 
 
-class StudyConfig(Model):
+class StudyConfig(ResidualSettings):
     """The sensor's errors measured on a wall and a floor."""
 
     seed: Seed | None = Field(
@@ -285,11 +286,6 @@ class StudyConfig(Model):
     far_m: Annotated[float, Field(ge=30)] | None = Field(
         30.0, description="A further distance, for the effect of beam divergence."
     )
-    runs: int = Field(3, ge=1, description="Number of scans at each distance.")
-    rows: int = Field(
-        10_000, ge=1, description="Number of residuals that are kept of each scan, at random."
-    )
-    refit: bool = Field(False, description="Refit the planes of RANSAC by least squares.")
 
     @field_validator("models")
     @classmethod

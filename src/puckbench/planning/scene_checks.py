@@ -23,6 +23,7 @@ from puckbench.planning.config import DataSetConfig
 from puckbench.planning.memory import Memory
 from puckbench.scene_sets.base import SceneSet
 from puckbench.scene_sets.scene import Scene
+from puckbench.scene_sets.user_files import FileSet
 from puckbench.steps.scan import Scan
 from puckbench.steps.step import planned
 
@@ -150,7 +151,7 @@ def _check_scene(
 
     try:
         scene = scenes.load(name)
-        if isinstance(scenes, Model) and "metres_per_unit" in type(scenes).model_fields:
+        if isinstance(scenes, FileSet):
             _remark_extent(scenes, scene, settings)
         cloud = scene.cloud
         points = scene.returns.points() if scene.returns else None if cloud is None else cloud.xyz

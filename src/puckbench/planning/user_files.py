@@ -34,8 +34,7 @@ from puckbench.planning.plan import Plan, spread_out
 from puckbench.planning.scene_checks import printable
 from puckbench.scene_sets import captured_rooms, recordings
 from puckbench.scene_sets.registry import open_scene_set
-from puckbench.scene_sets.units import check_units, is_named
-from puckbench.scene_sets.user_files import is_file_or_lost
+from puckbench.scene_sets.user_files import check_units, is_file_or_lost, is_named
 
 Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]
 Options = dict[str, Any]

@@ -46,6 +46,18 @@ class Count(NamedTuple):
         return f"{self.held} of {self.published} published{verdict}"
 
 
+class PointRemoval(Model):
+    """Options that say which points of a cloud's file are left out."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+    drop_invalid: bool = False
+    """Whether to leave out and count points that are not finite; by default, clouds with such
+    points are left out."""
+    keep_missing: bool = False
+    """Whether to keep missing returns (points without coordinates, or repeated at the origin)."""
+
+
 class SceneSet(Model, ABC):
     """Base class of scene sets, which list scenes by name and load them.
 

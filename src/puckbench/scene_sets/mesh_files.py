@@ -12,11 +12,7 @@ from puckbench.scene_sets.registry import LOADERS
 from puckbench.scene_sets.scene import Scene
 from puckbench.scene_sets.user_files import FileSet
 
-CODE = (
-    "puckbench.scene_sets.captured_rooms",
-    "puckbench.scene_sets.user_files",
-    "puckbench.scene_sets.units",
-)
+CODE = ("puckbench.scene_sets.captured_rooms", "puckbench.scene_sets.user_files")
 
 
 @LOADERS.register("mesh_files")

@@ -8,15 +8,16 @@ from cloud_files.clouds import SUFFIXES, checked_cloud, read_unchecked_cloud, re
 from cloud_files.content import plain_suffix
 from cloud_files.ply import has_faces
 from pointkit.geometry.cloud import check_extent
+from puckbench.scene_sets.base import PointRemoval
 from puckbench.scene_sets.registry import LOADERS
 from puckbench.scene_sets.scene import Scene
 from puckbench.scene_sets.user_files import FileSet
 
-CODE = ("puckbench.scene_sets.user_files", "puckbench.scene_sets.units")
+CODE = ("puckbench.scene_sets.user_files",)
 
 
 @LOADERS.register("point_clouds")
-class PointClouds(FileSet):
+class PointClouds(FileSet, PointRemoval):
     """The scenes are the user's cloud files: PLY, PCD, LAS, LAZ, E57, text, NumPy and KITTI.
 
     Text files are XYZ, CSV, TXT, ASC and PTS. Colours, intensity and all other attributes are kept.
@@ -28,11 +29,6 @@ class PointClouds(FileSet):
     suffixes = SUFFIXES
     what = "point clouds"
 
-    drop_invalid: bool = False
-    """Whether to leave out and count points that are not finite; by default, clouds with such
-    points are left out."""
-    keep_missing: bool = False
-    """Whether to keep missing returns (points without coordinates, or repeated at the origin)."""
     bin_columns: str | None = None
     """Columns of .bin files (KITTI): a number (3 to 6) or names (``x,y,z,intensity,ring``); by
     default inferred from the values."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from cloud_files.clouds import checked_cloud, removal_counts
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import check_extent
-from puckbench.scene_sets.base import look_up
+from puckbench.scene_sets.base import PointRemoval, look_up
 from puckbench.scene_sets.recordings import BAG_SUFFIXES, RecordingSet
 from puckbench.scene_sets.registry import LOADERS
 from puckbench.scene_sets.scene import Scene, safe_name
@@ -15,7 +15,7 @@ CODE = ("puckbench.scene_sets.recordings",)
 
 
 @LOADERS.register("recorded_clouds")
-class RecordedClouds(RecordingSet):
+class RecordedClouds(RecordingSet, PointRemoval):
     """The scenes are clouds (PointCloud2) in ROS bags (.bag, .db3, .mcap), in metres.
 
     All attributes are kept. Scenes are named after the file and the message's number in the topic,
@@ -23,12 +23,6 @@ class RecordedClouds(RecordingSet):
     """
 
     suffixes = BAG_SUFFIXES
-
-    drop_invalid: bool = False
-    """Whether to leave out and count points that are not finite; by default, clouds with such
-    points are left out."""
-    keep_missing: bool = False
-    """Whether to keep missing returns (points without coordinates, or repeated at the origin)."""
 
     def load(self, name: str) -> Scene:
         from puckbench.recordings.cloud_messages import cloud_topic, read_recorded_cloud

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from puckbench.recordings.reading import RecordedTurns
 
 CODE = (
-    *("puckbench.scene_sets.user_files", "puckbench.scene_sets.units", "puckbench.recordings"),
+    *("puckbench.scene_sets.user_files", "puckbench.recordings"),
     *("puck.records", "puck.recordings", "pointkit.lidar.sensors", "cloud_files.las"),
     *("cloud_files.las_header", "cloud_files.las_units", "cloud_files.pcd", "cloud_files.text"),
     "cloud_files.text_numbers",

@@ -9,14 +9,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
+from pydantic import PositiveFloat
+
 from cloud_files.content import plain_name, plain_suffix
-from pointkit.errors import InputError, naming
+from pointkit.errors import InputError, closest, naming
 from pointkit.files import refuse_special
 from puckbench.scene_sets.base import SceneSet, look_up
 from puckbench.scene_sets.scene import safe_name, unique_names
-from puckbench.scene_sets.units import Units, check_units, metres_per_unit_of
 
 _LOG = logging.getLogger(__name__)
+
+Units = PositiveFloat | dict[str, PositiveFloat]
+"""Metres per unit: one number for all files, or numbers by file name. Files without a number are
+in metres."""
 
 
 class FileSet(SceneSet):
@@ -66,7 +71,7 @@ class FileSet(SceneSet):
 
     def unit_of(self, path: Path) -> float:
         """Return the length of a file's unit, m."""
-        return metres_per_unit_of(path, self.metres_per_unit)
+        return _unit_of(path, self.metres_per_unit)
 
     def about(self, path: Path) -> dict[str, object]:
         """Return a description of a file's scene: its source, format, unit, licence and credit."""
@@ -110,6 +115,36 @@ class FileSet(SceneSet):
     def _is_of_set(self, path: Path) -> bool:
         has_suffix = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
         return has_suffix and is_file_or_lost(path) and self.takes(path)
+
+
+def is_named(path: Path, name: str) -> bool:
+    """Return whether a path ends with the parts of a name, such as ``folder/file.ply``."""
+    parts = Path(name).parts
+    return bool(parts) and path.parts[-len(parts) :] == parts
+
+
+def _unit_of(path: Path, units: float | Mapping[str, float]) -> float:
+    """Return the length of a file's unit in m.
+
+    Parameters
+    ----------
+    path
+        The file.
+    units
+        One length for all files, or lengths by file name. Files without a length are in metres.
+    """
+    if not isinstance(units, Mapping):
+        return units
+    return next((unit for name, unit in units.items() if is_named(path, name)), 1.0)
+
+
+def check_units(units: float | Mapping[str, float], paths: Iterable[Path]) -> None:
+    """Raise InputError if `units` names a file that is not among the paths."""
+    files = list(paths)
+    for name in units if isinstance(units, Mapping) else ():
+        if not any(is_named(path, name) for path in files):
+            near = closest(name, [path.name for path in files])
+            raise InputError(f"no cloud or mesh '{name}'{near}")
 
 
 def paths_at(

@@ -63,8 +63,6 @@ class TimingSettings(Model):
 class TimedStep(CodecStep, TimingSettings):
     """Base class of steps that measure the time of encoding or decoding."""
 
-    repeats: int = 1
-
 
 def ready(codec: Codec) -> Codec:
     """Return a codec after it has loaded its weights and compiled its loops.

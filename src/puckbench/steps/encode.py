@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from cloud_files.content import plain_suffix
 from pointkit.errors import InputError, naming, noting
 from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 from pointkit.lidar.returns import with_returns
-from pointkit.measurement import Cost, Measured, measured
+from pointkit.measurement import Cost, measured
 from pointkit.terminal import Progress
 from puckbench.codecs.base import CloudKind, Codec, SharedWork
 from puckbench.codecs.coding import attribute_bytes, check_codes, cost_of, encoded
@@ -79,13 +78,21 @@ def coded_cloud(
     timing
         How the encoding is timed.
     shared
-        Results of the encoding at other rates that are reused (`Codec.prepare`).
+        Results of the encoding at other rates that are reused (`Codec.prepare`). Their cost is
+        added, as if they were computed again.
     again
         Whether to encode once more. If the streams differ, the record gets a remark.
     """
+
+    def whole(here: Cost) -> Cost:
+        cost = cost_of(codec, here)
+        return cost if shared is None else cost.plus(shared.saved)
+
+    streams: set[bytes] = set()
     with noting(f"rate {rate}"):
-        streams: set[bytes] = set()
-        timed = measured_encoding(codec, cloud, rate, timing.repeats, shared, streams.add)
+        timed = measured(
+            lambda: encoded(codec, cloud, rate, shared), timing.repeats, whole, streams.add
+        )
         if again:
             streams.add(encoded(codec, cloud, rate))
     weights = weights_label(codec.weights(rate))
@@ -148,36 +155,6 @@ def _in_frame(cloud: PointCloud, frame: CoordinateFrame | None) -> PointCloud:
         return cloud
     size = 0 if frame == "metric" else max(2, int(cloud.xyz.max()) + 1)
     return replace(cloud, about={**cloud.about, "size": size})
-
-
-def measured_encoding(
-    codec: Codec,
-    cloud: PointCloud,
-    rate: str,
-    repeats: int = 1,
-    shared: SharedWork | None = None,
-    each: Callable[[bytes], object] = lambda stream: None,
-) -> Measured[bytes]:
-    """Encode a cloud, and return the stream with the time and memory of the encoding.
-
-    Parameters
-    ----------
-    codec, cloud, rate
-        The codec, the cloud to encode, and the name of the rate.
-    repeats
-        Number of times that the cloud is encoded.
-    shared
-        Results of the encoding at other rates that are reused (`Codec.prepare`). Their cost is
-        added, as if they were computed again.
-    each
-        Function that is called with the stream of every repetition.
-    """
-
-    def whole(here: Cost) -> Cost:
-        cost = cost_of(codec, here)
-        return cost if shared is None else cost.plus(shared.saved)
-
-    return measured(lambda: encoded(codec, cloud, rate, shared), repeats, whole, each)
 
 
 def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:

@@ -170,12 +170,11 @@ class Evaluate(Measuring, TimedStep):
     def of_plan(cls, flow: Workflow, /, dataset: str, cloud: str, codec: str) -> PlannedStep:
         plan, files = flow.plan, flow.files
         settings = plan.datasets[dataset].settings
-        scaled_peak = None if isinstance(settings.size, str) else float(settings.size) - 1
         step = cls(
             dataset=dataset,
             codec=codec,
             entry=plan.coding_entry(dataset, codec, plan.curve_rates(dataset, cloud, codec)),
-            peak=scaled_peak if settings.peak is None else settings.peak,
+            peak=settings.peak,
             views=settings.views,
             metrics=plan.config.metrics,
             **plan.timing,

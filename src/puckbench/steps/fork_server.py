@@ -14,6 +14,7 @@ server that is killed leaves nothing behind.
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
 import pkgutil
@@ -25,9 +26,12 @@ from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from typing import TYPE_CHECKING
 
 from puckbench.core.interrupts import signal_end
+
+if TYPE_CHECKING:
+    import subprocess
 
 VARIABLE = "PUCKBENCH_FORK_SERVER"
 """Environment variable with the name of a run's server, or ``off``."""
@@ -48,16 +52,14 @@ EXIT_STATUS = "exit status "
 """Beginning of the last line in the log of a job that ended its process itself (`os._exit`)."""
 _INTERRUPTED = 130
 _FORK = get_context("fork")
-_servers: list[Any] = []
-"""Servers of this process, each of which ends when the pipe to its standard input closes."""
 
 
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     """Start a server that runs the jobs of this process's child processes.
 
-    The server ends when this process ends. No server is started on systems other than Linux, on
-    machines with a GPU (whose driver does not survive a fork), or if a parent process has started a
-    suitable server already.
+    The server ends when this process ends, since its standard input closes. No server is started on
+    systems other than Linux, on machines with a GPU (whose driver does not survive a fork), or if a
+    parent process has started a suitable server already.
 
     Parameters
     ----------
@@ -84,7 +86,12 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
         stdout=subprocess.DEVNULL,
         start_new_session=True,  # a terminal interrupts the clients, which interrupt their jobs
     )
-    _servers.append(server)
+    atexit.register(_end, server)
+
+
+def _end(server: subprocess.Popen[bytes]) -> None:
+    with server:
+        server.kill()
 
 
 def is_serving(threads: int | None = None) -> bool:

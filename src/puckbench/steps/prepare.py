@@ -49,7 +49,8 @@ class PreparationSettings(NormalSettings):
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",
         description="Crop a scan to the room's bounding box by its `clean` coordinates, by its "
-        "`noisy` ones (as the thesis did), or not at all.",
+        "`noisy` ones (as the thesis did), or not at all. Clouds with `size: metric` are not "
+        "cropped.",
     )
     size: Annotated[int, Field(ge=2)] | Literal["grid", "metric"] = Field(
         1024,

@@ -7,7 +7,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pydantic import Field
+
 from pointkit.lidar.sensors import load_sensor
+from pointkit.models import Model
 from virtual_lidar import open_error_model, open_sweep
 from virtual_lidar.errors import ErrorModel, module_of_model
 
@@ -22,6 +25,18 @@ def code_of_models(models: Iterable[ErrorModel]) -> tuple[tuple[str, ...], str]:
     """
     models = tuple(models)
     return tuple(map(module_of_model, models)), " ".join(map(str, models))
+
+
+class ResidualSettings(Model):
+    """How residuals of virtual scans are measured."""
+
+    runs: int = Field(3, ge=1, description="Number of scans at each distance.")
+    rows: int | None = Field(
+        10_000,
+        ge=1,
+        description="Number of residuals that are kept of each scan, at random; null keeps all.",
+    )
+    refit: bool = Field(False, description="Refit the planes of RANSAC by least squares.")
 
 
 class SensingCode(NamedTuple):

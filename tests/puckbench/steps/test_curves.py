@@ -82,8 +82,8 @@ def test_a_curve_in_one_process_has_the_results_of_its_rates_alone(
 ) -> None:
     cloud, truth = Path("cloud.ply"), {"truth": Path("floor.ply"), "visible": Path("seen.ply")}
     curve, rows, clouds = Path("curve.zip"), Path("rows.parquet"), Path("clouds.zip")
-    Encode(codec=codec, entry=entry(codec)).run(cloud, curve)
-    done = Evaluate(codec=codec, dataset="d").run(cloud, curve, rows, **truth)
+    Encode(codec=codec, repeats=1, entry=entry(codec)).run(cloud, curve)
+    done = Evaluate(codec=codec, dataset="d", repeats=1).run(cloud, curve, rows, **truth)
     DecodeShown(codec=codec, rates=RATES[1:]).run(curve, clouds)
     results, shown = read_rows([rows]), read_archive(clouds)
     assert [row["rate"] for row in results] == [*RATES]
@@ -115,7 +115,7 @@ def test_the_rates_of_a_curve_share_the_search_for_a_surface(
 
     monkeypatch.setattr(mode_decision, "_best_surface", counted)
     changes, cloud = {"rates": ["r5", "r6", "r8"]}, read_cloud(Path("cloud.ply"))
-    Encode(codec="primitives", entry=changes).run(Path("cloud.ply"), Path("c.zip"))
+    Encode(codec="primitives", repeats=1, entry=changes).run(Path("cloud.ply"), Path("c.zip"))
     loading = 1  # compiles the search
     assert len(searches) == loading + 1
     compare(cloud, [open_codec("primitives", changes)])
@@ -131,7 +131,7 @@ def timeless(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_commands_read_a_rate_of_a_curve(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Encode(codec="draco", entry=entry("draco")).run(Path("cloud.ply"), Path("c.zip"))
+    Encode(codec="draco", repeats=1, entry=entry("draco")).run(Path("cloud.ply"), Path("c.zip"))
     assert main(["decode", "c.zip", "out.ply", "--rate", "r4"]) == 0
     assert main(["evaluate", "cloud.ply", "c.zip", "--rate", "r4", "--json"]) == 0
     assert '"rate": "r4"' in capsys.readouterr().out
@@ -182,5 +182,5 @@ def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:
     changes["rates"] = {rate: {} for rate in RATES}
     Encode.create(codec="mine", entry=changes).run(Path("cloud.ply"), curve)
     assert Path("loads").read_text() == "x"
-    Evaluate(codec="mine", entry=changes).run(Path("cloud.ply"), curve, rows)
+    Evaluate(codec="mine", repeats=1, entry=changes).run(Path("cloud.ply"), curve, rows)
     assert Path("loads").read_text() == "xx"

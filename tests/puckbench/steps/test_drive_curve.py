@@ -47,7 +47,9 @@ def drive(street: Path) -> Path:
 def rows_of(drive: Path, curve: Path | None = None, codec: str | None = None) -> pd.DataFrame:
     rows = drive.parent / "rows.parquet"
     if codec and curve:
-        MeasureDrive(dataset="way", tasks=TASKS, codec=codec, entry=CHANGES).run(drive, curve, rows)
+        MeasureDrive(dataset="way", tasks=TASKS, codec=codec, entry=CHANGES, repeats=1).run(
+            drive, curve, rows
+        )
     else:
         MeasureUndecoded(dataset="way", tasks=TASKS).run(drive, rows)
     return pd.DataFrame(read_rows([rows])).set_index("times")
@@ -70,7 +72,7 @@ def test_codecs_of_points_drift_as_far_as_the_undecoded_drive_with_times_of_azim
         "azimuth": "azimuth times",
         "none": "no times",
     }
-    EncodeDrive(codec="gpcc", entry=CHANGES).run(drive, drive.parent / "curve.zip")
+    EncodeDrive(codec="gpcc", entry=CHANGES, repeats=1).run(drive, drive.parent / "curve.zip")
     coded = rows_of(drive, drive.parent / "curve.zip", "gpcc")
     assert list(coded.index) == ["azimuth", "none"]
     for column in ("drift_percent", "gicp_drift_percent"):
