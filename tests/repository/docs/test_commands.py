@@ -118,6 +118,8 @@ def with_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with the files that the pages' configurations name."""
     (meshes := tmp_path / "data" / "mine").mkdir(parents=True)
     (meshes / "box.off").write_text(BOX)
+    (office := tmp_path / "data" / "rooms" / "office").mkdir(parents=True)
+    (office / "r101.txt").write_text("6 4 3")
     (tmp_path / "site").mkdir()
     write_las(tmp_path / "site" / "a.laz")
     capture = ROOT / "tests" / "data" / "capture" / "single.pcap"
