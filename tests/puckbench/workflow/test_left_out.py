@@ -122,7 +122,7 @@ def test_everything_else_is_made(finished: tuple[Path, str, int]) -> None:
     folder, output, _ = finished
     results = folder / "results"
     assert set(pd.read_csv(results / "tables" / "summary.csv")["dataset"]) == {"objects"}
-    assert (results / "figures" / "fig_6_6.pdf").is_file()
+    assert (results / "figures" / "chamfer_rd.pdf").is_file()
     assert "KeyError: &#39;offset&#39;" in (results / "report.html").read_text()
     assert "report:  results/report.html" in output
 
