@@ -22,7 +22,7 @@ def determinism(subject: Subject) -> str:
         if subject.encode(subject.cloud, rate) != stream:
             raise Fault(
                 f"{rate}: a second encoding gives other bytes: take random numbers from a "
-                "generator with a fixed seed, and write no time and no dict or set in its order"
+                "generator with a fixed seed, and write no time (gzip: -n) and no set in its order"
             )
         again = subject.decode(stream).xyz
         if not np.array_equal(again, subject.decoded[rate].xyz):

@@ -128,12 +128,14 @@ class _Worker:
         try:
             if self._connection.poll(seconds):
                 return cast("dict[str, Any]", json.loads(self._connection.recv_bytes()))
-            how = f"it did not end within {seconds:.0f} s"
         except (EOFError, OSError):
-            process.wait(_ENDING_SECONDS)
-            how = how_it_ended(process.returncode)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_ENDING_SECONDS)
+        is_late = process.poll() is None
         self.leave()
-        return how
+        if is_late:
+            return f"it did not end within {seconds:.0f} s"
+        return how_it_ended(process.returncode)
 
     def leave(self) -> None:
         """End the process, and those that it started."""

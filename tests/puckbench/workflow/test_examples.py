@@ -17,6 +17,7 @@ from cloud_files.clouds import write_cloud
 from pointkit.geometry.cloud import PointCloud
 from pointkit.measurement import Cost
 from pointkit.registry import trust
+from puckbench.cli import main
 from puckbench.codecs.coding import cost_of
 from puckbench.codecs.registry import open_codec
 from tests.support.bench import BOX, CONFIG, ROOT, Bench
@@ -67,6 +68,15 @@ def test_a_codec_that_runs_a_program_codes_as_its_page_shows(tmp_path: Path) -> 
     np.testing.assert_array_equal(decode(codec, encode(codec, points, "r2")), points)
     np.testing.assert_allclose(decode(codec, encode(codec, points, "r1")), points, atol=1e-3)
     assert cost_of(codec, Cost(0.0, 0.0)).seconds > 0
+
+
+@pytest.mark.parametrize("place", ["codecs/grid.py:Grid", "codecs/zipped.py:Zipped"])
+def test_the_codecs_of_its_page_pass_the_checks(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_files(tmp_path, CODEC)
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", place]) == 0, capsys.readouterr().out
 
 
 def test_gpcc_codes_points_alone_as_its_example_shows() -> None:
