@@ -32,13 +32,16 @@ def attributes(subject: Subject) -> str:
     for name in named:
         if name in expected:  # returns may be used by the encoder alone
             if name not in found:
-                where = "`colours`" if name == COLOUR else "`fields`"
-                raise Fault(f"no {name} comes back: put it into {where} of the decoded PointCloud")
+                where = "`colours`" if name == COLOUR else "`fields['reflectance']`"
+                raise Fault(
+                    f"no {name} comes back: encode that of puckbench.geometry.attributes."
+                    f"coded_attributes, and decode it to {where} of the PointCloud"
+                )
             error = _mean_error((cloud, expected[name]), (decoded, found[name]))
             if error > _MOST_ERROR:
                 raise Fault(
-                    f"{name} is off by {error:.0f} of 255 on average: keep values in the order of "
-                    "the decoded points"
+                    f"{name} is off by {error:.0f} of 255 on average: decode a value for each "
+                    "point, in the order of the decoded points"
                 )
             checked.append(f"{name} off by {error:.2g} on average")
     if not checked:

@@ -57,7 +57,7 @@ def distances(subject: Subject) -> str:
         _check_step(subject, rate)
     error = farthest_of_both(subject.cloud.xyz, subject.decoded[subject.finest].xyz)
     unit = "grid steps" if subject.kind == "scaled" else "m"
-    return f"at most {error:.2g} {unit} at {subject.finest}"
+    return f"at most {error:.3g} {unit} at {subject.finest}"
 
 
 def _check_step(subject: Subject, rate: str) -> None:

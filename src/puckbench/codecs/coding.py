@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pointkit.errors import InputError, naming
+from pointkit.errors import InputError, error_text, naming
 from pointkit.geometry.cloud import CoordinateFrame, PointCloud, check_points
 from pointkit.geometry.mesh import Mesh, labelled_mesh_in_metres
 from pointkit.measurement import NO_COST, Cost
@@ -54,7 +54,7 @@ def encoded(codec: Codec, cloud: PointCloud, rate: str, work: Any = None) -> byt
     kind = CloudKind.of(cloud)
     if kind.frame is None and is_length(codec, rate):
         kind = kind._replace(frame="metric")
-    if reason := codec.skip(kind, rate):
+    if reason := skip_reason(codec, kind, rate):
         raise InputError(f"{name}: {reason}")
     shift = None if _is_coded_as_it_is(codec, cloud) else shift_of(cloud.xyz)
     points = cloud.xyz if shift is None else cloud.xyz - shift
@@ -111,7 +111,10 @@ def attribute_bytes(codec: Codec, stream: bytes) -> Mapping[str, int]:
     All other bytes are geometry. Attributes without bytes are left out.
     """
     with naming(f"codec {codec.name}"):
-        sizes = codec.attribute_bytes(unshifted(stream).stream)
+        content = unshifted(stream).stream
+        sizes = codec.attribute_bytes(content)
+        if min(sizes.values(), default=0) < 0 or sum(sizes.values()) > len(content):
+            raise InputError(f"attribute_bytes returned {dict(sizes)}, of {len(content)} bytes")
     return {name: size for name, size in sizes.items() if size}
 
 
@@ -121,9 +124,24 @@ def check_codes(codec: Codec, cloud: CloudKind, rate: str | None = None) -> None
     The message has the codec's reason (`Codec.skip`).
     """
     rates = (rate,) if rate is not None else tuple(rates_of(codec, cloud.frame) or codec.rates)
-    reasons = [codec.skip(cloud, each) for each in rates]
+    reasons = [skip_reason(codec, cloud, each) for each in rates]
     if reasons and all(reasons):
         raise InputError(f"codec {codec.name}: {reasons[0]}")
+
+
+def skip_reason(codec: Codec, cloud: CloudKind, rate: str) -> str | None:
+    """Return why a codec does not encode a cloud at a rate (`Codec.skip`), or None.
+
+    Raises InputError if `skip` raises an exception, or returns neither a text nor None.
+    """
+    with naming(f"codec {codec.name}: skip({cloud}, {rate!r})"):
+        try:
+            reason = codec.skip(cloud, rate)
+        except (AttributeError, TypeError, ValueError) as error:
+            raise InputError(error_text(error)) from error
+        if not isinstance(reason, str | None):
+            raise InputError(f"returned {type(reason).__name__}, not a text or None")
+    return reason
 
 
 def why_not_here(codec: Codec) -> str:
@@ -139,14 +157,14 @@ def skip_anywhere(codec: Codec, cloud: CloudKind, rate: str) -> str | None:
 
     This is `Codec.skip` without what only this machine lacks: a planned job may run on another.
     """
-    reason = codec.skip(cloud, rate)
+    reason = skip_reason(codec, cloud, rate)
     return None if reason == _lack(codec, rate) else reason
 
 
 def _lack(codec: Codec, rate: str) -> str | None:
     """Return why a codec skips a rate for every cloud, or None if it encodes some."""
     frame: CoordinateFrame = "metric" if is_length(codec, rate) else "scaled"
-    return codec.skip(CloudKind(frame, has_returns=True, has_packets=True), rate)
+    return skip_reason(codec, CloudKind(frame, has_returns=True, has_packets=True), rate)
 
 
 def cost_of(codec: Codec, here: Cost) -> Cost:

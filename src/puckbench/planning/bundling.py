@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import re
 import shutil
@@ -104,6 +105,7 @@ def published(results: Path, config: Path, with_streams: bool) -> Published:
         "record": _record(results / "logs"),
         "results": paths.in_text(flow.config.results),
         "plugins": tuple(code),
+        "python_path": tuple(_python_path(paths)),
         "files": {},
         "inputs": {
             name: digest_of(inputs[name]) for name in sorted(inputs.keys() - members.keys())
@@ -160,15 +162,23 @@ def _installed_plugins(flow: Workflow) -> dict[str, str]:
 
 
 def _code_of(flow: Workflow) -> set[Path]:
-    """Return the files of the user's code, which count as code of jobs."""
+    """Return the files of the user's code, which count as code of jobs, and what codecs name."""
     places = [place.rpartition(":")[0] for place in flow.config.places()]
     names = [str(Path(name).absolute()) if name.endswith(".py") else name for name in places]
+    named = [file for codec in flow.plan.codecs for file in flow.plan.named_files(codec)]
     installed = [*map(Path, sysconfig.get_paths().values()), *package_folders().values()]
     return {
         file
-        for file in (covered(*names) if names else ())
+        for file in (*(covered(*names) if names else ()), *named)
         if not any(file.is_relative_to(folder) for folder in installed)
     }
+
+
+def _python_path(paths: PublishedPaths) -> Iterator[str]:
+    """Yield the published names of folders in the working folder where Python finds modules."""
+    for folder in map(Path, filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))):
+        if Path.cwd() in folder.absolute().parents:
+            yield from paths.names_of(folder)
 
 
 def _settings_of(flow: Workflow) -> set[Path]:

@@ -34,16 +34,17 @@ def program_digests(codec: Codec, memory: Memory) -> list[str]:
         Stores the digests between runs.
     """
     known = {name: str(digest) for name, digest in memory.read(_PROGRAMS).items()}
-    digests = {name: _digest({file.resolve()}, memory) for name, file in _programs(codec).items()}
+    files = {name: with_libraries({file.resolve()}) for name, file in _programs(codec).items()}
+    digests = {name: files_digest(each, memory) for name, each in files.items()}
     if not digests.items() <= known.items():
         memory.learn(_PROGRAMS, {**known, **digests})
     return [{**known, **digests}.get(name, "") for name in _names(codec)]
 
 
-def named_files_digest(codec: Codec, entry: Entry, without: Set[Path], memory: Memory) -> str:
-    """Return a digest of the files that the code, options and rates of a user's codec name.
+def files_of_codec(codec: Codec, entry: Entry, without: Set[Path]) -> set[Path]:
+    """Return the files that the code, options and rates of a user's codec name.
 
-    It is empty if there are none. The programs that the codec runs are not among them.
+    The codec's code and the programs that it runs are not among them, but libraries beside them.
 
     Parameters
     ----------
@@ -51,8 +52,6 @@ def named_files_digest(codec: Codec, entry: Entry, without: Set[Path], memory: M
         The codec, and its complete entry in the configuration.
     without
         Absolute paths of files and folders that do not count, such as the results.
-    memory
-        Stores the digests between runs.
     """
     module = module_of(entry["class"])
     if module.endswith(".py"):
@@ -60,7 +59,13 @@ def named_files_digest(codec: Codec, entry: Entry, without: Set[Path], memory: M
     file = Path(module if module.endswith(".py") else str(importlib.import_module(module).__file__))
     options = _texts({key: value for key, value in entry.items() if key != "class"})
     programs = {*_programs(codec).values()}
-    return _digest(named_files(file, options, without | programs) - covered(module), memory)
+    return with_libraries(named_files(file, options, without | programs) - covered(module))
+
+
+def files_digest(files: Set[Path], memory: Memory) -> str:
+    """Return a text with the digests of files, which `memory` stores; it is empty without files."""
+    paths = sorted(files, key=lambda path: (path.name, path))
+    return " ".join(digest[:16] for digest in file_digests(paths, memory, _FILES).values())
 
 
 def _names(codec: Codec) -> tuple[str, ...]:
@@ -71,12 +76,6 @@ def _programs(codec: Codec) -> dict[str, Path]:
     """Return the absolute paths of a codec's programs that are on this machine, by name."""
     found = {name: shutil.which(name) for name in _names(codec)}
     return {name: Path(path).absolute() for name, path in found.items() if path}
-
-
-def _digest(files: Set[Path], memory: Memory) -> str:
-    """Return the joined digests of files and of the libraries beside them, empty without any."""
-    paths = sorted(with_libraries(files), key=lambda path: (path.name, path))
-    return " ".join(digest[:16] for digest in file_digests(paths, memory, _FILES).values())
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -63,6 +63,7 @@ def run_workflow(
     quiet: bool,
     goes_on: bool,
     again: Sequence[str] = (),
+    python_path: Sequence[Path] = (),
     folder: Path | None = None,
 ) -> int:
     """Run the workflow, and return its exit status; it ends when this process is interrupted.
@@ -77,12 +78,17 @@ def run_workflow(
         Whether this process goes on after the workflow (`CALLER_GOES_ON`).
     again
         Names of codecs whose curves are made again in any case (`AGAIN`).
+    python_path
+        Folders in which Python searches for modules first.
     folder
         Working folder; by default that of this process.
     """
     output = sys.stderr if quiet else None
     stdin, held = os.pipe()
     environment = run_environment(stdin)
+    if python_path:
+        paths = [*map(str, python_path), *filter(None, [environment.get("PYTHONPATH")])]
+        environment["PYTHONPATH"] = os.pathsep.join(paths)
     environment |= {AGAIN: " ".join(again), **({CALLER_GOES_ON: "yes"} if goes_on else {})}
     with subprocess.Popen(
         command, stdin=stdin, stdout=output, env=environment, cwd=folder

@@ -21,7 +21,7 @@ from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.task_registry import TASKS
-from puckbench.planning.codec_files import named_files_digest, program_digests
+from puckbench.planning.codec_files import files_digest, files_of_codec, program_digests
 from puckbench.planning.config import (
     Config,
     DataSetConfig,
@@ -672,11 +672,16 @@ class Plan:
         They are its weights, the programs that it runs and, if the codec is the user's own, the
         files that its code, options and rates name (`puckbench.planning.codec_files`).
         """
-        entry, opened, named = self.codecs[codec], self.opened[codec], ""
-        if not entry["class"].startswith("puckbench."):
-            named = named_files_digest(opened, entry, self._no_codec_files, self.memory)
-        programs = program_digests(opened, self.memory)
+        programs = program_digests(self.opened[codec], self.memory)
+        named = files_digest(self.named_files(codec), self.memory)
         return " ".join(filter(None, (*map(sha256, self.weights[codec]), *programs, named)))
+
+    def named_files(self, codec: str) -> set[Path]:
+        """Return the files that the code, options and rates of a user's codec name."""
+        entry = self.codecs[codec]
+        if entry["class"].startswith("puckbench."):
+            return set()
+        return files_of_codec(self.opened[codec], entry, self._no_codec_files)
 
     @cached_property
     def _no_codec_files(self) -> frozenset[Path]:

@@ -109,7 +109,10 @@ class PublishedPaths:
             outer = [r for r in self._aliases if path.is_relative_to(r) and str(r) != r.anchor]
             roots = sorted(outer, key=lambda root: len(root.parts))[-1:]
         if not roots:
-            raise InputError(f"{file}: not in the folder of the run, and not named as an input")
+            raise InputError(
+                f"{file}: not in the folder of the run, and not named in the configuration: move "
+                "it to this folder and run again"
+            )
         return [self._name(path, root) for root in dict.fromkeys(roots)]
 
 

@@ -120,10 +120,17 @@ def run_again(bundle: Bundle, folder: Path, cores: int | None) -> Iterator[Diffe
         Each kind of result that differs, apart from times, memory and the machine.
     """
     command = snakemake_command(Path(CONFIGURATION), cores)
-    status = run_workflow(command, quiet=True, goes_on=True, folder=folder)
-    results = folder / bundle.manifest.results
+    manifest = bundle.manifest
+    python_path = [
+        (folder / name).absolute()
+        for name in manifest.python_path
+        if any(member.startswith(f"{name}/") for member in manifest.plugins)
+    ]
+    status = run_workflow(command, quiet=True, goes_on=True, python_path=python_path, folder=folder)
+    results = folder / manifest.results
     if status:
-        yield Difference("run", f"ended with exit status {status} (logs: {results / 'logs'})")
+        logs = f" (logs: {results / 'logs'})" if (results / "logs").exists() else ""
+        yield Difference("run", f"ended with exit status {status}{logs}")
     yield from differences(bundle, results)
 
 

@@ -17,7 +17,7 @@ from pointkit.files import special_kind, write_bytes
 from pointkit.geometry.cloud import CoordinateFrame
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.base import CloudKind
-from puckbench.codecs.coding import why_not_here
+from puckbench.codecs.coding import skip_reason, why_not_here
 from puckbench.codecs.rates import (
     check_lengths,
     find_rate,
@@ -499,7 +499,7 @@ def _why_not(plan: Plan, codec: str, advice: bool) -> str:
         "metric": metric_rates(opened.rates),
     }
     for rate in rates["metric"]:
-        if reason := opened.skip(CloudKind("metric"), rate):
+        if reason := skip_reason(opened, CloudKind("metric"), rate):
             return reason
     others = [frame for frame in rates if rates[frame] and frame not in plan.frames]
     other = f" (--frame {others[0]})" if others and advice else ""

@@ -87,7 +87,9 @@ class Manifest(Model, extra="ignore"):
     results
         Results folder of the configuration.
     plugins
-        Members with code of the author, which a re-run executes.
+        Members with code of the author, which a re-run executes, and files that codecs name.
+    python_path
+        Folders with such members in which Python searches for modules.
     files
         Digest of each member but the manifest.
     inputs
@@ -105,6 +107,7 @@ class Manifest(Model, extra="ignore"):
     record: Mapping[Text, Text] = {}
     results: Name
     plugins: tuple[Name, ...] = ()
+    python_path: tuple[Name, ...] = ()
     files: Mapping[Name, Digest]
     inputs: Mapping[Name, FileDigest] = {}
     programs: Mapping[Name, FileDigest] = {}

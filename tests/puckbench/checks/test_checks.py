@@ -46,7 +46,7 @@ FAULTS: dict[str, dict[str, str]] = {
     },
     "WritesASet": {"new_process": "r1: a new process encodes other bytes: sort"},
     "SharesTooMuch": {"shared_work": "other bytes if another rate was coded before"},
-    "DropsColours": {"attributes": "no colour comes back: put it into `colours`"},
+    "DropsColours": {"attributes": "no colour comes back: encode that of"},
     "MixesReflectances": {"attributes": "reflectance is off by"},
     "NamesAttributes": {"attributes": "a tuple of reflectance, colour, returns"},
     "RaisesOnDamage": {"damage": "the empty stream: error: Error -5"},
