@@ -18,6 +18,13 @@ from puckbench.report.reference_results import read_reference
 from puckbench.results.bundles import CONFIGURATION, read_bundle, write_bundle
 from tests.support.bench import RAW_CODEC, ROOT, Bench
 
+FACTOR = 'json.loads((Path(__file__).parent / "unit.json").read_text()) * scale.ONE'
+CODEC = f"""import json
+from pathlib import Path
+
+import scale
+{RAW_CODEC.replace('self.rates[rate]["step"]', f'self.rates[rate]["step"] / ({FACTOR})')}"""
+"""A codec that reads a file beside it, and imports a module that lies in a folder of its own."""
 CONFIG: dict[str, Any] = {
     "scene_sets": {"files": {"loader": "point_clouds", "options": {"path": "clouds"}}},
     "datasets": {"mine": {"scene_set": "files", "make": "cloud"}},
@@ -37,7 +44,7 @@ def puckbench(folder: Path, *words: str | Path) -> subprocess.CompletedProcess[s
     return subprocess.run(
         [sys.executable, "-m", "puckbench", *map(str, words)],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{folder / 'lib'}"},
         capture_output=True,
         text=True,
         check=False,
@@ -51,6 +58,10 @@ def write_run(folder: Path, clouds: str = "clouds") -> Bench:
     place = folder / clouds
     place.mkdir(exist_ok=True)
     np.savetxt(place / "a.xyz", np.random.default_rng(5).random((600, 3)), fmt="%.6f")
+    (folder / "raw_grid.py").write_text(CODEC)
+    (folder / "unit.json").write_text("1")
+    (folder / "lib").mkdir(exist_ok=True)
+    (folder / "lib" / "scale.py").write_text("ONE = 1\n")
     bench.configure({**CONFIG, "scene_sets.files.options.path": clouds})
     return bench
 
@@ -77,11 +88,12 @@ def test_equal_results_give_equal_bundles_without_paths_of_the_machine(bench: Be
     assert first == second
     assert str(bench.folder.parent).encode() not in first
     bundle = read_bundle(bench.folder / "a.zip")
-    assert bundle.members["raw_grid.py"].decode() == RAW_CODEC
+    assert bundle.members["raw_grid.py"].decode() == CODEC
     assert {CONFIGURATION, "results/reference.parquet"} < bundle.members.keys()
     assert {"metrics", "clouds", "summary", "bd_rate"} < bundle.tables.keys()
     assert list(bundle.manifest.inputs) == ["clouds/a.xyz"]
-    assert set(bundle.manifest.plugins) == {"box.py", "raw_grid.py"}
+    assert set(bundle.manifest.plugins) == {"box.py", "lib/scale.py", "raw_grid.py", "unit.json"}
+    assert bundle.manifest.python_path == ("lib",)
     curve = "coded/mine/a/raw_grid"
     assert list(bundle.manifest.streams[curve]) == ["r1.bin", "r2.bin"]
     assert bundle.members[f"results/{curve}.zip"] == (bench.results / f"{curve}.zip").read_bytes()
@@ -104,7 +116,7 @@ def test_a_bundle_is_described_without_running_it(
     monkeypatch.chdir(private.parent)
     assert main(["verify", "small.zip", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["plugins"] == ["box.py", "raw_grid.py"]
+    assert answer["plugins"] == ["box.py", "lib/scale.py", "raw_grid.py", "unit.json"]
     assert answer["streams"] == "4, by their digests"
     assert answer["different_here"] == []
     assert main(["verify", "small.zip"]) == 0
@@ -130,7 +142,7 @@ def test_another_folder_repeats_the_run_to_the_same_bytes(bench: Bench, private:
     answer = json.loads(done.stdout)
     assert answer["differences"] == []
     assert answer["verdict"].startswith("the same results")
-    assert "plug-ins of the bundle that are executed: box.py, raw_grid.py" in done.stderr
+    assert "plug-ins of the bundle that are executed: box.py, lib/scale.py" in done.stderr
     for name in ("coded/mine/a/draco", "coded/mine/a/raw_grid"):
         assert (there / "again" / "results" / f"{name}.zip").exists()
     again = puckbench(there, "verify", private, "--run", "again", "--inputs", bench.folder)
@@ -139,8 +151,8 @@ def test_another_folder_repeats_the_run_to_the_same_bytes(bench: Bench, private:
 
 def test_another_plug_in_gives_other_streams_and_status_1(bench: Bench, private: Path) -> None:
     bundle = read_bundle(private)
-    code = RAW_CODEC.replace("np.round(cloud.xyz /", "np.floor(cloud.xyz /")
-    assert code != RAW_CODEC
+    code = CODEC.replace("np.round(cloud.xyz /", "np.floor(cloud.xyz /")
+    assert code != CODEC
     members = {**bundle.members, "raw_grid.py": code.encode()}
     write_bundle(bench.folder / "forged.zip", bundle.manifest, members)
     done = puckbench(bench.folder, "verify", "forged.zip", "--run", "forged", "--json")
@@ -157,11 +169,11 @@ def test_another_plug_in_gives_other_streams_and_status_1(bench: Bench, private:
 def test_results_of_other_code_and_of_other_settings_are_refused(bench: Bench) -> None:
     code, config = (bench.folder / name for name in ("raw_grid.py", "config.yaml"))
     kept = config.read_text()
-    code.write_text(RAW_CODEC.replace('"raw 1"', '"raw 2"'))
+    code.write_text(CODEC.replace('"raw 1"', '"raw 2"'))
     try:
         done = puckbench(bench.folder, "bundle", "results", "--config", "config.yaml")
     finally:
-        code.write_text(RAW_CODEC)
+        code.write_text(CODEC)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "results: not the results of config.yaml, of which" in done.stderr
