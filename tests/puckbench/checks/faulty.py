@@ -259,10 +259,6 @@ class MixesReflectances(Attributed):
         return super().cloud(xyz, shades[::-1], colours)
 
 
-class NamesAttributes(Right):
-    attributes = ("intensity",)
-
-
 class RaisesOnDamage(Right):
     def decode(self, stream):
         cells = np.frombuffer(zlib.decompress(stream[8:]), "<i4").reshape(3, -1).T

@@ -48,7 +48,6 @@ FAULTS: dict[str, dict[str, str]] = {
     "SharesTooMuch": {"shared_work": "other bytes if another rate was coded before"},
     "DropsColours": {"attributes": "no colour comes back: encode that of"},
     "MixesReflectances": {"attributes": "reflectance is off by"},
-    "NamesAttributes": {"attributes": "a tuple of reflectance, colour, returns"},
     "RaisesOnDamage": {"damage": "the empty stream: error: Error -5"},
     "SleepsOnDamage": {"damage": "the empty stream: takes 6 s: compare announced sizes"},
     "TakesMemoryOnDamage": {"damage": "takes more than 2 GiB"},
