@@ -3,6 +3,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import Field
+
 from jenco2022.residuals.wall_scans import WallScans
 from puckbench.core.code import SENSOR
 from puckbench.steps.step import STEPS, PlannedStep
@@ -12,15 +14,16 @@ if TYPE_CHECKING:
 
 CODE = (*SENSOR, "jenco2022.residuals", "virtual_lidar.scenes.*")
 
-POINTS = 40_000
-"""Number of points of a surface at one distance in figures of scans."""
-
 
 @STEPS.register("wall_points")
 class WallPoints(WallScans):
-    """Write the points of a virtual scan of a wall and a floor from each distance."""
+    """Write the points of a virtual scan of a wall and a floor from each distance.
+
+    `rows` is the largest number of points of a surface at one distance, chosen at random.
+    """
 
     distances_m: tuple[float, ...] = (1.0, 5.0)
+    rows: int = Field(40_000, ge=1)
 
     @classmethod
     def of_plan(cls, flow: Workflow, /, model: str) -> PlannedStep:
@@ -32,7 +35,7 @@ class WallPoints(WallScans):
         from jenco2022.residuals.virtual import Procedure, wall_points
         from pointkit.tables import write_table
 
-        procedure = Procedure(self.errors, self.error_options, keep=POINTS)
+        procedure = Procedure(self.errors, self.error_options, keep=self.rows)
         points = wall_points(procedure, list(self.distances_m), self.seed)
         write_table(points, table)
         return {"model": self.errors, "points": len(points)}

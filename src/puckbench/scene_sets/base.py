@@ -15,10 +15,9 @@ from cloud_files.meshes import read_mesh_report
 from pointkit.errors import InputError, among
 from pointkit.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from pointkit.models import Model
-from puckbench.scene_sets.old_names import keep_old_names
 from puckbench.scene_sets.scene import Scene
 
-CODE = ("puckbench.scene_sets.scene", "puckbench.scene_sets.old_names")
+CODE = ("puckbench.scene_sets.scene",)
 
 T = TypeVar("T")
 
@@ -74,10 +73,6 @@ class SceneSet(Model, ABC):
     of_clouds: ClassVar[bool] = False
     of_packets: ClassVar[bool] = False
     read_first: ClassVar[bool] = False
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        keep_old_names(cls)
 
     @property
     def of_returns(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from abc import update_abstractmethods
 from typing import Any
 
 _NEW_NAMES = {
@@ -19,11 +20,17 @@ _NEW_NAMES = {
 """Members by their old names."""
 
 
-def keep_old_names(kind: Any) -> None:
-    """Give members of a new class of scene sets their old names, too, and old members new names.
+def keep_old_names(kind: type[Any]) -> None:
+    """Give members of a user's class of scene sets, and of its bases, both their names.
 
-    If the class itself has old members, a line on standard error says what to rename.
+    If a class has old members, a line on standard error says what to rename.
     """
+    for each in reversed(kind.__mro__[:-1]):
+        _keep_old_names_of(each)
+        update_abstractmethods(each)
+
+
+def _keep_old_names_of(kind: Any) -> None:
     own, renamed = dict(vars(kind)), []
     for old, new in _NEW_NAMES.items():
         if new in own and not getattr(own[new], "__isabstractmethod__", False):

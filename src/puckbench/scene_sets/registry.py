@@ -7,6 +7,7 @@ from pointkit.errors import InputError
 from pointkit.models import parsed
 from pointkit.registry import Registry
 from puckbench.scene_sets.base import SceneSet
+from puckbench.scene_sets.old_names import keep_old_names
 
 LOADERS: Registry[type[SceneSet]] = Registry("loader", "scene_sets")
 """Registry of the classes that read or generate scene sets. A configuration names them as
@@ -30,6 +31,8 @@ def loader_class(loader: str) -> type[SceneSet]:
     if not (isinstance(model, type) and issubclass(model, SceneSet)):
         base = f"{SceneSet.__module__}.{SceneSet.__name__}"
         raise InputError(f"loader {loader}: not a class derived from {base}")
+    if not model.__module__.startswith("puckbench."):
+        keep_old_names(model)
     if missing := sorted(model.__abstractmethods__):
         raise InputError(f"loader {loader}: {model.__name__} lacks {', '.join(missing)}")
     return model

@@ -11,7 +11,9 @@ import pytest
 from pointkit.geometry.cloud import PointCloud
 from pointkit.measurement import Cost
 from puckbench.codecs.base import Codec, Parameters, SharedWork
-from puckbench.steps.encode import measured_encoding
+from puckbench.results.curves import Coded
+from puckbench.steps.coding import TimingSettings
+from puckbench.steps.encode import coded_cloud
 from tests.support.codecs import encode, encode_cloud
 
 POINTS = np.arange(30.0).reshape(10, 3)
@@ -52,6 +54,10 @@ class Sharing(Plain):
         return work.total + bytes(self.rates[rate]["digit"])
 
 
+def coded(codec: Codec, cloud: PointCloud, rate: str, work: SharedWork | None = None) -> Coded:
+    return coded_cloud(codec, cloud, rate, TimingSettings(repeats=2), work)
+
+
 @pytest.mark.parametrize("shift", [0.0, 5e6], ids=["near", "far"])
 def test_streams_are_the_same_with_shared_work(shift: float) -> None:
     codec, cloud = Sharing("sharing"), PointCloud(POINTS + shift)
@@ -63,16 +69,15 @@ def test_streams_are_the_same_with_shared_work(shift: float) -> None:
 def test_a_rate_costs_what_it_would_cost_alone() -> None:
     codec, cloud = Sharing("sharing"), PointCloud(POINTS)
     shared = codec.prepare(cloud)
-    first, second, again = (
-        measured_encoding(codec, cloud, rate, 2, shared) for rate in ("r1", "r2", "r1")
-    )
-    assert max(first.most_s, again.most_s) < WORK.seconds < second.least_s
-    assert max(first.peak_mib, again.peak_mib) < WORK.peak_mib == second.peak_mib
-    assert measured_encoding(codec, cloud, "r2").most_s < WORK.seconds
+    first, second, again = (coded(codec, cloud, rate, shared).record for rate in ("r1", "r2", "r1"))
+    assert max(first["encode_s"], again["encode_s"]) < WORK.seconds < second["encode_s"]
+    peak = "encode_peak_mib"
+    assert max(first[peak], again[peak]) < WORK.peak_mib == second[peak]
+    assert coded(codec, cloud, "r2").record["encode_s"] < WORK.seconds
 
 
 def test_a_codec_without_shared_work_is_one_with_an_encode_alone() -> None:
     codec, cloud = Plain("plain"), PointCloud(POINTS)
     assert codec.prepare(cloud) is None
-    stream = measured_encoding(codec, cloud, "r1", shared=codec.prepare(cloud)).result
+    stream = coded(codec, cloud, "r1", codec.prepare(cloud)).stream
     assert stream == encode(codec, POINTS, "r1", SharedSum()) == POINTS.sum().tobytes() + b"1"

@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pointkit.errors import InputError
 from puckbench.planning.workflow import Workflow
-
-CLOUDS = """
-from puckbench.scene_sets.base import GeneratedSet
-
-
-class Clouds(GeneratedSet):
-    of_clouds = True
-
-    def names(self):
-        return ["office_1"]
-
-    def load(self, name):
-        raise KeyError(name)
-"""
 
 
 def workflow(loader: str = "embedded_rooms", **settings: Any) -> Workflow:
@@ -54,20 +39,6 @@ def test_each_seed_has_a_cloud_of_every_scene() -> None:
 def test_seeds_that_would_do_nothing_are_refused(settings: dict[str, Any], reason: str) -> None:
     with pytest.raises(InputError, match=f"seeds: .*{reason}"):
         workflow(**settings)
-
-
-def test_the_peak_of_a_grid_is_each_clouds_own(tmp_path: Path) -> None:
-    (tmp_path / "clouds.py").write_text(CLOUDS)
-
-    def peak(**settings: Any) -> float | None:
-        flow = workflow(**settings)
-        dataset, cloud, codec = flow.plan.curves[0]
-        return flow.step("evaluate", dataset=dataset, cloud=cloud, codec=codec).step.peak
-
-    assert peak() == 1023
-    assert peak(size=512) == 511
-    loader = f"{tmp_path}/clouds.py:Clouds"
-    assert peak(loader=loader, size="grid", make="cloud") is None
 
 
 def test_meshes_are_not_coded_as_clouds() -> None:

@@ -158,7 +158,7 @@ def test_a_forked_job_finds_what_the_server_imported(job: list[str], tmp_path: P
 def test_a_server_imports_all_packages_that_jobs_use() -> None:
     folder = Path(puckbench.__file__).parent
     packages = {f"puckbench.{path.parent.name}" for path in folder.glob("*/__init__.py")}
-    others = {f"puckbench.{name}" for name in ("cli", "core", "geometry", "planning")}
+    others = {f"puckbench.{name}" for name in ("checks", "cli", "core", "geometry", "planning")}
     assert packages - others == {
         name
         for name in (*fork_server.MODULES, *fork_server.LEARNED)

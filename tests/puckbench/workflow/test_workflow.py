@@ -220,7 +220,7 @@ def test_one_codecs_code_re_runs_its_curves_alone(restored: Bench) -> None:
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
     drawn.add("report_page")
     tables = {"bd_rate", "bd_rate_clouds", "bd_rate_pairs", "uses"}
-    tables |= {"claims", "machines", "rates", "summary"}
+    tables |= {"claims", "lossless_bits", "machines", "rates", "summary"}
     tables |= {"nearest_truth", "truth_bits", "thesis_medians"}
     first = {"first_look"} & set(jobs)  # of the first codec alone
     assert set(jobs) == {"metrics_table", *tables, *drawn, *first}
