@@ -225,8 +225,22 @@ def encoded(codec: Codec, cloud: PointCloud | Floats, rate: str, work: Any = Non
 def decoded(codec: Codec, stream: bytes) -> PointCloud:
     """Decode a byte string to a cloud, in the coordinate frame of the encoded cloud.
 
-    The cloud has the returns and attributes that the byte string contains. Raises InputError if the
-    byte string is damaged or belongs to another codec.
+    Parameters
+    ----------
+    codec
+        The codec that encoded the cloud, returned by `open_codec`.
+    stream
+        Result of `encoded`.
+
+    Returns
+    -------
+    PointCloud
+        Points (m, 3), with the returns and attributes that the byte string contains.
+
+    Raises
+    ------
+    InputError
+        The byte string is damaged, or belongs to another codec.
     """
     return coding.decoded(_codec(codec), stream)
 

@@ -1,4 +1,4 @@
-"""Checks of what comes back at each rate."""
+"""Checks that compare decoded clouds with the encoded cloud at each of a codec's rates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from puckbench.metrics.cloud_metrics import geometry_metrics
 from puckbench.metrics.remarks import order_remarks, remark_on
 
 _LENGTH = "15mm"
-"""A rate that codecs do not list."""
+"""A length that is not a name in a codec's `rates`, for codecs that take any length as a rate."""
 
 
 @CHECKS.register(

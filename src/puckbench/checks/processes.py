@@ -1,4 +1,7 @@
-"""Checks that a stream alone decides what is decoded, and the cloud and rate what is coded."""
+"""Checks that encoding and decoding depend on nothing but their arguments.
+
+The same cloud and rate must give the same bytes, and a stream the same points, in any process.
+"""
 
 from __future__ import annotations
 

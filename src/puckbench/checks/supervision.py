@@ -158,7 +158,16 @@ _PROGRAM = f"import sys; from {__name__} import serve; serve(*sys.argv[1:])"
 
 
 def serve(descriptor: str, request: str) -> None:
-    """Answer requests for checks, which come by a connection, until it closes."""
+    """Run the checks that another process requests, until it closes the connection.
+
+    Parameters
+    ----------
+    descriptor
+        File descriptor of the connection, as text. It carries JSON: a request is the name of a
+        check and a kind of clouds, and the answer is what the check found.
+    request
+        The codec to check: JSON with its ``name`` and ``entry`` (`check_codec`).
+    """
     from contextlib import redirect_stderr
     from io import StringIO
     from multiprocessing.connection import Connection

@@ -14,9 +14,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Run all checks on a codec, and print what each found as soon as it has ended.
+    """Run all checks on a codec, print the result of each as soon as it has ended, and count them.
 
-    The answer counts checks by outcome and, with ``--json``, lists what they found.
+    The answer has the number of checks by outcome and, with ``--json``, the result of each.
     """
     from puckbench.checks.supervision import check_codec
 

@@ -23,28 +23,9 @@ CODE = ("puckbench.codecs.external",)
 
 
 def encoded(codec: Codec, cloud: PointCloud, rate: str, work: Any = None) -> bytes:
-    """Encode a cloud at a rate of a codec to a self-contained byte string.
+    """Encode a cloud to a self-contained byte string.
 
-    A cloud far from the origin is shifted towards it before encoding (`puckbench.codecs.shift`).
-
-    Parameters
-    ----------
-    codec
-        The codec.
-    cloud
-        The cloud to encode. If its coordinate frame is unknown and the rate is a length, it is
-        taken as metres.
-    rate
-        Name of a rate, or a length such as "15mm" if the codec allows any.
-    work
-        Object from the codec's `prepare` for this cloud. It saves time and does not affect the
-        result.
-
-    Raises
-    ------
-    InputError
-        The rate is unknown, the codec skips the cloud (`Codec.skip`), the cloud is empty, a
-        reflectance is not a 16-bit integer, or the codec cannot encode the cloud.
+    Arguments and errors are those of `puckbench.encoded`, which also takes arrays of points.
     """
     name = f"codec {codec.name}"
     if not isinstance(cloud, PointCloud):

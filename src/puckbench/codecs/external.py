@@ -25,6 +25,11 @@ _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
 """Limits of a program's memory (bytes) and time (s): constants, and increments per input byte."""
 
 
+def program_names(codec: Codec) -> tuple[str, ...]:
+    """Return the names or paths of the programs that a codec runs; empty if it runs none."""
+    return codec.programs if isinstance(codec, ExternalCodec) else ()
+
+
 class ExternalCodec(Codec):
     """Base class of codecs that run external programs to encode and decode.
 

@@ -95,7 +95,7 @@ class Learned(Codec, Generic[W]):
     """Class of the training settings: ``module:Class``, or the name of a class in the codec's file;
     empty if there is no training."""
     network: ClassVar[str]
-    """Name of the network in the files of its weights."""
+    """Name of the network, by which files of its weights are recognised, such as "reno"."""
     published_weights: ClassVar[str] = ""
     """Folder to which `puckbench data` writes the weights of the codec's authors, or empty."""
     Options: type[LearnedOptions] = LearnedOptions

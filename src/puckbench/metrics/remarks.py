@@ -90,9 +90,10 @@ def _width(points: Floats) -> float:
 
 
 def order_remarks(rows: Sequence[Mapping[str, Any]]) -> list[str | None]:
-    """Return a line for each row of a curve that is out of order with the row before, or None.
+    """Return, for each row of a rate-distortion curve, what is out of order, or None.
 
-    Bytes must grow from rate to rate, and errors must not.
+    From one row to the next, the bytes must grow, and the errors must not. A row that breaks this
+    gets a line of text.
 
     Parameters
     ----------

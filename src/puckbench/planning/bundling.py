@@ -20,7 +20,7 @@ from pointkit.files import read_bytes, refuse_special, unreadable
 from pointkit.models import parsed
 from pointkit.registry import plugin_packages
 from pointkit.yaml_files import yaml_text
-from puckbench.codecs.external import ExternalCodec
+from puckbench.codecs.external import program_names
 from puckbench.core.archives import SUFFIX
 from puckbench.core.environment import cpu_model, installed_versions, source_commit
 from puckbench.core.packages import package_folders
@@ -201,7 +201,7 @@ def _inputs_of(flow: Workflow) -> Iterator[Path]:
     ours = package_folders().values()
     named = [path for files in flow.plan.weights.values() for path in files]
     for opened in flow.plan.opened.values():
-        named += [Path(program) for program in _program_names(opened) if "/" in program]
+        named += [Path(program) for program in program_names(opened) if "/" in program]
     for path in (*flow.plan.digests, *named):
         files = sorted(path.rglob("*")) if path.is_dir() else [path]
         for file in files:
@@ -209,14 +209,10 @@ def _inputs_of(flow: Workflow) -> Iterator[Path]:
                 yield file
 
 
-def _program_names(codec: object) -> tuple[str, ...]:
-    return codec.programs if isinstance(codec, ExternalCodec) else ()
-
-
 def _programs_of(flow: Workflow) -> Iterator[tuple[str, FileDigest]]:
     """Yield the name and the digest of each external program that is found by its name."""
     for opened in flow.plan.opened.values():
-        for name in _program_names(opened):
+        for name in program_names(opened):
             if "/" not in name and (place := shutil.which(name)):
                 yield name, digest_of(Path(place))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.external import ExternalCodec
+from puckbench.codecs.external import program_names
 from puckbench.codecs.registry import Entry, module_of
 from puckbench.planning.file_digests import file_digests
 from puckbench.planning.memory import Memory
@@ -38,7 +38,7 @@ def program_digests(codec: Codec, memory: Memory) -> list[str]:
     digests = {name: files_digest(each, memory) for name, each in files.items()}
     if not digests.items() <= known.items():
         memory.learn(_PROGRAMS, {**known, **digests})
-    return [{**known, **digests}.get(name, "") for name in _names(codec)]
+    return [{**known, **digests}.get(name, "") for name in program_names(codec)]
 
 
 def files_of_codec(codec: Codec, entry: Entry, without: Set[Path]) -> set[Path]:
@@ -68,13 +68,9 @@ def files_digest(files: Set[Path], memory: Memory) -> str:
     return " ".join(digest[:16] for digest in file_digests(paths, memory, _FILES).values())
 
 
-def _names(codec: Codec) -> tuple[str, ...]:
-    return codec.programs if isinstance(codec, ExternalCodec) else ()
-
-
 def _programs(codec: Codec) -> dict[str, Path]:
     """Return the absolute paths of a codec's programs that are on this machine, by name."""
-    found = {name: shutil.which(name) for name in _names(codec)}
+    found = {name: shutil.which(name) for name in program_names(codec)}
     return {name: Path(path).absolute() for name, path in found.items() if path}
 
 

@@ -135,7 +135,7 @@ class Bundle:
 
     @property
     def tables(self) -> dict[str, bytes]:
-        """The result tables (CSV), by name."""
+        """Contents of the result tables, which are CSV files, by the table's name."""
         return {
             name.removeprefix(TABLES).removesuffix(".csv"): data
             for name, data in self.members.items()

@@ -1,4 +1,4 @@
-"""Support of scene sets that were written when members had other names."""
+"""Lets scene sets of users run whose members have the names of an earlier version."""
 
 from __future__ import annotations
 

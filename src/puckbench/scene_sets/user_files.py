@@ -58,7 +58,10 @@ class FileSet(SceneSet):
         return options
 
     def takes(self, path: Path) -> bool:
-        """Return whether a file contains a scene, by its first bytes; by default it does."""
+        """Return whether a file with one of the `suffixes` contains a scene; by default, always.
+
+        A subclass may read the first bytes of the file.
+        """
         return True
 
     def file_of(self, name: str) -> Path:
@@ -139,7 +142,15 @@ def _unit_of(path: Path, units: float | Mapping[str, float]) -> float:
 
 
 def check_units(units: float | Mapping[str, float], paths: Iterable[Path]) -> None:
-    """Raise InputError if `units` names a file that is not among the paths."""
+    """Raise InputError if units are given for a file that is not there.
+
+    Parameters
+    ----------
+    units
+        One length for all files, or lengths (m) by file name.
+    paths
+        Paths of the files that are there.
+    """
     files = list(paths)
     for name in units if isinstance(units, Mapping) else ():
         if not any(is_named(path, name) for path in files):

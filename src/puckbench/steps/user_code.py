@@ -107,7 +107,7 @@ def with_libraries(files: Iterable[Path]) -> set[Path]:
 
 
 def _is_library(name: str) -> bool:
-    """Return whether a file of this name is a shared library or an extension module."""
+    """Return whether a file name is one of a shared library, such as ``libx.so.1`` or ``x.pyd``."""
     return _LIBRARY.fullmatch(name) is not None
 
 

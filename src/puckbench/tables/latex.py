@@ -28,7 +28,7 @@ _ENDS_OF_OTHERS = {"difference": ("low", "high")}
 _COUNTS = ("scenes", "trajectories", "clouds")
 """Columns that count what values and intervals are over; of several, the first counts."""
 _CODECS = ("codec", "anchor")
-"""Columns with names of codecs."""
+"""Columns whose values are names of codecs, for which a table shows the codecs' titles."""
 _NO_VALUE = "--"
 
 
