@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -166,6 +167,15 @@ class Bench:
                 place = place[part]
             place[last] = value
         (self.folder / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+
+    def copied(self, folder: Path) -> Bench:
+        """Copy this folder to a new one, without Snakemake's memory."""
+        folder.mkdir()
+        copy = Bench(folder)
+        copy.snakefile = self.snakefile
+        ignored = shutil.ignore_patterns(".snakemake")
+        shutil.copytree(self.folder, folder, ignore=ignored, dirs_exist_ok=True)
+        return copy
 
     def capture(self, turns: int = 3) -> str:
         """Write the packets of turns in an empty room, of one device; the file's name."""

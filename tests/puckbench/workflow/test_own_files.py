@@ -93,11 +93,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 @pytest.fixture
 def copied(original: Bench, tmp_path: Path) -> Bench:
     """A copy of that folder, without Snakemake's memory."""
-    copy = tmp_path / "copy"
-    shutil.copytree(original.folder, copy, ignore=shutil.ignore_patterns(".snakemake"))
-    bench = Bench(copy)
-    bench.configure(CONFIG)
-    return bench
+    return original.copied(tmp_path / "copy")
 
 
 def _append(path: Path) -> None:

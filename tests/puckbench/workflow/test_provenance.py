@@ -52,11 +52,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 @pytest.fixture
 def copied(original: Bench, tmp_path: Path) -> Bench:
     """A copy of that folder, without Snakemake's memory."""
-    copy = tmp_path / "copy"
-    shutil.copytree(original.folder, copy, ignore=shutil.ignore_patterns(".snakemake"))
-    bench = Bench(copy)
-    bench.configure(deepcopy(SMALL))
-    return bench
+    return original.copied(tmp_path / "copy")
 
 
 def test_a_copy_that_agrees_is_up_to_date(copied: Bench) -> None:
