@@ -9,7 +9,7 @@ from puckbench.metrics.lossless import lossless_rows
 from puckbench.metrics.statistics import SCENE, Estimate, means_over_seeds
 from puckbench.results.columns import LOWER, Column
 from puckbench.tables.against_octree import COMPLETE_OCTREE
-from puckbench.tables.rate_deltas import MARGIN_PERCENT
+from puckbench.tables.rate_deltas import MARGIN_PERCENT, percent_columns
 from puckbench.tables.registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def lossless_bits(
     table = [
         row
         for _, part in rows.groupby("dataset", sort=False)
-        for row in _of_data_set(part, anchor, float(np.log1p(margin_percent / 100)))
+        for row in _of_data_set(part, anchor, margin_percent)
     ]
     return pd.DataFrame(table, columns=list(_COLUMNS))
 
@@ -68,7 +68,9 @@ def _is_complete(metrics: pd.DataFrame) -> Any:
     return counts["points_in"].eq(counts["points_out"]) | counts.isna().any(axis=1)
 
 
-def _of_data_set(rows: pd.DataFrame, anchor: str, margin: float) -> Iterator[dict[str, Any]]:
+def _of_data_set(
+    rows: pd.DataFrame, anchor: str, margin_percent: float
+) -> Iterator[dict[str, Any]]:
     fewest = rows.sort_values("log_bits").drop_duplicates(["codec", "cloud"])
     clouds = rows.groupby("codec", sort=False)["cloud"].nunique()
     preferred = [name for name in (anchor, COMPLETE_OCTREE) if name in clouds]
@@ -86,13 +88,7 @@ def _of_data_set(rows: pd.DataFrame, anchor: str, margin: float) -> Iterator[dic
             "scenes": of_codec[SCENE].nunique(),
             "clouds": clouds[codec],
         }
-        yield row if codec == base else {**row, **_against(of_codec["log_ratio"], margin)}
-
-
-def _against(log_ratios: pd.Series[float], margin: float) -> dict[str, Any]:
-    """Return the difference to the anchor's bits, from the logarithm of the ratio of each scene."""
-    ratio = Estimate.of(log_ratios)
-    values = {"": ratio.mean, "_low": ratio.low, "_high": ratio.high}
-    values |= {"_least": ratio.least, "_most": ratio.most}
-    percents = {f"lossless_percent{end}": 100 * np.expm1(log) for end, log in values.items()}
-    return {**percents, "verdict": ratio.verdict(margin), "scenes": ratio.scenes}
+        if codec != base:
+            ratio = Estimate.of(of_codec["log_ratio"])
+            row |= percent_columns("lossless_percent", ratio, margin_percent)
+        yield row

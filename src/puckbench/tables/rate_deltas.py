@@ -396,16 +396,31 @@ def _means(part: pd.DataFrame, margin_percent: float) -> dict[str, Any]:
     scenes = means_over_seeds(part, (), ("log_ratio", "bd_quality_db"))
     ratio, gain = (Estimate.of(scenes[name]) for name in ("log_ratio", "bd_quality_db"))
     return {
-        "bd_rate_percent": _percent(ratio.mean),
-        "bd_rate_percent_low": _percent(ratio.low),
-        "bd_rate_percent_high": _percent(ratio.high),
-        "bd_rate_percent_least": _percent(ratio.least),
-        "bd_rate_percent_most": _percent(ratio.most),
-        "verdict": ratio.verdict(float(np.log1p(margin_percent / 100))),
-        "scenes": ratio.scenes,
+        **percent_columns("bd_rate_percent", ratio, margin_percent),
         "bd_quality_db": gain.mean,
         "bd_quality_db_low": gain.low,
         "bd_quality_db_high": gain.high,
+    }
+
+
+def percent_columns(name: str, log_ratio: Estimate, margin_percent: float) -> dict[str, Any]:
+    """Return the columns of a table that tell a difference in percent, with interval and verdict.
+
+    Parameters
+    ----------
+    name
+        Name of the column of the difference, to which those of its ends add ``_low`` and others.
+    log_ratio
+        Estimate of the natural logarithm of the ratio, over scenes.
+    margin_percent
+        Difference in percent below which two codecs count as equal.
+    """
+    values = {"": log_ratio.mean, "_low": log_ratio.low, "_high": log_ratio.high}
+    values |= {"_least": log_ratio.least, "_most": log_ratio.most}
+    return {
+        **{f"{name}{end}": _percent(value) for end, value in values.items()},
+        "verdict": log_ratio.verdict(float(np.log1p(margin_percent / 100))),
+        "scenes": log_ratio.scenes,
     }
 
 
